@@ -274,9 +274,15 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
         assert grid["gap"].max() > 1e-3
 
 
+def contact_with(direction):
+    """Return what pictures read of a contact whose facets have given normals."""
+    trace = SimpleNamespace(corner_normals=None, normals=direction[:, None])
+    return SimpleNamespace(direction=direction, trace=trace, bilateral=False, sampled=False)
+
+
 @pytest.mark.serial
 def test_status_of_tractions():
-    contact = SimpleNamespace(direction=np.array([[0.0, -1.0]] * 5), bilateral=False, sampled=False)
+    contact = contact_with(np.array([[0.0, -1.0]] * 5))
     values = np.array(
         [
             [[0.0, 0.0], [0.0, 0.0]],  # open
@@ -550,7 +556,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
         -pressure[..., None] * n[:, None]
         + 0.1 * pressure[..., None] * np.column_stack([-n[:, 1], n[:, 0]])[:, None]
     )
-    contact = SimpleNamespace(direction=n, bilateral=False, sampled=False)
+    contact = contact_with(n)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
     zero = np.zeros(ends.shape)
     axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, zero, zero, 0 * x, x))

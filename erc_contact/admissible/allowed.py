@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip
-from erc_contact.mesh.simplex import at_nodes, coefficients
+from erc_contact.mesh.simplex import at_nodes, coefficients, nodes
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.friction import PROPORTIONAL
@@ -43,6 +43,7 @@ class Allowed:
         space: The mesh.
         contact: The contact.
         factor: Factor of the friction bound on each facet [-], shape (f,).
+        degree: Degree of the tractions.
         sharp: Whether the bound of a node uses the parameters at this node. Otherwise
             it is the least bound on the facet for the pressure of the node. Where b is
             concave, this is below the bound between the nodes, too.
@@ -51,17 +52,20 @@ class Allowed:
     space: Space
     contact: BoundContact
     factor: np.ndarray
+    degree: int
     sharp: bool = True
 
     @property
     def n(self) -> np.ndarray:
-        """Return the normals, shape (f, 1, d)."""
+        """Return the middle normals of the facets, shape (f, 1, d)."""
         return self.contact.direction[:, None, :]
 
     @cached_property
     def parameters(self) -> dict[str, np.ndarray]:
         """Return the law's parameters at the nodes, or at the samples of each facet."""
-        points = self.space.facet_points if self.sharp else self.space.facet_samples
+        points = self.space.facet_samples
+        if self.sharp:
+            points = nodes(self.space.d - 1, self.degree)
         return friction_parameters(self.space, self.contact, points)
 
     def bound(self, pressure: np.ndarray) -> np.ndarray:
@@ -74,7 +78,7 @@ class Allowed:
             Those of the bound, shape (f, m).
         """
         if self.sharp:
-            d, k = self.space.d, self.space.degree
+            d, k = self.space.d, self.degree
             nodal = pressure @ at_nodes(d - 1, k).T
             bound = self.contact.friction_bound(nodal, self.parameters)
             return self.factor[:, None] * np.maximum(bound @ coefficients(d - 1, k).T, 0.0)

@@ -15,8 +15,8 @@ from erc_contact.admissible.cells import moments
 from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import Part
 from erc_contact.admissible.shift import MOBILITY
-from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
 ACCEPTED_IMBALANCE = 1e-8
@@ -46,7 +46,7 @@ class OtherForces:
 
 
 def weights_and_motions(
-    model: Model, traction: ContactTraction, motions: list[fem.Function]
+    model: Model, contact: BoundContact, motions: list[fem.Function]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the weights of the nodes of a contact, and motions there.
 
@@ -55,17 +55,16 @@ def weights_and_motions(
         means of the motions at the nodes, shape (f, m, d, K), as :class:`Part` has
         them.
     """
-    trace = traction.contact.trace
-    share = traction.area / traction.nodes.shape[1]
+    trace = contact.trace
+    area = trace.here.areas
+    share = area / trace.here.nodes.shape[1]
     # A motion is linear: its values at the nodes are also its coefficients.
-    by_motion = [
-        moments(traction.area, trace.of(motion.x.array), model.degree) for motion in motions
-    ]
+    by_motion = [moments(area, trace.of(motion.x.array), model.degree) for motion in motions]
     weight = np.where(trace.here.owned, share, 0.0)[:, None]
     return weight, np.stack(by_motion, axis=-1) / share[:, None, None, None]
 
 
-def spring_give(model: Model, tractions: list[ContactTraction], others: OtherForces) -> np.ndarray:
+def spring_give(model: Model, contacts: list[BoundContact], others: OtherForces) -> np.ndarray:
     """Compute D of :mod:`erc_contact.admissible.nearest` [area]; collective.
 
     The distance has the weight ``h/(kappa E)`` of :class:`Shift`, its mean here.
@@ -74,15 +73,31 @@ def spring_give(model: Model, tractions: list[ContactTraction], others: OtherFor
         Shape (K, K).
     """
     local = np.zeros(2)
-    for traction in tractions:
-        trace = traction.contact.trace
+    for contact in contacts:
+        trace = contact.trace
         areas = trace.here.owned_areas
         local += (areas.sum(), areas @ trace.stiffness)
     area, force = model.comm.allreduce(local, MPI.SUM)
     return others.stiffness * (area / (MOBILITY * force))
 
 
-def ray_part(rays: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: np.ndarray) -> Part:
+def moduli(model: Model, contacts: list[BoundContact]) -> list[np.ndarray]:
+    """Return the moduli at the facets over their mean [-], shape (f,); collective."""
+    local = np.zeros(2)
+    for contact in contacts:
+        areas = contact.trace.here.owned_areas
+        local += (areas.sum(), areas @ contact.trace.modulus)
+    area, total = model.comm.allreduce(local, MPI.SUM)
+    return [contact.trace.modulus * (area / total) for contact in contacts]
+
+
+def ray_part(
+    rays: np.ndarray,
+    start: np.ndarray,
+    weight: np.ndarray,
+    motions: np.ndarray,
+    modulus: np.ndarray,
+) -> Part:
     """Make the part of facets whose tractions are multiples >= 0 of given ones.
 
     All nodes of a facet are one long vector. A cone without friction whose normal is
@@ -96,7 +111,7 @@ def ray_part(rays: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: n
     cones = Cones(unit, none, none, none > 0)
     start = start.reshape(f, 1, m * d)
     motions = motions.reshape(f, 1, m * d, motions.shape[-1])
-    return Part(cones, start, np.zeros_like(start), weight, motions)
+    return Part(cones, start, np.zeros_like(start), weight, motions, modulus)
 
 
 def raise_if_unbalanced(imbalance: np.ndarray, forces: float) -> None:

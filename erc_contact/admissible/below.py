@@ -59,9 +59,38 @@ def gap_limits(model: Model, contact: BoundContact, values: np.ndarray) -> np.nd
     below = model.gap_limits[contact]
     if below.shape[1] == 1:
         return below[:, 0]
-    w_n, _, _ = split(contact.trace.of(values), contact.direction[:, None, :])
+    w_n, _, _ = split(contact.trace.of(values), contact.trace.normals)
     change = (np.maximum(w_n[:, None] - below, 0.0) ** 2).sum(axis=2)
     return below[np.arange(len(below)), change.argmin(axis=1)]
+
+
+def excess_over_gap(model: Model, contact: BoundContact, of_w: np.ndarray) -> np.ndarray:
+    """Bound the excess of ``w.n`` over the gap on each facet [length]; collective.
+
+    Where normals turn along a facet, ``w.n`` is no polynomial, and may exceed the gap
+    between nodes at which it does not.
+
+    Args:
+        model: The scene on a mesh.
+        contact: The contact.
+        of_w: Coefficients of w [length], shape (f, m, d).
+
+    Returns:
+        The bounds, shape (f,), not below zero.
+    """
+    trace = contact.trace
+    gap = None if contact.gap is None else Everywhere(contact.gap, model.mesh)
+
+    def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        w = np.matmul(polynomials(model.degree, places), of_w[facet])
+        w_n = (w * trace.normals_at_places(places, facet)).sum(axis=-1)
+        return w_n if gap is None else w_n - gap(x, contact.facets[facet])
+
+    round_off = POLYNOMIAL * abs(of_w).max(axis=(1, 2), initial=0.0)
+    kinks = kinks_on_facets(model, [contact.gap], contact.facets) if gap is not None else None
+    pieces = facet_pieces(model.d - 1)
+    highest = upper_bounds(above, trace.here.corners, pieces, round_off, kinks)
+    return np.where(highest > 2 * round_off, highest, 0.0)
 
 
 def _polynomials_below(model: Model, contact: BoundContact) -> np.ndarray:
@@ -70,8 +99,9 @@ def _polynomials_below(model: Model, contact: BoundContact) -> np.ndarray:
     Their shape is (f, c, m), with c = 1 where no facet may have a jump.
     """
     at_nodes = gap_at_nodes(model, contact)
-    first = contact.trace.coefficients(at_nodes)
-    if contact.gap is None or not varies_in_cells(contact.gap) or contact.bilateral:
+    lengths = contact.gap_lengths
+    first = lengths * contact.trace.coefficients(at_nodes / lengths)
+    if not contact.gap_varies or not varies_in_cells(contact.gap) or contact.bilateral:
         return first[:, None]
     excess, distance = _excess(model, contact, first, np.arange(len(first)))
     below = (first - excess[:, None])[:, None]

@@ -17,21 +17,20 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.allowed import Allowed
 from erc_contact.admissible.balance import balanced, largest_component
 from erc_contact.admissible.balance_parts import (
     OtherForces,
+    moduli,
     raise_if_unbalanced,
     ray_part,
     spring_give,
-    weights_and_motions,
 )
 from erc_contact.admissible.nearest import Part
 from erc_contact.admissible.sampled import lowering
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.admissible.trial import Trial, trial_of
+from erc_contact.admissible.trial import Trial, contact_traction, trial_of
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 
 CONTACT_PASSES = 10
@@ -80,12 +79,8 @@ def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
 
     Its friction bound is that of no pressure.
     """
-    nodes = contact.trace.here.nodes
-    area = contact.trace.here.areas
-    values = np.zeros((*nodes.shape, model.d))
-    law = Allowed(model, contact, np.ones(len(nodes)))
-    bound = law.bound(pressures(values, law.n))
-    return ContactTraction(contact, nodes, area, values, bound)
+    values = np.zeros((*contact.trace.here.nodes.shape, model.d))
+    return contact_traction(model, contact, values)
 
 
 def _limited(
@@ -96,12 +91,13 @@ def _limited(
     ``levels`` tells whether pressures may be levelled.
     """
     for _ in range(CONTACT_PASSES):
-        tractions = _allowed_at_nodes(model, trials, others)
+        values = _allowed_at_nodes(model, trials, others)
+        tractions = _contact_tractions(trials, values)
         changes = []
         is_changed = False
-        for trial, traction in zip(trials, tractions, strict=True):
+        for trial, r, traction in zip(trials, values, tractions, strict=True):
             factor = lowering(model, traction)
-            become = trial.becomes_level(traction) & levels
+            become = trial.becomes_level(r) & levels
             changes.append((factor, become))
             is_changed = is_changed or bool(np.any(factor < 1.0) or np.any(become))
         # All ranks go on together, because every pass is collective.
@@ -110,17 +106,22 @@ def _limited(
         trials = [trial.lowered(*change) for trial, change in zip(trials, changes, strict=True)]
     # The passes do not settle: take the least bound on each facet, which is safe.
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
-    return _allowed_at_nodes(model, safe, others)
+    return _contact_tractions(safe, _allowed_at_nodes(model, safe, others))
 
 
-def _allowed_at_nodes(
-    model: Model, trials: list[Trial], others: OtherForces
-) -> list[ContactTraction]:
-    """Limit tractions at the nodes, and balance the other forces; collective."""
-    values = [trial.limited() for trial in trials]
-    if others.motions:
-        values = _balanced(model, trials, values, others)
+def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[ContactTraction]:
+    """Return the contact tractions of trials with given coefficients; collective."""
     return [trial.contact_traction(r) for trial, r in zip(trials, values, strict=True)]
+
+
+def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) -> list[np.ndarray]:
+    """Limit tractions at the nodes, and balance the other forces; collective.
+
+    Returns:
+        Their coefficients on each contact [force/area], shape (f, m, d).
+    """
+    values = [trial.limited() for trial in trials]
+    return _balanced(model, trials, values, others) if others.motions else values
 
 
 def _balanced(
@@ -136,23 +137,25 @@ def _balanced(
     :meth:`Allowed.level`: one unknown, all nodes as one.
     """
     comm = model.comm
-    constraints = [weights_and_motions(model, trial.traction, others.motions) for trial in trials]
-    give = spring_give(model, [trial.traction for trial in trials], others)
+    constraints = [trial.weights_and_motions(model, others.motions) for trial in trials]
+    of_facets = moduli(model, [trial.contact for trial in trials])
+    give = spring_give(model, [trial.contact for trial in trials], others)
     values = start
     for _ in range(CONTACT_PASSES):
         peak = largest_component(comm, values)
         cone_parts = []
         ray_parts = []
-        for trial, r, r_0, (weight, motions) in zip(
-            trials, values, start, constraints, strict=True
+        for trial, r, r_0, (weight, motions), modulus in zip(
+            trials, values, start, constraints, of_facets, strict=True
         ):
             cones = trial.allowed.near(r, peak)
             shift = trial.shift(cones.slope)
-            part = Part(cones, r_0, shift, weight, motions)
+            part = Part(cones, r_0, shift, weight, motions, modulus)
             cone_parts.append(part.on_facets(~trial.level))
             rays = trial.levelled(r)
             level = trial.level
-            ray_parts.append(ray_part(rays[level], r_0[level], weight[level], motions[level]))
+            of_level = (r_0[level], weight[level], motions[level], modulus[level])
+            ray_parts.append(ray_part(rays[level], *of_level))
         tractions, imbalance, sizes = balanced(comm, cone_parts + ray_parts, others.works, give)
         raise_if_unbalanced(others.free.T @ imbalance, max(others.size, sizes))
 

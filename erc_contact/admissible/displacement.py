@@ -17,17 +17,24 @@ from __future__ import annotations
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 
-from erc_contact.admissible.below import gap_limits
+from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.space import OnFacets
 from erc_contact.model.trace import split
 
 CORNER_PASSES = 100
 """Limit of the passes over nodes with several normals."""
+TURNING_PASSES = 20
+"""Limit of the passes over facets along which normals turn; one is usual.
+
+Beside a support that holds a node it takes several.
+"""
 SETTLED_EXCESS = 1e-15
 """Excess over a limit that ends the passes, over the largest displacement [-]."""
 
@@ -72,6 +79,9 @@ def admissible_displacement(
     for traction, limit in zip(tractions, limits, strict=True):
         _set_status(model, values, free, traction, limit)
     _limit_normal(values, free, tractions, limits)
+    for traction, limit in zip(tractions, limits, strict=True):
+        if traction.contact.trace.corner_normals is not None:
+            _limit_between_nodes(model, hat, free, traction.contact, limit)
     model.to_coefficients(values, sides, back=True)
     hat.x.scatter_forward()
     return hat
@@ -145,6 +155,43 @@ def _limit_normal(
                 _move_normal(values, free, limit, beyond, limit.bound[beyond])
         if not has_corners or worst <= SETTLED_EXCESS * abs(values).max(initial=0.0):
             break
+
+
+def _limit_between_nodes(
+    model: Model, hat: fem.Function, free: np.ndarray, contact: BoundContact, limit: Limits
+) -> None:
+    """Lower u_n where it exceeds the gap between nodes, in place; collective.
+
+    Normals that turn along a facet make ``u_n`` there no polynomial. All nodes of a
+    facet are lowered by the greatest excess on it: of second order in the turning and
+    in the change of the slip along the facet, and none for a rigid motion.
+
+    Args:
+        model: The scene on a mesh.
+        hat: u^ by coefficients on the contacts [length].
+        free: Components that no support fixes, shape (nodes, d).
+        contact: A contact whose normals turn.
+        limit: Its limits.
+    """
+    if contact.bilateral or contact.stiffness is not None:
+        return
+    trace = contact.trace
+    values = hat.x.array.reshape(-1, model.d)
+    corners = trace.normals_at_vertices
+    least_cosine = np.einsum("fid,fjd->fij", corners, corners).min(axis=(1, 2), initial=1.0)
+    for _ in range(TURNING_PASSES):
+        # A rank does not see all facets at the nodes of others.
+        hat.x.scatter_forward()
+        excess = excess_over_gap(model, contact, trace.of(values))
+        if not model.comm.allreduce(bool(excess.any()), MPI.LOR):
+            break
+        lower = np.zeros(len(limit.nodes))
+        of_facets = np.broadcast_to((excess / least_cosine)[:, None], limit.of_facet.shape)
+        np.maximum.at(lower, limit.of_facet, of_facets)
+        for group in limit.groups:
+            above = group[lower[group] > 0]
+            w_n = limit.normal_displacement(values, above) - lower[above]
+            _move_normal(values, free, limit, above, w_n)
 
 
 def _best_entry(

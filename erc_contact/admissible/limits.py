@@ -111,7 +111,7 @@ def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limi
     contact = traction.contact
 
     # One limit for each pair of a node and a normal, and the least gap of its facets.
-    normals = np.broadcast_to(contact.direction[:, None, :], traction.values.shape)
+    normals = np.broadcast_to(contact.trace.normals, traction.values.shape)
     normals = normals.reshape(-1, model.d)
     key = np.column_stack([traction.nodes.ravel(), np.round(normals, 12)])
     _, first, of_facet = np.unique(key, axis=0, return_index=True, return_inverse=True)

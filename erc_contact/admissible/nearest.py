@@ -1,10 +1,12 @@
 """Tractions nearest to given ones that balance other forces on rigid motions.
 
 Of all tractions r in the convex sets of the nodes that balance the other forces, those
-nearest to given z (with the least ``sum |F|/m |r - z|^2``) are ``r = P(z + sum_k y_k
-q_k)``. Here P is the projection on the sets, y_k a multiplier for each motion m_k, and
-q_k the mean of m_k at the nodes. The multipliers y minimise a convex function whose
-gradient is the imbalance ``s_k = int r.m_k + work(m_k)``. They are at most six a body.
+nearest to given z (with the least ``sum |F|/(m b) |r - z|^2``) are ``r = P(z + b sum_k
+y_k q_k)``. Here P is the projection on the sets, y_k a multiplier for each motion m_k,
+and q_k the mean of m_k at the nodes; b is the modulus at a facet over the mean modulus,
+because a change of the traction on a soft body costs more. The multipliers y minimise a
+convex function whose gradient is the imbalance ``s_k = int r.m_k + work(m_k)``. They
+are at most six a body.
 
 Springs that alone hold a motion take up an imbalance s. They have the error ``s . M^-1
 s`` then, where M is their stiffness on the motions. With this error beside the
@@ -56,6 +58,7 @@ class Part:
         weight: |F|/m, zero where the facet is not of this rank [length^(d-1)], shape
             (f, 1).
         motions: q, shape (f, m, d, K).
+        modulus: b [-], shape (f,).
     """
 
     cones: Cones
@@ -63,6 +66,11 @@ class Part:
     shift: np.ndarray
     weight: np.ndarray
     motions: np.ndarray
+    modulus: np.ndarray
+
+    def moved(self, wanted: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return ``z + b q y`` for wanted tractions z [force/area], shape (f, m, d)."""
+        return wanted + self.modulus[:, None, None] * (self.motions @ y)
 
     def on_facets(self, facets: np.ndarray) -> Part:
         """Return the part of the facets of a mask, shape (f,) of booleans."""
@@ -74,18 +82,19 @@ class Part:
             self.shift[facets],
             self.weight[facets],
             self.motions[facets],
+            self.modulus[facets],
         )
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Hold tractions ``r = P(z + q y)`` for some multipliers y.
+    """Hold tractions ``r = P(z + b q y)`` for some multipliers y.
 
     Attributes:
         multipliers: y and those of the solves before [force/area], shape (K,).
         tractions: r of each contact [force/area], shape (f, m, d).
-        beyond: ``z + q y - r`` of each contact, the part beyond the sets [force/area],
-            shape (f, m, d).
+        beyond: ``z + b q y - r`` of each contact, the part beyond the sets
+            [force/area], shape (f, m, d).
         imbalance: ``s + D y`` on the motions [force], shape (K,).
         forces: Sum of the contact forces, or the other ones if they are larger.
         noise: Round-off of the imbalance [force].
@@ -162,10 +171,10 @@ class Nearest:
         count = len(self.works)
         tractions = []
         beyond = []
-        # The works on the motions, and the sums of |r| and of |z + q y|.
+        # The works on the motions, and the sums of |r| and of |z + b q y|.
         local = np.zeros(count + 2)
         for part, wanted in zip(self.parts, self.wanted, strict=True):
-            z = wanted + part.motions @ y
+            z = part.moved(wanted, y)
             r = part.cones.nearest(z)
             forces = part.weight[..., None] * r
             local[:count] += np.einsum("fmi,fmik->k", forces, part.motions)
@@ -186,8 +195,8 @@ class Nearest:
         count = len(self.works)
         matrix = np.zeros((count, count))
         for part, wanted in zip(self.parts, self.wanted, strict=True):
-            left, right = part.cones.derivative(wanted + part.motions @ y, part.motions)
-            weighted = part.weight[..., None, None] * left
+            left, right = part.cones.derivative(part.moved(wanted, y), part.motions)
+            weighted = (part.weight * part.modulus[:, None])[..., None, None] * left
             matrix += weighted.reshape(-1, count).T @ right.reshape(-1, count)
         # Only round-off makes it unsymmetric, or singular where a motion slips freely.
         matrix = self.comm.allreduce(0.5 * (matrix + matrix.T), MPI.SUM)

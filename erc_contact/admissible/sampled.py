@@ -14,7 +14,6 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.space import Space
@@ -32,11 +31,9 @@ def friction_at_samples(space: Space, traction: ContactTraction) -> tuple[np.nda
         The bound and the length, shape (f, q) each.
     """
     points = space.facet_samples
-    shape = bernstein(space.d - 1, space.degree, points)
     parameters = friction_parameters(space, traction.contact, points)
-    pressure = np.maximum(-traction.normal_component @ shape.T, 0.0)
-    bound = traction.contact.friction_bound(pressure, parameters)
-    tangential = np.einsum("qm,fmi->fqi", shape, traction.tangential_part)
+    pressure, tangential = traction.at_points(points)
+    bound = traction.contact.friction_bound(np.maximum(pressure, 0.0), parameters)
     return bound, np.linalg.norm(tangential, axis=-1)
 
 
@@ -60,7 +57,10 @@ def lowering(space: Space, traction: ContactTraction) -> np.ndarray:
 
 
 def with_friction(contact: BoundContact, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
-    """Multiply the tangential part of tractions (f, m, d) by a factor of each facet."""
+    """Multiply the tangential part of tractions (f, m, d) by a factor of each facet.
+
+    It is the part across the middle normal of a facet.
+    """
     n = contact.direction[:, None, :]
     normal = (values * n).sum(axis=-1, keepdims=True) * n
     return normal + factor[:, None, None] * (values - normal)

@@ -21,6 +21,7 @@ from erc_contact.model.jumps import jumps
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
+from erc_contact.model.turning import Turning
 
 MOBILITY = 0.1
 """kappa of a :class:`Shift` where a traction must change for the balance [-].
@@ -101,7 +102,9 @@ class Shift:
         return kappa[..., None] * (self.opening[..., None] * self.n - self.slip)
 
 
-def shift_by_slip(space: Space, contact: BoundContact, u: np.ndarray) -> Shift:
+def shift_by_slip(
+    space: Space, contact: BoundContact, u: np.ndarray, turning: Turning | None
+) -> Shift:
     """Compute the shift of the traction of a contact; collective.
 
     Args:
@@ -109,13 +112,18 @@ def shift_by_slip(space: Space, contact: BoundContact, u: np.ndarray) -> Shift:
         contact: The contact.
         u: Displacements at the nodes of its facets, tangentially since the last step
             [length], shape (f, m, d).
+        turning: How tractions turn with the normals, or None.
     """
     d, k = space.d, space.degree
     n = contact.direction[:, None, :]
     points, weights = rule(d - 1, space.contact_degree)
-    average = averages(d - 1, k, points, weights)
     shape = lagrange(d - 1, k, points)
-    w_n, w_t, length = split(np.matmul(shape, u), n)
+    w = np.matmul(shape, u)
+    if turning is not None:
+        w = turning.back(w, points)
+        k = turning.degree
+    average = averages(d - 1, k, points, weights)
+    w_n, w_t, length = split(w, n)
     # A bilateral contact cannot open.
     opening = np.zeros_like(w_n)
     if not contact.bilateral:
@@ -140,7 +148,7 @@ def shift_of_far_open(
         contact: The contact.
         shift: Its shift, with the gap of the nodes.
         u: As in :func:`shift_by_slip`.
-        r: Tractions [force/area], shape (f, m, d).
+        r: Tractions about the middle normals [force/area], shape (f, m, d).
 
     Returns:
         The shift, shape (f, m, d).
@@ -160,9 +168,11 @@ def shift_of_far_open(
     shape = lagrange(space.d - 1, space.degree, points)
     x = np.matmul(barycentric(points), contact.trace.here.corners[far])
     gap = Everywhere(contact.gap, space.mesh)(x, contact.facets[far])
-    w_n = np.matmul(shape, u[far]) @ contact.direction[far][..., None]
-    opening = np.maximum(gap - w_n[..., 0], 0.0)
-    average = averages(space.d - 1, space.degree, points, weights)
+    normals = contact.trace.normals_at_places(barycentric(points), far)
+    w_n = (np.matmul(shape, u[far]) * normals).sum(axis=-1)
+    opening = np.maximum(gap - w_n, 0.0)
+    degree = space.degree if contact.trace.corner_normals is None else space.degree - 1
+    average = averages(space.d - 1, degree, points, weights)
     opening = contact.trace.stiffness[far, None] * opening @ average.T
     opening[opening.mean(axis=1) <= limit[far]] = 0.0
     result[far] = opening[..., None] / FAR_OPEN * shift.n[far]

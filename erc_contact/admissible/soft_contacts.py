@@ -142,7 +142,7 @@ def _works_of(
     """Compute the works of tractions on motions [force], shape (K,); collective."""
     total = np.zeros(len(motions))
     for traction in tractions:
-        weight, shapes = weights_and_motions(model, traction, motions)
+        weight, shapes = weights_and_motions(model, traction.contact, motions)
         forces = weight[..., None] * traction.values
         total += np.einsum("fmi,fmik->k", forces, shapes)
     return model.comm.allreduce(total, MPI.SUM)

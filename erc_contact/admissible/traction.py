@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.trace import split
 
 SAME_NORMAL = 1e-9
 """Difference of two unit normals that counts as none [-]."""
@@ -39,18 +41,37 @@ class ContactTraction:
 
     @property
     def normal_component(self) -> np.ndarray:
-        """Return the normal component r^_n, shape (n, m) [force/area]."""
-        return np.einsum("fmi,fi->fm", self.values, self.contact.direction)
+        """Return the normal components of the coefficients, shape (n, m) [force/area].
+
+        Where normals turn along a facet, the normals at the nodes are taken.
+        """
+        return np.asarray((self.values * self.contact.trace.normals).sum(axis=-1))
 
     @property
     def tangential_part(self) -> np.ndarray:
-        """Return the tangential part r^_t, shape (n, m, d) [force/area]."""
-        n = self.contact.direction[:, None, :]
+        """Return the tangential parts of the coefficients, (n, m, d) [force/area]."""
+        n = self.contact.trace.normals
         return self.values - self.normal_component[..., None] * n
 
+    def at_points(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return pressures and tangential parts of r^ at points [force/area].
 
-def is_curved(comm: MPI.Comm, contact: BoundContact) -> bool:
-    """Tell whether the normals of a contact vary from facet to facet; collective."""
+        Args:
+            points: Reference points of the facets, shape (q, d-1).
+
+        Returns:
+            Shapes (n, q) and (n, q, d).
+        """
+        here = self.contact.trace.here
+        r = np.matmul(bernstein(here.d - 1, here.degree, points), self.values)
+        r_n, r_t, _ = split(r, self.contact.trace.normals_at(points))
+        return -r_n, r_t
+
+
+def is_kinked(comm: MPI.Comm, contact: BoundContact) -> bool:
+    """Tell whether the normals of a contact jump from facet to facet; collective."""
+    if contact.trace.corner_normals is not None:
+        return False
     low = contact.direction.min(axis=0, initial=np.inf)
     high = contact.direction.max(axis=0, initial=-np.inf)
     lowest = np.min(comm.allgather(low), axis=0)

@@ -10,16 +10,21 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 
 from erc_contact.admissible.allowed import Allowed
+from erc_contact.admissible.balance_parts import weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip, shift_of_far_open
-from erc_contact.admissible.traction import ContactTraction, is_curved
-from erc_contact.mesh.simplex import averages, projection, rule
+from erc_contact.admissible.traction import ContactTraction, is_kinked
+from erc_contact.mesh.simplex import at_nodes, averages, projection, rule
+from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.friction import CONSTANT
+from erc_contact.model.model import Model
 from erc_contact.model.space import Space
+from erc_contact.model.turning import Turning, turning_of
 
 SLIDES = 10.0
 """Slip over ``h/E |r^|`` beyond which the pressure of a facet may be levelled [-]."""
@@ -29,23 +34,34 @@ SLIDES = 10.0
 class Trial:
     """Hold the traction of the method on one contact, and what limits it.
 
+    Where the normals of a contact turn along its facets, all tractions here are about
+    the middle normals of the facets (:mod:`erc_contact.model.turning`).
+
     Attributes:
-        traction: The L2 projection of the method's traction on degree k of each facet.
+        best: Coefficients of the L2 projection of the method's traction [force/area],
+            shape (f, m, d).
         mean: Its means ``int r B_m / int B_m`` with Bernstein polynomials B_m
             [force/area], shape (f, m, d).
         shift: Its shift by slip and opening.
         allowed: The tractions that the law allows.
         level: Which facets have a level pressure, shape (f,).
-        is_curved: Whether the normals vary. A polygon that slides along another one
+        is_kinked: Whether the normals jump. A polygon that slides along another one
             presses on one end of each facet, and a projection would change resultants.
+        turning: How tractions turn with the normals, or None.
     """
 
-    traction: ContactTraction
+    best: np.ndarray
     mean: np.ndarray
     shift: Shift
     allowed: Allowed
     level: np.ndarray
-    is_curved: bool
+    is_kinked: bool
+    turning: Turning | None
+
+    @property
+    def contact(self) -> BoundContact:
+        """Return the contact."""
+        return self.allowed.contact
 
     def limited(self) -> np.ndarray:
         """Limit the traction to what the law allows [force/area]; collective.
@@ -56,43 +72,42 @@ class Trial:
         Returns:
             Coefficients, shape (f, m, d).
         """
-        values = self.traction.values
         allowed = self.allowed
-        # A projection is cheaper than the limiter, and for degree 1 as good on a plane.
-        if allowed.space.degree == 1 and not self.is_curved:
-            near = allowed.project(values)
+        # A projection is cheaper than the limiter, and up to degree 1 as good without
+        # kinks.
+        if allowed.degree < 2 and not self.is_kinked:
+            near = allowed.project(self.best)
         else:
-            near = allowed.limited(self.mean, values)
+            near = allowed.limited(self.mean, self.best)
         shifted = near + self.shift.round_off(near)
         return self.levelled(allowed.project(shifted))
 
     def levelled(self, values: np.ndarray) -> np.ndarray:
         """Level the pressure of tractions on the facets of ``level``; collective."""
-        if not self.allowed.contact.sampled:
+        if not self.contact.sampled:
             return values
         level_values = self.allowed.level(values, self.shift.slip)
         return np.where(self.level[:, None, None], level_values, values)
 
-    def becomes_level(self, traction: ContactTraction) -> np.ndarray:
+    def becomes_level(self, values: np.ndarray) -> np.ndarray:
         """Tell which facets have a smaller error with a level pressure; collective.
 
         They slide far, and the estimated decrease of the contact part of e^2 is larger
         than the estimated increase of the bulk part.
 
         Args:
-            traction: r^ so far.
+            values: Coefficients of the traction so far, shape (f, m, d).
 
         Returns:
             Booleans, shape (f,).
         """
-        friction = self.allowed.contact.friction
-        values = traction.values
+        friction = self.contact.friction
         # A level pressure gains nothing where b is linear in the pressure with the same
         # slope on the whole facet, or does not depend on it.
         if friction is None or friction.convex or friction.dependence == CONSTANT:
             return np.zeros(len(values), dtype=bool)
         path = self.shift.path.mean(axis=1)
-        bound, used = friction_at_samples(self.allowed.space, traction)
+        bound, used = friction_at_samples(self.allowed.space, self.contact_traction(values))
         saved = 2 * np.maximum(bound - used, 0.0).mean(axis=1) * path
         change = values - self.allowed.level(values, self.shift.slip)
         added = (change**2).sum(axis=2).mean(axis=1)
@@ -110,43 +125,75 @@ class Trial:
         """
         factor = np.where(become, 1.0, factor)
         total = np.where(become, 1.0, self.allowed.factor * factor)
-        contact = self.traction.contact
-        values = with_friction(contact, self.traction.values, factor)
-        mean = with_friction(contact, self.mean, factor)
-        return Trial(
-            replace(self.traction, values=values),
-            mean,
-            self.shift,
-            replace(self.allowed, factor=total),
-            self.level | become,
-            self.is_curved,
+        return replace(
+            self,
+            best=with_friction(self.contact, self.best, factor),
+            mean=with_friction(self.contact, self.mean, factor),
+            allowed=replace(self.allowed, factor=total),
+            level=self.level | become,
         )
+
+    def weights_and_motions(
+        self, model: Model, motions: list[fem.Function]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the weights of the coefficients, and motions there.
+
+        They are as :func:`weights_and_motions` returns them, for the tractions of the
+        trial.
+        """
+        if self.turning is None:
+            return weights_and_motions(model, self.contact, motions)
+        trace = self.contact.trace
+        # A motion is linear: its values at the nodes are also its coefficients.
+        turned = [self.turning.means(trace.of(motion.x.array)) for motion in motions]
+        weight = trace.here.owned_areas / turned[0].shape[1]
+        return weight[:, None], np.stack(turned, axis=-1)
 
     def contact_traction(self, values: np.ndarray) -> ContactTraction:
         """Return the contact traction with these coefficients (f, m, d); collective.
 
         Its friction bound is that of the law, without the factors of the trial.
         """
-        law = replace(self.allowed, factor=np.ones(len(values)), sharp=True)
-        bound = law.bound(pressures(values, law.n))
-        return replace(self.traction, values=values, friction_bound=bound)
+        if self.turning is not None:
+            values = self.turning.tractions(values)
+        return contact_traction(self.allowed.space, self.contact, values)
 
 
 def trial_of(space: Space, contact: BoundContact, solution: Any) -> Trial:
     """Return the traction of the method on a contact, not yet limited; collective."""
+    turning = turning_of(contact.trace)
+    degree = space.degree if turning is None else turning.degree
     points, weights = rule(space.d - 1, space.contact_degree)
-    project = projection(space.d - 1, space.degree, points, weights)
-    average = averages(space.d - 1, space.degree, points, weights)
-    nodes = contact.trace.here.nodes
-    area = contact.trace.here.areas
+    project = projection(space.d - 1, degree, points, weights)
+    average = averages(space.d - 1, degree, points, weights)
     since_last_step = contact.trace.since(solution.u.x.array)
-    shift = shift_by_slip(space, contact, since_last_step)
+    shift = shift_by_slip(space, contact, since_last_step, turning)
     sampled = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
-    values = np.matmul(project, sampled)
+    if turning is None:
+        values = np.matmul(project, sampled)
+        means = np.matmul(average, sampled)
+    else:
+        values = turning.nearest(sampled, points, weights, project)
+        means = turning.nearest(sampled, points, weights, average)
     opens = shift_of_far_open(space, contact, shift, since_last_step, values)
-    values = values + opens
-    traction = ContactTraction(contact, nodes, area, values, np.zeros(nodes.shape))
-    allowed = Allowed(space, contact, np.ones(len(nodes)))
-    level = np.zeros(len(nodes), dtype=bool)
-    mean = np.matmul(average, sampled) + opens
-    return Trial(traction, mean, shift, allowed, level, is_curved(space.comm, contact))
+    count = len(contact.facets)
+    return Trial(
+        best=values + opens,
+        mean=means + opens,
+        shift=shift,
+        allowed=Allowed(space, contact, np.ones(count), degree),
+        level=np.zeros(count, dtype=bool),
+        is_kinked=is_kinked(space.comm, contact),
+        turning=turning,
+    )
+
+
+def contact_traction(space: Space, contact: BoundContact, values: np.ndarray) -> ContactTraction:
+    """Return the contact traction with coefficients of r^ (f, m, d); collective."""
+    here = contact.trace.here
+    matrix = at_nodes(space.d - 1, space.degree)
+    pressure = pressures(np.matmul(matrix, values), contact.trace.normals)
+    parameters = friction_parameters(space, contact, space.facet_points)
+    nodal = contact.friction_bound(pressure, parameters)
+    bound = np.maximum(contact.trace.coefficients(nodal), 0.0)
+    return ContactTraction(contact, here.nodes, here.areas, values, bound)

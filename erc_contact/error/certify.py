@@ -162,7 +162,7 @@ def certify(
     for contact in model.contacts:
         if contact.stiffness is not None:
             continue  # a compliant foundation may be entered
-        w_n, _, _ = split(contact.trace.of(solution.u.x.array), contact.direction[:, None, :])
+        w_n, _, _ = split(contact.trace.of(solution.u.x.array), contact.trace.normals)
         beyond = w_n - gap_at_nodes(model, contact)
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     moved = float(abs(solution.u.x.array).max(initial=0.0))

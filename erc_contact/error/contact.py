@@ -31,9 +31,9 @@ from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 CONTACT_DEGREE = 21
-"""Quadrature degree in space where the slip is far from zero.
+"""Quadrature degree where the integrand is smooth, but no polynomial.
 
-Its length is then smooth, but no polynomial.
+That is so in space where the slip is far from zero, and where normals turn.
 """
 
 
@@ -54,9 +54,9 @@ def contact_squares(
     The integrals are exact where the integrand is a polynomial or, in the plane, one on
     each side of the points where the slip is zero. Else they are adapted: where the
     data of the contact vary, the friction bound is nonlinear in the pressure, the
-    foundation is compliant, or, in space, the slip may vanish. Adapted integrals may
-    leave ``floor`` or the share UNKNOWN_SHARE of their values unknown, and contain what
-    they leave unknown.
+    foundation is compliant, or, in space and where normals turn, the slip may vanish.
+    Adapted integrals may leave ``floor`` or the share UNKNOWN_SHARE of their values
+    unknown, and contain what they leave unknown.
 
     Args:
         model: The scene on a mesh.
@@ -73,22 +73,23 @@ def contact_squares(
     trace = contact.trace
     area = trace.here.owned_areas
     of_w = trace.coefficients(trace.of(hat.x.array))
-    of_s = trace.coefficients(trace.slip_before)
+    of_s = trace.coefficients(trace.of_before)
     both = cancelled(trace, hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
     if contact.varies or concave or contact.stiffness is not None:
         return _adapted_squares(model, traction, of_w, of_s, area, floor, both)
-    if friction is None:
+    turns = trace.corner_normals is not None
+    if friction is None and not turns:
         points, weights = same_rule(model.d, 2 * model.degree)
-    elif model.d == 2:
+    elif model.d == 2 and not turns:
         points, weights = rule_between_zeros(contact, of_w - of_s)
     else:
         points, weights = same_rule(model.d, CONTACT_DEGREE)
     parts = area * _means(model, traction, of_w, of_s, points, weights, both)
-    if friction is None or model.d == 2:
+    if friction is None or (model.d == 2 and not turns):
         return parts, 0.0, 0.0
-    # In space the length of a slip that may vanish has a kink at a point that is no
-    # corner of a piece.
+    # The length of a slip that may vanish has a kink at a point that is no corner of a
+    # piece.
     kinked = slip_may_vanish(contact, of_w - of_s)
     adapted, gaps, bounds = _adapted_squares(
         model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, both
@@ -113,7 +114,7 @@ def _means(
         model: The scene on a mesh.
         traction: r^ on the contact.
         of_w: Coefficients of u^ [length], shape (f, m, d).
-        of_s: Coefficients of s [length], shape (f, m, d).
+        of_s: Coefficients of w in the last step [length], shape (f, m, d).
         points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1,
             q, d).
         weights: Their weights, of sum 1, shape (f, q) or (1, q).
@@ -128,7 +129,7 @@ def _means(
     r = np.matmul(shape, traction.values)
     w = np.matmul(shape, of_w)
     s = np.matmul(shape, of_s)
-    n = contact.direction[:, None, :]
+    n = contact.trace.normals_at_places(points)
     gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, middle, contact.facets)
     parameters = friction_parameters(model, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
@@ -151,7 +152,7 @@ def _adapted_squares(
         model: The scene on a mesh.
         traction: r^ on the contact.
         of_w: Coefficients of u^ [length], shape (f, m, d).
-        of_s: Coefficients of s [length], shape (f, m, d).
+        of_s: Coefficients of w in the last step [length], shape (f, m, d).
         area: Areas of the facets, 0 for those that are left out, shape (f,).
         floor: What the integrals may leave unknown [force length].
         both: What cancels between two bodies [length], shape (f, 1).
@@ -163,14 +164,14 @@ def _adapted_squares(
 
     def terms(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Evaluate the contact term, and what gap, normal and bound are exceeded by."""
-        n = contact.direction[facet][:, None, :]
+        n = contact.trace.normals_at_places(places, facet)
         shape = polynomials(model.degree, places)
         r = np.matmul(shape, traction.values[facet])
         w = np.matmul(shape, of_w[facet])
         s = np.matmul(shape, of_s[facet])
         r_n, _, friction = split(r, n)
         gap = data.gap(facet, x)
-        normal = data.normal(facet, x)
+        normal = data.normal(facet, x, n)
         bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
         stiffness = data.stiffness(facet, x)
         shared = both[facet]

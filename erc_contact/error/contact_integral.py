@@ -11,9 +11,13 @@ from erc_contact.mesh.cuts import Cuts
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.trace import split
 
-type ContactDensity = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Gets facets (f,), shape functions (f, q, m), w^, points (f, q, d); returns (f, q)."""
+type ContactDensity = Callable[
+    [np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray
+]
+"""Gets facets (f,), shape functions (f, q, m), w^ and normals (f, q, d), points (f, q,
+d); returns (f, q)."""
 
 
 def contact_integral(
@@ -38,12 +42,15 @@ def contact_integral(
             :func:`erc_contact.mesh.quadrature.integrate`.
     """
     trace = contact.trace
-    of_w = trace.coefficients(trace.since(u.x.array))
+    of_w = trace.coefficients(trace.of(u.x.array))
+    of_before = trace.coefficients(trace.of_before)
 
     def values(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(model.degree, places)
-        w = np.matmul(shape, of_w[facet])
-        return density(facet, shape, w, x)[..., None]
+        n = trace.normals_at_places(places, facet)
+        _, s, _ = split(np.matmul(shape, of_before[facet]), n)
+        w = np.matmul(shape, of_w[facet]) - s
+        return density(facet, shape, w, n, x)[..., None]
 
     pieces = facet_pieces(model.d - 1)
     area = trace.here.owned_areas

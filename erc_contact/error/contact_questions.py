@@ -16,10 +16,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from ufl.domain import extract_unique_domain
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.load_work import load_work
@@ -202,14 +200,15 @@ def _working_jump(contact: BoundContact, values: np.ndarray) -> np.ndarray:
     jump = contact.trace.of(values)
     if contact.friction is not None:
         return jump
-    return np.asarray(np.einsum("fmi,fi->fm", jump, contact.direction))
+    return np.asarray((jump * contact.trace.normals).sum(axis=-1))
 
 
 def _normal_parts(asked: Asked, contact: BoundContact, motion: VirtualMotion) -> np.ndarray:
     """Return ``n . W`` at the nodes of the facets of a contact, shape (f, m)."""
     model = asked.model
     values = motion.nodal(model).x.array.reshape(-1, model.d)
-    return np.asarray(np.einsum("fmi,fi->fm", values[contact.trace.here.nodes], contact.direction))
+    trace = contact.trace
+    return np.asarray((values[trace.here.nodes] * trace.normals).sum(axis=-1))
 
 
 def _works(asked: Asked, motion: VirtualMotion, jump: np.ndarray) -> bool:
@@ -238,12 +237,12 @@ def _normal_part(contact: BoundContact, motion: VirtualMotion, t: float) -> Shif
     """Return ``t n . W``, a number where it is the same everywhere."""
     if isinstance(contact.normal, fem.Constant):
         return motion.component(np.asarray(contact.normal.value), t)
-    return partial(_along_facets, motion, t)
+    return partial(_along_normals, contact, motion, t)
 
 
-def _along_facets(motion: VirtualMotion, t: float, x: Ufl) -> Ufl:
-    """Return ``t n . W`` with the outward normal of each facet, UFL."""
-    n = ufl.FacetNormal(extract_unique_domain(x))
+def _along_normals(contact: BoundContact, motion: VirtualMotion, t: float, x: Ufl) -> Ufl:
+    """Return ``t n . W`` with the normals of a contact, UFL."""
+    n = contact.normal
     value: Ufl = 0.0
     for i, unit in enumerate(np.eye(len(motion.translation))):
         component = motion.component(unit, t)

@@ -1,8 +1,8 @@
 """Evaluate the contact term of e^2 at points of the contact.
 
 Symbols: r^ admissible contact traction, w u^ on the contact (between two bodies the
-jump), s tangential displacement at the end of the last step of a history, g gap, p
-pressure, b friction bound, k stiffness of a compliant foundation.
+jump), s displacement at the end of the last step of a history, g gap, p pressure, b
+friction bound, k stiffness of a compliant foundation.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ def contact_density(
 
     Args:
         contact: The contact.
-        n: Normal of the foundation, shape (n, 1, d).
+        n: Normals of the foundation, shape (n, q or 1, d).
         r: r^ at the points [force/area], shape (n, q, d).
         w: u^ there [length], shape (n, q, d).
-        s: The tangential displacement of the last step there [length], shape (n, q, d),
-            or 0 without history.
+        s: The displacement of the last step there, of which the tangential part counts
+            [length], shape (n, q, d), or 0 without history.
         gap: The gap there [length], shape (n, q), or a number.
         bound: The friction bound there [force/area], shape (n, q).
         stiffness: k of a compliant foundation there [force/length^3], shape (n, q);
@@ -45,7 +45,8 @@ def contact_density(
         The term, shape (n, q).
     """
     r_n, r_t, _ = split(r, n)
-    w_n, w_t, slip = split(w - s, n)
+    w_n = (w * n).sum(axis=-1)
+    _, w_t, slip = split(w - s, n)
     if contact.bilateral:
         # A gap that is closed everywhere, with a traction of any sign, does no work.
         density = np.zeros(r_n.shape)

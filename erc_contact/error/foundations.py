@@ -88,8 +88,9 @@ def _on_facets(
     contact = traction.contact
     data = ContactData(contact, model.mesh)
 
-    def at_points(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
-        n = contact.direction[facet][:, None, :]
+    def at_points(
+        facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
+    ) -> np.ndarray:
         pressure = pressures(np.matmul(shape, traction.values[facet]), n)
         w_n, _, _ = split(w, n)
         stiffness = data.stiffness(facet, x)

@@ -87,7 +87,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     friction = 0.0
     for traction in admissible.tractions:
         contact = traction.contact
-        beyond = np.einsum("fmi,fi->fm", contact.trace.of(rigid), contact.direction)
+        beyond = (contact.trace.of(rigid) * contact.trace.normals).sum(axis=-1)
         beyond -= gap_at_nodes(model, contact)
         if contact.bilateral:
             beyond = abs(beyond)

@@ -92,7 +92,7 @@ def slip_may_vanish(contact: BoundContact, slip: np.ndarray) -> np.ndarray:
         contact: The contact.
         slip: Coefficients of ``w - s`` [length], shape (f, m, d).
     """
-    _, tangential, size = split(slip, contact.direction[:, None, :])
+    _, tangential, size = split(slip, contact.trace.normals)
     mean = tangential.mean(axis=1, keepdims=True)
     farthest = np.linalg.norm(tangential - mean, axis=2).max(axis=1)
     slides = size.max(axis=1) > 0

@@ -15,13 +15,21 @@ from functools import cache
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.simplex import bernstein, lagrange, measures, node_between, nodes, rule
+from erc_contact.mesh.simplex import (
+    barycentric,
+    bernstein,
+    lagrange,
+    measures,
+    node_between,
+    nodes,
+    rule,
+)
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
-from erc_contact.model.trace import split
+from erc_contact.model.trace import interpolated_normals, split
 
 EDGE_COSINE = 0.87
 """Least cosine of the angle between normals of a smooth foundation [-].
@@ -41,7 +49,8 @@ class Surface:
         numbers: Global numbers of the nodes, shape (M,).
         facets: Places of the nodes of each facet in ``numbers``, shape (F, m).
         corners: Vertices of the facets [length], shape (F, d, d).
-        direction: Normals of the foundation on the facets, shape (F, d).
+        of_corners: Normals of the foundation at the vertices of the facets, shape (F,
+            d, d).
         normal: Mean normals at the nodes, shape (M, d).
         blocked: Nodes where t must vanish, shape (M,). A displacement (t.v) n cannot be
             lifted into the body there: a support or another contact holds the normal
@@ -52,7 +61,7 @@ class Surface:
     numbers: np.ndarray
     facets: np.ndarray
     corners: np.ndarray
-    direction: np.ndarray
+    of_corners: np.ndarray
     normal: np.ndarray
     blocked: np.ndarray
 
@@ -67,6 +76,15 @@ class Surface:
         x = np.zeros_like(self.normal)
         x[self.facets] = np.matmul(lagrange(d - 1, 1, nodes(d - 1, self.degree)), self.corners)
         return x
+
+    def normals_at(self, points: np.ndarray) -> np.ndarray:
+        """Return unit normals at reference points of the facets, shape (F, q, d)."""
+        return interpolated_normals(self.of_corners, barycentric(points))
+
+    @property
+    def normals(self) -> np.ndarray:
+        """Return unit normals at the nodes of the facets, shape (F, m, d)."""
+        return self.normals_at(nodes(self.normal.shape[1] - 1, self.degree))
 
     @property
     def pieces(self) -> np.ndarray:
@@ -135,7 +153,7 @@ class PairOnSurface:
         corners = nodes(d - 1, k)[pieces(d - 1, k)]
         in_facet = np.matmul(linear, corners).reshape(-1, d - 1)
         r = np.matmul(bernstein(d - 1, k, in_facet), self.traction)
-        r_n, r_t, _ = split(r, s.direction[:, None, :])
+        r_n, r_t, _ = split(r, s.normals_at(in_facet))
         shape = (len(s.facets), len(corners), len(points))
         area = np.broadcast_to(s.area[:, None, None] * weights / len(corners), shape)
         pressure = -np.minimum(r_n, 0.0).reshape(shape)
@@ -155,11 +173,12 @@ class PairOnSurface:
         k = s.degree
         cut = pieces(d - 1, k)
         area, linear, pressure, shear = self.at_points(2 * k + 1)
-        # The field is linear on a piece, and tangential to its facet.
-        field = np.matmul(linear, t[s.facets[:, cut]])
-        field -= (field @ s.direction[:, None, :, None]) * s.direction[:, None, None, :]
-        rho = area[..., None] * (shear + pressure[..., None] * field)
         points = np.matmul(linear, nodes(d - 1, k)[cut])
+        # The field is linear on a piece, less its normal part.
+        field = np.matmul(linear, t[s.facets[:, cut]])
+        normals = s.normals_at(points.reshape(-1, d - 1)).reshape(field.shape)
+        field -= (field * normals).sum(axis=-1, keepdims=True) * normals
+        rho = area[..., None] * (shear + pressure[..., None] * field)
         shape = lagrange(d - 1, k, points.reshape(-1, d - 1)).reshape(*points.shape[:2], -1)
         of_facets = np.einsum("cqm,fcqi->fmi", shape, rho)
         return s.summed(of_facets, s.facets), float(np.sum(of_facets * self.displacement))
@@ -170,7 +189,7 @@ class PairOnSurface:
         It is the greatest of the facets.
         """
         s = self.surface
-        _, w_t, slip = split(self.displacement, s.direction[:, None, :])
+        _, w_t, slip = split(self.displacement, s.normals)
         of_facets = self.friction * slip - (t[s.facets] * w_t).sum(axis=-1)
         eta = np.zeros(len(s.numbers))
         np.maximum.at(eta, s.facets, of_facets)
@@ -206,7 +225,7 @@ def coulomb_surface(model: Model) -> Surface:
     """
     numbers_of_contacts = []
     corners_of_contacts = []
-    directions_of_contacts = []
+    normals_of_contacts = []
     fixed_of_contacts = []
     others = [np.zeros(0, dtype=int)]
     for contact in model.contacts:
@@ -218,7 +237,7 @@ def coulomb_surface(model: Model) -> Surface:
             continue
         numbers_of_contacts.append(of_contact)
         corners_of_contacts.append(here.corners[here.owned])
-        directions_of_contacts.append(contact.direction[here.owned])
+        normals_of_contacts.append(contact.trace.normals_at_vertices[here.owned])
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
         if contact.against is None:
             # The unknown of the solver at a node of a pair is the jump, and not u.
@@ -227,24 +246,25 @@ def coulomb_surface(model: Model) -> Surface:
         others.append(of_contact[model.coordinates.is_joint[facet_nodes]])
     all_numbers = _gathered(model, numbers_of_contacts)
     corners = _gathered(model, corners_of_contacts)
-    direction = _gathered(model, directions_of_contacts)
+    of_corners = _gathered(model, normals_of_contacts)
     fixed = _gathered(model, fixed_of_contacts)
     numbers, places = np.unique(all_numbers, return_inverse=True)
     facets = places.reshape(all_numbers.shape)
     normal = np.zeros((len(numbers), model.d))
-    np.add.at(normal, facets, (measures(corners)[:, None] * direction)[:, None, :])
+    of_nodes = interpolated_normals(of_corners, barycentric(model.facet_points))
+    np.add.at(normal, facets, measures(corners)[:, None, None] * of_nodes)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
 
     # Blocked are nodes of another contact, at an edge of the foundation, and where a
     # support holds some component of the normal but not all components.
     blocked = np.isin(numbers, _gathered(model, others))
-    cosine = (normal[facets] * direction[:, None, :]).sum(axis=-1)
+    cosine = (normal[facets] * of_nodes).sum(axis=-1)
     blocked[facets[cosine < EDGE_COSINE]] = True
     supported = np.zeros((len(numbers), model.d), dtype=bool)
     supported[facets] = fixed
     some_of_normal = (supported & (abs(normal) > ZERO_COMPONENT)).any(axis=1)
     blocked |= some_of_normal & ~supported.all(axis=1)
-    return Surface(model.degree, numbers, facets, corners, direction, normal, blocked)
+    return Surface(model.degree, numbers, facets, corners, of_corners, normal, blocked)
 
 
 def pair_on_surface(pair: Admissible) -> PairOnSurface:

@@ -164,8 +164,9 @@ def friction_works(
     contact = traction.contact
     data = ContactData(contact, model.mesh)
 
-    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
-        n = contact.direction[facet][:, None, :]
+    def density(
+        facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
+    ) -> np.ndarray:
         pressure = pressures(np.matmul(shape, traction.values[facet]), n)
         _, _, slip = split(w, n)
         return data.bound(facet, x, pressure) * slip
@@ -187,8 +188,9 @@ def contact_work(
     """
     data = ContactData(contact, model.mesh)
 
-    def density(facet: np.ndarray, shape: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
-        n = contact.direction[facet][:, None, :]
+    def density(
+        facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
+    ) -> np.ndarray:
         tau_n, tau_t, _ = split(np.matmul(shape, tau[facet]), n)
         w_n, w_t, _ = split(w, n)
         # A gap that is closed everywhere does no work, whatever the traction.

@@ -148,6 +148,10 @@ class Assembled:
         """Return the points themselves: no facet has the mark of a curve."""
         return points
 
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return nan: no facet has the mark of a curve."""
+        return np.full(points.shape, np.nan)
+
 
 def of_model(shape: Shape, glued: Bodies) -> Assembled:
     """Return the shape of bodies of one model, which are not connected."""

@@ -17,6 +17,7 @@ from erc_contact.mesh import parts
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.seams import Seams
 from erc_contact.mesh.surface import offset
+from erc_contact.mesh.tags import tag_table
 
 
 class Surface(Protocol):
@@ -26,6 +27,18 @@ class Surface(Protocol):
         """Return the nearest points of the true surface [length]; collective.
 
         See :data:`erc_contact.mesh.surface.Nearest`.
+        """
+
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return unit normals of the true surface, nan where not known; collective.
+
+        Args:
+            comm: The ranks.
+            points: Points near the surface [length], shape (n, d).
+            marks: The mark of the curve or surface of each point, shape (n,).
+
+        Returns:
+            Shape (n, d); their signs are open.
         """
 
 
@@ -91,6 +104,40 @@ class Bodies(NamedMesh):
         if self.curved_facets is None or self.geometry is None:
             return None
         return offset(self.mesh, self.curved_facets, self.geometry.nearest)
+
+    def true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+        """Return normals of the true surface at vertices of facets [-]; collective.
+
+        gmsh is asked once for the facets of a part.
+
+        Args:
+            facets: Facets (cell, local facet), shape (n, 2).
+            corners: Their vertices [length], shape (n, d, d).
+
+        Returns:
+            Unit normals, their signs open, nan where they are not known, (n, d, d).
+        """
+        key = facets.tobytes()
+        is_known = self.comm.allreduce(key in self._true_normals, MPI.LAND)
+        if not is_known:
+            self._true_normals[key] = self._find_true_normals(facets, corners)
+        return self._true_normals[key]
+
+    @cached_property
+    def _true_normals(self) -> dict[bytes, np.ndarray]:
+        """Keep what :meth:`true_normals` has found."""
+        return {}
+
+    def _find_true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+        """Ask the true shape for normals, see :meth:`true_normals`; collective."""
+        d = self.dim
+        if self.curved_facets is None or self.geometry is None:
+            return np.full(corners.shape, np.nan)
+        of_cells = self.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+        numbers = of_cells[facets[:, 0], facets[:, 1]]
+        of_corners = np.repeat(tag_table(self.curved_facets)[numbers], d)
+        normals = self.geometry.normals(self.comm, corners.reshape(-1, d), of_corners)
+        return normals.reshape(corners.shape)
 
     @property
     def knows_shape(self) -> bool:

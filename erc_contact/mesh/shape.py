@@ -12,7 +12,7 @@ Symbols: d dimension.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -115,6 +115,10 @@ class Brick:
         """Return the points themselves: the facets are the true surface."""
         return points
 
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return nan: the normals are those of the facets."""
+        return np.full(points.shape, np.nan)
+
 
 @dataclass(frozen=True)
 class Drawing:
@@ -176,19 +180,48 @@ class Drawing:
         See :data:`erc_contact.mesh.surface.Nearest`.
         """
         curved = np.isin(marks, list(self.curved)).any(axis=1)
-        # gmsh runs on rank 0 only, which works for all ranks.
-        parts = comm.gather((points[curved], marks[curved]))
+        result = points.copy()
+        result[curved] = self._asked(comm, _nearest, points[curved], marks[curved])
+        return result
+
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return unit normals of the true surface [-]; collective.
+
+        Args:
+            comm: The ranks.
+            points: Points on the surface or near it [length], shape (n, d).
+            marks: The mark of the curve or surface of each point, shape (n,).
+
+        Returns:
+            The normal at the nearest point, its sign open; nan on flat facets and where
+            the surface has none, as at the tip of a cone. Shape (n, d).
+        """
+        curved = np.isin(marks, list(self.curved))
+        result = np.full(points.shape, np.nan)
+        result[curved] = self._asked(comm, _normals, points[curved], marks[curved])
+        return result
+
+    def _asked(
+        self,
+        comm: MPI.Comm,
+        question: Callable[[Any, Mapping[int, int], np.ndarray, np.ndarray], np.ndarray],
+        points: np.ndarray,
+        marks: np.ndarray,
+    ) -> np.ndarray:
+        """Ask gmsh's model of the geometry about points of all ranks; collective.
+
+        gmsh runs on rank 0 only, which works for all ranks.
+        """
+        parts = comm.gather((points, marks))
         answers: list[np.ndarray] = []
 
         def build(gmsh: Any) -> None:
             tags = self.build(gmsh)
             for rank_points, rank_marks in parts or ():
-                answers.append(_nearest(gmsh.model, tags, rank_points, rank_marks))
+                answers.append(question(gmsh.model, tags, rank_points, rank_marks))
 
         with session(comm, build, "The geometry"):
-            result = points.copy()
-            result[curved] = comm.scatter(answers if comm.rank == 0 else None)
-        return result
+            return comm.scatter(answers if comm.rank == 0 else None)
 
 
 def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
@@ -259,4 +292,34 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
             points = np.array(candidates)
             best = np.linalg.norm(points - x[selected], axis=2).argmin(axis=0)
             result[selected] = points[best, np.arange(len(best))]
+    return result
+
+
+def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Find unit normals of the curves or surfaces of marks at points near them [-].
+
+    Args:
+        model: gmsh's current model.
+        tags: gmsh's tag of each mark.
+        x: Points [length], shape (n, d).
+        marks: The mark of each point, shape (n,).
+
+    Returns:
+        Shape (n, d), nan where there is none.
+    """
+    d = x.shape[1]
+    result = np.full(x.shape, np.nan)
+    for mark in np.unique(marks):
+        selected = marks == mark
+        place = d - 1, tags[mark]
+        closest, _ = model.getClosestPoint(*place, in_space(x[selected]).ravel())
+        parameters = model.getParametrization(*place, closest)
+        if d == 2:
+            tangents = np.reshape(model.getDerivative(1, tags[mark], parameters), (-1, 3))
+            normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+        else:
+            normals = np.reshape(model.getNormal(tags[mark], parameters), (-1, 3))
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        unknown = np.full_like(normals, np.nan)
+        result[selected] = np.divide(normals, length, out=unknown, where=length > 0)
     return result

@@ -47,14 +47,19 @@ class ContactData:
             return None
         return self._stiffness(x, self.contact.facets[facet])
 
-    def normal(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the unit normal of the foundation at the points.
+    def normal(self, facet: np.ndarray, x: np.ndarray, interpolated: np.ndarray) -> np.ndarray:
+        """Evaluate the unit normal that the scene gives at the points.
+
+        Args:
+            facet: Numbers of the facets, shape (n,).
+            x: Points [length], shape (n, q, d).
+            interpolated: The normals that the contact has there, shape (n, q or 1, d).
 
         Returns:
-            Shape (n, q, d), or (n, 1, d) where the normal does not vary.
+            Shape (n, q, d); ``interpolated`` where the scene gives none that varies.
         """
         if self._normal is None:
-            return self.contact.direction[facet][:, None, :]
+            return interpolated
         normal = self._normal(x, self.contact.facets[facet])
         return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 

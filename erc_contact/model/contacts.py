@@ -12,10 +12,12 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
+from erc_contact.model.normals import normal_field, normals_of_side, turns
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, Trace
 from erc_contact.model.users import call_of_user, scalar
@@ -56,19 +58,24 @@ def bind_contact(
         values = evaluate(gap, space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
-    normal, direction, given_normal = _normal(space, contact, facets, surface, sign)
+    normal, direction, of_corners, given_normal = _normal(space, contact, here, surface, sign)
+    if of_corners is not None:
+        length = ufl.sqrt(ufl.dot(normal, normal))
+        normal = normal / length
+        if gap is not None and contact.normal is None:
+            gap = length * gap
     friction = _friction(space, contact, facets)
     stiffness = None
     if contact.foundation is not None:
         k = contact.foundation.stiffness
         stiffness = number(space, k, f"{what}: stiffness of the foundation")
-    trace = Trace(here, direction, None, there)
+    trace = Trace(here, direction, None, there, of_corners)
     _check_ends(space, contact, trace)
     # Friction alone remembers where the contact was.
     before = None
     lost = None
     if last is not None and friction is not None:
-        before, lost = last.on(space, contact.facets, facets, direction, sign)
+        before, lost = last.on(space, contact.facets, trace, sign)
     return BoundContact(
         name=contact.facets,
         against=contact.against,
@@ -163,32 +170,32 @@ def _true_surface(space: Space, contact: Contact) -> Ufl:
 
 
 def _normal(
-    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl, sign: float
-) -> tuple[Ufl, np.ndarray, Ufl | None]:
+    space: Space, contact: Contact, here: Side, surface: Ufl, sign: float
+) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
     """Find the normal of the foundation or of the other body; collective.
 
     Args:
         space: The mesh.
         contact: What the scene declares.
-        facets: Facets of this side, shape (f, 2).
+        here: This side.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
 
     Returns:
-        The unit normal as UFL, the unit normal on each facet (f, d), and the normal as
-        the scene gives it, of any length, UFL; None where it does not vary.
+        The unit normal, or the field N of normals that turn, as UFL; the unit normal in
+        the middle of each facet (f, d); the unit normals at the vertices of each facet
+        (f, d, d), None where they do not turn along any facet; and the normal as the
+        scene gives it, of any length, UFL, None where it does not vary.
     """
-    if contact.normal is None and contact.against is not None:
-        # The facets of two bodies face each other: each has its own normal.
-        return space.n, space.outward_normals(facets), None
-    if contact.normal is None:
+    facets = here.facets
+    if contact.normal is None and contact.against is None:
         direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):
         direction = sign * np.array(contact.normal)
     else:
-        return _varying_normal(space, contact, facets, surface, sign)
+        return _varying_normal(space, contact, here, surface, sign)
     on_facets = np.broadcast_to(direction, (len(facets), space.d))
-    return compiled.constant(space.mesh, direction), on_facets, None
+    return compiled.constant(space.mesh, direction), on_facets, None, None
 
 
 def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarray:
@@ -214,13 +221,29 @@ def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarr
 
 
 def _varying_normal(
-    space: Space, contact: Contact, facets: np.ndarray, surface: Ufl, sign: float
-) -> tuple[Ufl, np.ndarray, Ufl]:
-    """Find a normal that varies, as :func:`_normal` returns it; collective.
+    space: Space, contact: Contact, here: Side, surface: Ufl, sign: float
+) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
+    """Find a normal that varies, as :func:`_normal` returns it; collective."""
+    facets = here.facets
+    given = None
+    if contact.normal is None:
+        # The facets of two bodies face each other.
+        of_corners = normals_of_side(space, facets, here.corners)
+        if not turns(space.comm, of_corners):
+            return space.n, space.outward_normals(facets), None, None
+    else:
+        given = _given_normal(space, contact, surface, sign)
+        of_corners = _at_vertices(space, contact, facets, given)
+    normal, of_corners = normal_field(space, facets, of_corners)
+    middle = of_corners.sum(axis=1)
+    middle /= np.linalg.norm(middle, axis=1)[:, None]
+    if not turns(space.comm, of_corners):
+        return normal, middle, None, given
+    return normal, middle, of_corners, given
 
-    Each cell at the contact has one normal, the mean of the normals at the middles of
-    its contact facets.
-    """
+
+def _given_normal(space: Space, contact: Contact, surface: Ufl, sign: float) -> Ufl:
+    """Return the normal that a scene gives, of any length, UFL; collective."""
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
         # Not :func:`number`: a table on a mesh has no slope.
@@ -230,23 +253,23 @@ def _varying_normal(
         expression = ufl.replace(slope, {space.x: surface})
     else:
         expression = components(space, contact.normal, f"{what}: normal", surface)
-    if sign < 0:
-        expression = -expression
-    middle = np.full((1, space.d - 1), 1.0 / space.d)
-    at_middles = evaluate(expression, space.mesh, middle, facets)[:, 0]
-    length = np.linalg.norm(at_middles, axis=1)
+    return -expression if sign < 0 else expression
+
+
+def _at_vertices(space: Space, contact: Contact, facets: np.ndarray, given: Ufl) -> np.ndarray:
+    """Return unit vectors along a given normal at vertices, (f, d, d); collective.
+
+    Raises:
+        InputError: If it is zero or not finite there.
+    """
+    values = evaluate(given, space.mesh, nodes(space.d - 1, 1), facets)
+    length = np.linalg.norm(values, axis=2)
     error = None
     if not (np.isfinite(length).all() and np.all(length > 0)):
         source = "the gap" if contact.normal == "gap" else "its callable"
         error = InputError(
-            f"{what}: the normal is zero or not finite at the middle of a facet; look at {source}."
+            f"Contact({contact.facets!r}): the normal is zero or not finite at a vertex of a "
+            f"facet; look at {source}."
         )
     raise_together(space.comm, error)
-    function = space.domain.function("DG", 0, (space.d,))
-    of_cells = function.x.array.reshape(-1, space.d)
-    cells = facets[:, 0]
-    np.add.at(of_cells, cells, at_middles / length[:, None])
-    direction = of_cells[cells]
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    of_cells[cells] = direction
-    return function, direction, expression
+    return values / length[..., None]

@@ -43,7 +43,8 @@ class BoundContact:
         given_normal: The normal as the scene gives it, of any length, UFL; None where
             it does not vary.
         friction: Friction law, or None without friction.
-        gap: Gap [length], UFL; None where it is zero.
+        gap: Gap [length], UFL; None where it is zero. On facets of two bodies along
+            which normals turn it is g |N|, see :mod:`erc_contact.model.normals`.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
         stiffness: k of a compliant foundation [force/length^3], UFL; None for a rigid
@@ -119,6 +120,13 @@ class BoundContact:
     def varies(self) -> bool:
         """Tell whether gap, normal or friction vary along facets."""
         return any(varies_in_cells(value) for value in self.data)
+
+    @property
+    def gap_lengths(self) -> np.ndarray:
+        """Return the factor |N| of the gap at the nodes of facets, (f, m or 1) [-]."""
+        if self.given_normal is not None:
+            return np.ones((len(self.facets), 1))
+        return self.trace.lengths
 
     @property
     def sampled(self) -> bool:

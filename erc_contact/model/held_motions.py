@@ -135,7 +135,8 @@ def _by_contact(
         jumps.append(-motions[trace.partners])
     resisted = np.concatenate(jumps, axis=-1)
     if contact.friction is None:
-        normal_part = np.einsum("fndi,fd->fni", resisted, contact.direction)
+        normals = np.broadcast_to(trace.normals, (*here.shape, trace.here.d))
+        normal_part = np.einsum("fndi,fnd->fni", resisted, normals)
         resisted = normal_part[:, :, None]
     groups = np.stack(bodies, axis=-1).reshape(here.size, len(bodies))
     at_nodes = resisted.reshape(here.size, *resisted.shape[2:])

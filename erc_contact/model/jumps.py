@@ -71,17 +71,22 @@ def gap_by_coefficients(space: Space, contact: BoundContact, gaps: np.ndarray) -
         gaps: Its gap at the nodes [length], shape (f, m).
 
     Returns:
-        The gap [length], UFL; itself if it is a number, None without one.
+        The gap [length], UFL; where normals turn along facets, g by its coefficients
+        times |N| at the nodes; itself if it is a number, None without one.
     """
     if not contact.gap_varies:
         return contact.gap
     function = space.function()
     nodal = function.x.array.reshape(-1, space.d)
     of_facets = contact.trace.here.nodes
+    if space.degree == 1 or contact.bilateral:
+        nodal[:, 0] = values_of_nodes(contact.trace.here, gaps)
+        space.to_coefficients(nodal, [contact])
+        return function[0]
+    lengths = contact.gap_lengths
+    gaps = gaps / lengths
     nodal[:, 0] = values_of_nodes(contact.trace.here, gaps)
     space.to_coefficients(nodal, [contact])
-    if space.degree == 1 or contact.bilateral:
-        return function[0]
     ends = gaps[:, node_vertices(space.d - 1, space.degree)]
     low = np.minimum(ends.min(axis=2), gaps)
     high = np.maximum(ends.max(axis=2), gaps)
@@ -95,6 +100,7 @@ def gap_by_coefficients(space: Space, contact: BoundContact, gaps: np.ndarray) -
         # The coefficients of vertices are values.
         between = (chosen[:, None], np.arange(space.d, gaps.shape[1]))
         nodal[of_facets[between], 0] = clipped[between]
+    nodal[of_facets, 0] = lengths * nodal[of_facets, 0]
     return function[0]
 
 

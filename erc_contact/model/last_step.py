@@ -22,6 +22,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
 from erc_contact.model.space import Space
+from erc_contact.model.trace import Trace
 
 CLUSTER_SIZE = 64
 """Number of points for which the nearest facets are found together."""
@@ -53,8 +54,7 @@ class LastStep:
         self,
         space: Space,
         name: str,
-        facets: np.ndarray,
-        direction: np.ndarray,
+        trace: Trace,
         sign: float = 1.0,
     ) -> tuple[fem.Function, np.ndarray | None]:
         """Interpolate the displacement on a contact of another mesh; collective.
@@ -62,8 +62,7 @@ class LastStep:
         Args:
             space: The other mesh, or the same.
             name: Name of the contact.
-            facets: Its facets there (cell, local facet), shape (f, 2).
-            direction: Unit normals of the facets, shape (f, d).
+            trace: Its trace there.
             sign: Factor of the displacement, -1 where the sides of the contact are
                 exchanged [-].
 
@@ -76,6 +75,7 @@ class LastStep:
             InputError: If the contact was elsewhere in the last step.
         """
         d = space.d
+        facets = trace.here.facets
         old_facets, old_w = self.contacts[name]
         old_w = sign * old_w
         nodes = space.facet_nodes(facets)
@@ -96,7 +96,7 @@ class LastStep:
         exact = interpolate(places.reshape(-1, d), corners, old_values, self.space.degree)
         shape = lagrange(d - 1, space.degree, points)
         difference = exact.reshape(places.shape) - np.matmul(shape, values[nodes])
-        n = direction[:, None]
+        n = trace.normals_at(points)
         difference -= (difference * n).sum(axis=-1, keepdims=True) * n
         greatest = space.comm.allreduce(float(abs(difference).max(initial=0.0)), MPI.MAX)
         if greatest <= INTERPOLATION_ROUND_OFF * abs(old_values).max(initial=0.0):

@@ -66,9 +66,8 @@ def _check_contact(space: Space, face: RigidFace, contact: BoundContact, words: 
     # Without friction only the normal component is held.
     along = np.zeros((space.node_count, space.d))
     held = np.zeros((space.node_count, space.d), dtype=bool)
-    for i in range(contact.trace.here.nodes.shape[1]):
-        nodes = contact.trace.here.nodes[common[:, i], i]
-        along[nodes] = np.maximum(along[nodes], abs(contact.direction[common[:, i]]))
+    normals = np.broadcast_to(contact.trace.normals, (*common.shape, space.d))
+    np.maximum.at(along, contact.trace.here.nodes[common], abs(normals[common]))
     held[:] = along > UNMOVED
     _check_beside(space, face, held, words)
 

@@ -21,6 +21,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
+from erc_contact.model.turning import turning_of
 
 OPEN, SLIP, STICK = 0, 1, 2
 """Codes of the status of a contact."""
@@ -69,12 +70,19 @@ def profile_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.n
     It is projected on polynomials of the degree of u on each facet, which have the same
     force: on a gap that curves within a facet that of Nitsche's method is far from its
     mean at single points. So it may pull a little on the facet where a contact ends.
+    Where normals turn along facets, the polynomials are those of r^, see
+    :mod:`erc_contact.model.turning`.
     """
     samples, weights = rule(model.d - 1, model.contact_degree)
-    project = projection(model.d - 1, model.degree, samples, weights)
-    shape = bernstein(model.d - 1, model.degree, profile_points(model))
     sampled = evaluate(traction, model.mesh, samples, contact.facets)
-    return np.matmul(shape @ project, sampled)
+    turning = turning_of(contact.trace)
+    degree = model.degree if turning is None else turning.degree
+    project = projection(model.d - 1, degree, samples, weights)
+    if turning is None:
+        coefficients = np.matmul(project, sampled)
+    else:
+        coefficients = turning.tractions(turning.nearest(sampled, samples, weights, project))
+    return np.matmul(bernstein(model.d - 1, model.degree, profile_points(model)), coefficients)
 
 
 def facet_status(
@@ -164,7 +172,7 @@ def profile_table(
     table = np.stack(np.broadcast_arrays(*columns.values()), axis=2)
     vertices = model.global_numbers(contact.trace.here.nodes[:, : model.d])
     if model.d == 2:
-        _turn_facets(table, vertices, _tangents(contact))
+        _turn_facets(table, vertices, _tangents(contact.sign * contact.direction))
     # Each facet comes from its owner alone.
     owned = contact.trace.here.owned
     of_ranks = model.comm.allgather((table[owned], vertices[owned]))
@@ -204,17 +212,19 @@ def _columns(
     """
     points = profile_points(model)
     facets = contact.facets
-    n = contact.sign * contact.direction[:, None, :]
+    n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(model.d - 1, model.degree, points)
-    w = contact.sign * np.matmul(shape, contact.trace.since(u.x.array))
-    w_n, w_t, slip = split(w, n)
+    w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
+    before = contact.sign * np.matmul(shape, contact.trace.of_before)
+    w_n = (w * n).sum(axis=-1)
+    _, w_t, slip = split(w - before, n)
     r_n, r_t, shear = split(contact.sign * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
         gap = evaluate(contact.gap, model.mesh, points, facets)
     if model.d == 2:
         # In the plane slip and shear have a sign.
-        tangent = _tangents(contact)[:, None, :]
+        tangent = _tangents(n)
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
     x = evaluate(model.x, model.mesh, points, facets)
@@ -238,10 +248,9 @@ def _columns(
     return columns
 
 
-def _tangents(contact: BoundContact) -> np.ndarray:
-    """Return the unit tangent of each facet of a contact in 2D, shape (f, 2)."""
-    n = contact.sign * contact.direction
-    return np.stack([-n[:, 1], n[:, 0]], axis=-1)
+def _tangents(n: np.ndarray) -> np.ndarray:
+    """Return the unit tangents that belong to normals in 2D, shape (..., 2)."""
+    return np.stack([-n[..., 1], n[..., 0]], axis=-1)
 
 
 def _turn_facets(table: np.ndarray, vertices: np.ndarray, tangents: np.ndarray) -> None:

@@ -239,7 +239,7 @@ def _check_supports_in_gap(model: Model) -> None:
             continue  # the foundation gives way
         trace = contact.trace
         gap = gap_at_nodes(model, contact)
-        n = contact.direction[:, None, :]
+        n = contact.trace.normals
         # The normal displacement is prescribed where supports fix all its components.
         prescribed = (trace.fixed(model.fixed) | (abs(n) < 1e-12)).all(axis=-1)
         beyond = (trace.of(values) * n).sum(axis=-1) - gap

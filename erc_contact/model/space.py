@@ -153,11 +153,18 @@ class Space:
         Returns:
             Nodes of this rank, shape (n, m).
         """
-        vertices = self._facet_vertices[facets[:, 0], facets[:, 1]]
+        vertices = self.local_vertices(facets)
         # A node lies between two vertices of the facet, or twice at the same one.
         ends = vertices[:, node_vertices(self.d - 1, self.degree)]
         number = node_between(self.d, self.degree)[ends[..., 0], ends[..., 1]]
         return np.take_along_axis(self.nodes[facets[:, 0]], number, axis=1)
+
+    def local_vertices(self, facets: np.ndarray) -> np.ndarray:
+        """Return the vertices of facets in their cells, 0 to d, shape (n, d).
+
+        They are in the order of the reference facet, as in :meth:`facet_nodes`.
+        """
+        return self._facet_vertices[facets[:, 0], facets[:, 1]]
 
     def global_numbers(self, nodes: np.ndarray) -> np.ndarray:
         """Return the global numbers of nodes of this rank, in the same shape."""
@@ -212,7 +219,7 @@ class Space:
             Positions, shape (n, d, d).
         """
         of_cells = self.mesh.geometry.dofmaps[0][facets[:, 0]]
-        vertices = self._facet_vertices[facets[:, 0], facets[:, 1]]
+        vertices = self.local_vertices(facets)
         points = np.take_along_axis(of_cells, vertices, axis=1)
         return self.mesh.geometry.x[points, : self.d]
 

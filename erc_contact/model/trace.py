@@ -22,7 +22,10 @@ from functools import cached_property
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.mesh.simplex import coefficients, measures, node_vertices
+from erc_contact.mesh.simplex import barycentric, coefficients, measures, node_vertices, nodes
+
+ALL = slice(None)
+"""All facets."""
 
 
 def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -35,6 +38,20 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
     z_n = (z * n).sum(axis=-1)
     z_t = z - z_n[..., None] * n
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
+
+
+def interpolated_normals(of_corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Interpolate normals linearly on facets, and make them unit vectors.
+
+    Args:
+        of_corners: Unit normals at the vertices, shape (n, d, d).
+        places: Barycentric coordinates of points, shape (q, d) or (n, q, d).
+
+    Returns:
+        Shape (n, q, d).
+    """
+    field = np.matmul(places, of_corners)
+    return field / np.linalg.norm(field, axis=-1, keepdims=True)
 
 
 def dofs_of(nodes: np.ndarray, d: int) -> np.ndarray:
@@ -106,18 +123,70 @@ class Trace:
 
     Attributes:
         here: The side whose body the contact traction acts on.
-        direction: Unit normal of the contact on each facet, from this side into the
-            other, shape (f, d).
+        direction: Unit normal of the contact in the middle of each facet, from this
+            side into the other, shape (f, d).
         before: Displacement at the end of the last step of a history [length], a
             Function; None without one.
         there: The other side, facet i of it facing facet i of this side; None for a
             rigid foundation.
+        corner_normals: Unit normals at the vertices of each facet, shape (f, d, d);
+            None, on all ranks, where no facet has normals that turn.
     """
 
     here: Side
     direction: np.ndarray
     before: fem.Function | None = None
     there: Side | None = None
+    corner_normals: np.ndarray | None = None
+
+    def normals_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the unit normals at points of the facets [-].
+
+        They are those of a linear field with unit normals at the vertices.
+
+        Args:
+            points: Reference points, the same on all facets, shape (q, d-1).
+
+        Returns:
+            Shape (f, q, d); (f, 1, d) where normals do not turn.
+        """
+        return self.normals_at_places(barycentric(points))
+
+    def normals_at_places(self, places: np.ndarray, facet: np.ndarray | slice = ALL) -> np.ndarray:
+        """Return unit normals at barycentric coordinates, as :meth:`normals_at` does.
+
+        Args:
+            places: Barycentric coordinates, shape (q, d) or (n, q, d).
+            facet: Numbers of the facets to which they belong, shape (n,); all of them
+                by default.
+        """
+        if self.corner_normals is None:
+            return self.direction[facet][:, None, :]
+        return interpolated_normals(self.corner_normals[facet], places)
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """Return the length of the linear field of normals at nodes, (f, m or 1) [-].
+
+        It is 1 at vertices, and everywhere where normals do not turn.
+        """
+        if self.corner_normals is None:
+            return np.ones((len(self.direction), 1))
+        places = barycentric(nodes(self.here.d - 1, self.here.degree))
+        return np.linalg.norm(np.matmul(places, self.corner_normals), axis=-1)
+
+    @property
+    def normals_at_vertices(self) -> np.ndarray:
+        """Return the unit normals at the vertices of the facets [-], (f, d, d)."""
+        if self.corner_normals is not None:
+            return self.corner_normals
+        d = self.here.d
+        return np.broadcast_to(self.direction[:, None, :], (len(self.direction), d, d))
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Return the unit normals at the nodes of the facets [-], (f, m or 1, d)."""
+        return self.normals_at(nodes(self.here.d - 1, self.here.degree))
 
     def of(self, u: np.ndarray) -> np.ndarray:
         """Return w at the nodes of the facets [length], shape (f, m, d).
@@ -142,15 +211,22 @@ class Trace:
         return here if self.there is None else here & of_nodes[self.partners]
 
     @cached_property
+    def of_before(self) -> np.ndarray:
+        """Return w at the end of the last step [length], shape (f, m, d).
+
+        It is zero without one.
+        """
+        if self.before is None:
+            return np.zeros((*self.here.nodes.shape, self.here.d))
+        return self.of(self.before.x.array)
+
+    @cached_property
     def slip_before(self) -> np.ndarray:
         """Return the tangential part s of w at the end of the last step [length].
 
         It is zero without one. Shape (f, m, d).
         """
-        if self.before is None:
-            return np.zeros((*self.here.nodes.shape, self.here.d))
-        w = self.of(self.before.x.array)
-        _, tangential, _ = split(w, self.direction[:, None, :])
+        _, tangential, _ = split(self.of_before, self.normals)
         return tangential
 
     def since(self, u: np.ndarray) -> np.ndarray:
@@ -248,11 +324,15 @@ class Trace:
 
         That of two bodies is that of two springs in a row. Shape (f,).
         """
-        here = self.here.stiffness
-        if self.there is None:
-            return here
-        there = self.there.stiffness
-        return here * there / (here + there)
+        return _in_a_row(self.here.stiffness, None if self.there is None else self.there.stiffness)
+
+    @cached_property
+    def modulus(self) -> np.ndarray:
+        """Estimate the modulus of the bodies at each facet, (f,) [force/area].
+
+        It is the modulus of two springs in a row.
+        """
+        return _in_a_row(self.here.modulus, None if self.there is None else self.there.modulus)
 
     def share(self, values: np.ndarray) -> np.ndarray:
         """Add up values of owned facets in their cells.
@@ -293,6 +373,11 @@ class Trace:
         # Sides may be apart by a gap; vertices of facing facets are in any order.
         distance = np.linalg.norm(there[:, :, None] - here[:, None], axis=-1)
         return distance.argmin(axis=2)
+
+
+def _in_a_row(here: np.ndarray, there: np.ndarray | None) -> np.ndarray:
+    """Return the stiffness of two springs in a row, or of the first one alone."""
+    return here if there is None else here * there / (here + there)
 
 
 def _about_middle(x: np.ndarray) -> np.ndarray:

@@ -83,7 +83,7 @@ def last_step(solution: Solution) -> LastStep:
         if contact.friction is not None and not solution.method.multiplier:
             nodes = trace.here.nodes
             stuck = _stuck(solution, contact)[nodes]
-            n = contact.direction[:, None, :]
+            n = contact.trace.normals
             normal = (w * n).sum(axis=-1, keepdims=True) * n
             w = np.where(stuck, normal + trace.slip_before, w)
         contacts[contact.name] = contact.facets, contact.sign * w

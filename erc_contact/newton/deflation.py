@@ -98,9 +98,9 @@ def _unit_slips(model: Model) -> list[fem.Function]:
     for axis in np.eye(model.d):
         field = model.function()
         for contact in model.contacts:
-            n = contact.direction
-            along = axis - (n @ axis)[:, None] * n
-            contact.trace.assign(field.x.array, along[:, None, :])
+            n = contact.trace.normals
+            along = axis - (n @ axis)[..., None] * n
+            contact.trace.assign(field.x.array, along)
         fields.append(field)
     return fields
 

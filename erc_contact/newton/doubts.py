@@ -160,7 +160,7 @@ def _of_contact(model: Model, contact: BoundContact, solution: Solution, moved: 
             "0.3) or in degrees (30 are 0.577)."
         )
     w = contact.trace.of(solution.u.x.array)
-    approach = (w * contact.direction[:, None, :]).sum(axis=-1)
+    approach = (w * contact.trace.normals).sum(axis=-1)
     distances = gap_at_nodes(model, contact) - approach
     distance, _ = model.extremes(distances)
     apart = not contact.bilateral and distance > APART * moved

@@ -28,7 +28,7 @@ def across_gap(model: Model) -> fem.Function:
     across = model.function()
     for contact in model.contacts:
         if contact.gap is not None or contact.trace.before is not None:
-            gap = gap_at_nodes(model, contact)[..., None] * contact.direction[:, None, :]
+            gap = gap_at_nodes(model, contact)[..., None] * contact.trace.normals
             contact.trace.assign(across.x.array, gap + contact.trace.slip_before)
     across.x.scatter_forward()
     return across

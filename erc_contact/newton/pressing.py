@@ -19,5 +19,5 @@ def contact_normals(model: Model) -> fem.Function:
     """Return the foundations' normals at the contact nodes, zero elsewhere [-]."""
     normals = model.function()
     for contact in model.contacts:
-        contact.trace.assign(normals.x.array, contact.direction[:, None, :])
+        contact.trace.assign(normals.x.array, contact.trace.normals)
     return normals

@@ -220,7 +220,7 @@ class Solution:
         where = model.contact(contact)
         points = profile_points(model)
         r = profile_traction(model, where, self.traction(where))
-        r_n, _, shear = split(r, where.direction[:, None, :])
+        r_n, _, shear = split(r, where.trace.normals_at(points))
         pressure = -r_n
         parameters = friction_parameters(model, where, points)
         bound = where.friction_bound(np.maximum(pressure, 0.0), parameters)

@@ -55,9 +55,8 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
         panels = panels_of(ax, 3, "plot_contact in 3D")
         bars = [None, None, None]
     points, parts = subdivided(2, MAP_DIVISIONS)
-    shape = bernstein(2, surface.degree, points)
-    pressure = -traction.normal_component @ shape.T
-    shear = np.linalg.norm(np.matmul(shape, traction.tangential_part), axis=-1)
+    pressure, tangential = traction.at_points(points)
+    shear = np.linalg.norm(tangential, axis=-1)
     # Facets are cut into triangles, with points of their own: r^ jumps between facets.
     corners = bernstein(2, 1, points)
     s, t = plane @ np.matmul(corners, surface.x[:, :3]).reshape(-1, 3).T

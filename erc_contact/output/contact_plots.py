@@ -107,7 +107,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
 def contact_curves(surface: Surface, ax: Any = None) -> Any:
     """Draw the axes of :func:`plot_contact` in 2D; on rank 0."""
     traction = surface.traction
-    n = traction.contact.direction
+    n = traction.contact.trace.normals
     status = contact_status(traction)
     s, label = along(surface)
     line = _Line(surface, s)
@@ -122,10 +122,10 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
         bound = line.path(line.curve(traction.friction_bound))
         look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
         axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
-    t = np.column_stack([-n[:, 1], n[:, 0]])
-    direction = words(t[0]) if np.allclose(t, t[0]) else "(-n₂, n₁)"
+    t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
+    direction = words(t[0, 0]) if np.allclose(t, t[0, 0]) else "(-n₂, n₁)"
     pressure = -traction.normal_component
-    shear = np.einsum("fmi,fi->fm", traction.tangential_part, t)
+    shear = (traction.tangential_part * t).sum(axis=-1)
     _draw_traction(axes, line, pressure, PRESSURE, "pressure")
     _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
     axes.axhline(0.0, color="0.4", lw=0.6)

@@ -31,7 +31,7 @@ class Surface:
     """Hold the n facets of a contact on all ranks; on rank 0.
 
     Attributes:
-        traction: r^ on these facets. Of ``traction.contact`` only ``direction`` belongs
+        traction: r^ on these facets. Of ``traction.contact`` only the normals belong
             to them.
         x: Positions of the nodes of each facet [length], shape (n, m, 3).
         vertices: Global numbers of the vertices of each facet, shape (n, d).
@@ -91,7 +91,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     own = contact.trace.here.owned
     gap = gap_at_nodes(model, contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
-    w_n, slip, _ = split(displacement, contact.direction[:, None])
+    w_n, slip, _ = split(displacement, contact.trace.normals)
     nodes = traction.nodes
     # On a foundation this side stands for the other one, which is left out below.
     partners = nodes if contact.against is None else contact.trace.partners
@@ -104,6 +104,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         values=contact.sign * traction.values[own],
         friction_bound=traction.friction_bound[own],
         direction=contact.sign * contact.direction[own],
+        normals=contact.sign * contact.trace.normals_at_vertices[own],
         nodes=model.global_numbers(nodes[own]),
         x=model.V.tabulate_dof_coordinates()[nodes[own]],
         gap=gap[own],
@@ -114,8 +115,10 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     )
     if not parts:
         return None
-    # Of the contact only the direction is that of all ranks.
-    trace = replace(contact.trace, direction=parts["direction"])
+    # Of the contact only the normals are those of all ranks.
+    turns = contact.trace.corner_normals is not None
+    of_corners = parts["normals"] if turns else None
+    trace = replace(contact.trace, direction=parts["direction"], corner_normals=of_corners)
     whole_traction = ContactTraction(
         replace(contact, trace=trace, is_exchanged=False),
         area=parts["area"],

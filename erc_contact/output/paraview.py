@@ -104,7 +104,7 @@ def _contact_grid(surface: Surface) -> Any:
     values = np.matmul(shape, traction.values)
     slip = np.matmul(nodal, surface.slip)
     grid.point_data["traction"] = in_space(values.reshape(-1, d))
-    grid.point_data["pressure"] = (-traction.normal_component @ shape.T).ravel()
+    grid.point_data["pressure"] = traction.at_points(points)[0].ravel()
     grid.point_data["friction_bound"] = (traction.friction_bound @ shape.T).ravel()
     grid.point_data["gap"] = (surface.gap_left @ nodal.T).ravel()
     grid.point_data["slip"] = in_space(slip.reshape(-1, d))

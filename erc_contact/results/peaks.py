@@ -11,7 +11,6 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.maximum import EQUAL_MAXIMA
 from erc_contact.model.profile import profile_points
 from erc_contact.model.stress import von_mises
@@ -32,16 +31,16 @@ def peaks(pair: Admissible) -> dict[str, float]:
     """
     model = pair.model
     volume = pair.cell_geometry.volume[: model.domain.owned_cells]
-    shape = bernstein(model.d - 1, model.degree, profile_points(model))
+    points = profile_points(model)
     # A rank without facets of a contact has empty lists of them.
     pressure = [np.empty(0)]
     shear = [np.empty(0)]
     size = [np.empty(0)]
     for traction in pair.tractions:
         own = traction.contact.trace.here.owned
-        tangential = np.matmul(shape, traction.tangential_part[own])
-        pressure.append((-traction.normal_component[own] @ shape.T).max(axis=1))
-        shear.append(np.linalg.norm(tangential, axis=2).max(axis=1))
+        pressures, tangential = traction.at_points(points)
+        pressure.append(pressures[own].max(axis=1))
+        shear.append(np.linalg.norm(tangential[own], axis=2).max(axis=1))
         size.append(traction.area[own] ** (1 / (model.d - 1)))
     facet_size = np.concatenate(size)
     local = [

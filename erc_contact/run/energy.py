@@ -131,7 +131,7 @@ def _work_on_slip(pair: Admissible, begin: ContactTraction, end: ContactTraction
     slip = trace.since(pair.displacement.x.array)
     slip = np.matmul(lagrange(model.d - 1, model.degree, points), slip)
     t = np.matmul(bernstein(model.d - 1, model.degree, points), 0.5 * (begin.values + end.values))
-    _, t_t, _ = split(t, trace.direction[:, None, :])
+    _, t_t, _ = split(t, trace.normals_at(points))
     own = trace.here.owned
     local = float(end.area[own] @ ((t_t * slip)[own].sum(axis=-1) @ weights))
     return float(model.comm.allreduce(local, MPI.SUM))

@@ -1,0 +1,160 @@
+"""Put the normals of a contact on a mesh: a field that turns along curved facets.
+
+N is linear on each facet, with a unit normal at each vertex. The unit normal of the
+contact is n = N/|N|. With one normal a facet, two facets would forbid a motion along
+two directions at their common vertex, and what slides along a curved side would catch
+like teeth. A point x on a chord of a circle or sphere about the origin is R N, so there
+w.N = 0 for a rotation w = a x x: nothing catches, however coarse the mesh is.
+
+Between bodies a gap g that the scene gives is g |N| on their flat facets. So polygons
+in circles of radii R and R + g have the gap g: their facets are the facets of one
+polygon, moved by g N, and ``w = g N`` closes the gap exactly.
+
+In UFL the field is a discontinuous linear Function of the cells at the contact. A cell
+whose facets lie on both sides of a sharp edge has two such Functions, and the facet's
+own normal tells which of them a facet takes.
+
+Symbols: f facets, d dimension.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.normals import vertex_normals
+from erc_contact.model.space import Space
+
+SAME_NORMAL = 1e-9
+"""Difference of two unit normals that counts as none [-]."""
+
+
+def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Find the unit normals of a side at the vertices of its facets; collective.
+
+    They are normals of the true surface where that is known.
+
+    Args:
+        space: The mesh.
+        facets: Facets (cell, local facet), ghosts included, shape (f, 2).
+        corners: Their vertices [length], shape (f, d, d).
+
+    Returns:
+        Shape (f, d, d): facet, vertex, component. Those of ghosts may be of a smaller
+        side.
+    """
+    own = space.outward_normals(facets)
+    vertices = space.facet_nodes(facets)[:, : space.d]
+    estimated = vertex_normals(space.comm, corners, vertices, own)
+    true = space.domain.true_normals(facets, corners)
+    outward = np.where(np.einsum("fid,fd->fi", true, own) < 0, -1.0, 1.0)[..., None] * true
+    return np.where(np.isnan(outward), estimated, outward)
+
+
+def turns(comm: MPI.Comm, of_corners: np.ndarray) -> bool:
+    """Tell whether normals at vertices turn along any facet; collective."""
+    change = abs(of_corners - of_corners[:, :1]).max(initial=0.0)
+    return bool(comm.allreduce(float(change), MPI.MAX) > SAME_NORMAL)
+
+
+def normal_field(
+    space: Space, facets: np.ndarray, of_corners: np.ndarray
+) -> tuple[Ufl, np.ndarray]:
+    """Make the field of normals of a contact; collective.
+
+    Args:
+        space: The mesh.
+        facets: Facets (cell, local facet), ghosts included, shape (f, 2).
+        of_corners: Unit normals at their vertices, shape (f, d, d). Those of facets
+            that this rank owns count.
+
+    Returns:
+        The field N as UFL, and the normals at the vertices of all facets.
+    """
+    owned = space.owned(facets)
+    slot = _slots(space, facets, of_corners)
+    count = space.comm.allreduce(int(slot[owned].max(initial=0)) + 1, MPI.MAX)
+    fields = []
+    for number in range(count):
+        field = space.domain.function("DG", 1, (space.d,))
+        chosen = owned & (slot == number)
+        field.x.array.reshape(-1, space.d)[_dofs(space, field, facets[chosen])] = of_corners[chosen]
+        field.x.scatter_forward()
+        fields.append(field)
+    selectors = [_selector(space, facets, owned, slot, number) for number in range(count - 1)]
+    result = fields[-1]
+    for field, selector in zip(fields[-2::-1], selectors[::-1], strict=True):
+        result = ufl.conditional(ufl.ge(ufl.dot(space.n, selector), 0), field, result)
+    return result, _of_all_facets(space, facets, fields, selectors)
+
+
+def _dofs(space: Space, field: fem.Function, facets: np.ndarray) -> np.ndarray:
+    """Return the block degrees of freedom of a DG1 Function at vertices, (f, d)."""
+    of_cells = field.function_space.dofmap.list[facets[:, 0]]
+    return np.take_along_axis(of_cells, space.local_vertices(facets), axis=1)
+
+
+def _slots(space: Space, facets: np.ndarray, of_corners: np.ndarray) -> np.ndarray:
+    """Number the Function that each facet takes in its cell, shape (f,).
+
+    Facets of a cell share a Function unless they have different normals at a vertex.
+    """
+    d = space.d
+    slot = np.zeros(len(facets), dtype=int)
+    order = np.argsort(facets[:, 0], kind="stable")
+    cells, first, counts = np.unique(facets[order, 0], return_index=True, return_counts=True)
+    vertices = space.local_vertices(facets)
+    # Normals that are taken so far: Function, cell, vertex, component.
+    taken = np.full((d + 1, len(cells), d + 1, d), np.nan)
+    for turn in range(int(counts.max(initial=0))):
+        row = np.flatnonzero(counts > turn)
+        facet = order[first[row] + turn]
+        at = (row[:, None], vertices[facet])
+        differs = []
+        for of_slot in taken:
+            # nan, a vertex that is free, differs from nothing.
+            differs.append((abs(of_slot[at] - of_corners[facet]) > SAME_NORMAL).any(axis=(1, 2)))
+        slot[facet] = np.argmin(differs, axis=0)
+        taken[slot[facet][:, None], *at] = of_corners[facet]
+    return slot
+
+
+def _selector(
+    space: Space, facets: np.ndarray, owned: np.ndarray, slot: np.ndarray, number: int
+) -> fem.Function:
+    """Make a vector of each cell that tells which Function a facet takes.
+
+    Its product with the normal of a facet is negative on facets that take a later
+    Function than ``number``. It is zero in cells that have none of them.
+    """
+    d = space.d
+    sums = np.zeros((2, len(space.nodes), d))
+    counts = np.zeros((2, len(space.nodes), 1))
+    own = space.outward_normals(facets)
+    for place, chosen in enumerate((owned & (slot <= number), owned & (slot > number))):
+        np.add.at(sums[place], facets[chosen, 0], own[chosen])
+        np.add.at(counts[place], facets[chosen, 0], 1.0)
+    here, later = sums / np.maximum(counts, 1.0)
+    selector = space.domain.function("DG", 0, (d,))
+    both = (counts > 0).all(axis=0)
+    selector.x.array.reshape(-1, d)[:] = np.where(both, here - later, 0.0)
+    selector.x.scatter_forward()
+    return selector
+
+
+def _of_all_facets(
+    space: Space, facets: np.ndarray, fields: list[fem.Function], selectors: list[fem.Function]
+) -> np.ndarray:
+    """Return the normals at the vertices of all facets, ghosts included, (f, d, d)."""
+    d = space.d
+    own = space.outward_normals(facets)
+    slot = np.zeros(len(facets), dtype=int)
+    for number, selector in enumerate(selectors):
+        along = np.einsum("fd,fd->f", own, selector.x.array.reshape(-1, d)[facets[:, 0]])
+        slot = np.where((slot == number) & (along < 0), number + 1, slot)
+    dofs = _dofs(space, fields[0], facets)
+    values = np.array([field.x.array.reshape(-1, d)[dofs] for field in fields])
+    return values[slot, np.arange(len(facets))]
