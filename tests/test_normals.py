@@ -12,12 +12,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
+from reference import nested, true_errors
 
 import erc_contact as ec
 from erc_contact.mesh.normals import vertex_normals
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, outward_normals, rule
+from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
+from erc_contact.model.normals import normal_field
 from erc_contact.model.trace import interpolated_normals
 from erc_contact.model.turning import Turning
 
@@ -176,7 +180,7 @@ def test_a_fit_that_slides_is_certified_like_one_at_rest():
         solution = ec.solve(sliding(2, (0.0, 0.0, spin)), domain, degree=2)
         error = ec.constitutive_error(ec.equilibrate(solution))
         relative.append(error.absolute)
-    assert relative[1] == pytest.approx(relative[0], rel=1e-6)
+    assert relative[1] == pytest.approx(relative[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1])
@@ -205,22 +209,52 @@ def test_pairs_are_admissible_at_random_points(shape, degree, friction):
     size = abs(r).max(initial=0.0)
     assert r_n.max(initial=0.0) <= 1e-13 * size
     assert (shear + friction * r_n).max(initial=-1.0) <= 1e-12 * size
-    assert (w * normals).sum(axis=-1).max(initial=-1.0) <= -DELTA + 1e-12
+    length = np.linalg.norm(field, axis=-1)
+    assert ((w * normals).sum(axis=-1) + DELTA * length).max(initial=-1.0) <= 1e-12
     # Round trip: the traction is in equilibrium on the other body, too.
     error = ec.constitutive_error(pair)
     assert np.allclose(error.force("rim").force, -error.force("bore").force, atol=1e-9 * size)
 
 
+def radial(x):
+    """Return the unit vector from the axis, UFL."""
+    radius = ufl.sqrt(x[0] ** 2 + x[1] ** 2)
+    return (x[0] / radius, x[1] / radius)
+
+
 @pytest.mark.serial
-@pytest.mark.parametrize("friction", [0.0, 0.1])
-def test_e_bounds_both_errors(friction):
-    coarse = fit(rings, 2, 5.0, known=False)
-    scene = sliding(2, (0.0, 0.0, 0.003), 0.0, friction)
-    for degree in (1, 2):
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, coarse, degree=degree)))
-        fine = coarse.refined().refined().refined()
-        del fine
-        assert error.relative < (0.2 if degree == 1 else 0.05)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("law", [0.0, ec.Tresca(0.4)], ids=["none", "given"])
+def test_e_bounds_both_errors(law, degree):
+    """On a foundation with a given normal: finer meshes of the polygon have the same one."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    occ = gmsh.model.occ
+    occ.cut([(2, occ.addDisk(0, 0, 0, INNER, INNER))], [(2, occ.addDisk(1, 0, 0, CORE, CORE))])
+    occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [1], name="disc")
+    for _, curve in gmsh.model.getEntities(1):
+        is_outer = gmsh.model.getBoundingBox(1, curve)[3] > INNER - 1
+        gmsh.model.addPhysicalGroup(1, [curve], name="rim" if is_outer else "core")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 4.0)
+    gmsh.option.setNumber("Mesh.MeshSizeMin", 4.0)
+    drawn = ec.from_gmsh(gmsh.model)
+    gmsh.finalize()
+    coarse = ec.Domain(drawn.mesh, drawn.facet_tags, drawn.names)
+    scene = ec.Scene(
+        ec.Elastic(E, NU),
+        supports=[ec.Displacement("core", moved(2, np.array((0.0, 0.0, 0.01)), 0.0))],
+        contacts=ec.Contact(
+            "rim", friction=law, normal=radial, gap=lambda x: -0.03 * (1 + x[1] / 20)
+        ),
+    )
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, coarse, degree=degree)))
+    assert error.model.contacts[0].trace.corner_normals is not None
+    fine = ec.solve(scene, nested(coarse, 3), degree=2)
+    true = true_errors(error.admissible, fine)
+    assert true.both <= error.absolute + error.oscillation
+    assert error.absolute < 2.0 * true.both
 
 
 @pytest.mark.serial
@@ -234,21 +268,29 @@ def test_the_error_of_a_sliding_fit_falls_at_the_rate(degree):
         relative.append(error.relative)
         domain = domain.refined()
     rates = np.log2(np.array(relative[:-1]) / relative[1:])
-    assert rates.min() > (0.85 if degree == 1 else 1.6)
+    assert rates[-1] > (0.9 if degree == 1 else 1.4)
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_methods_press_alike_from_facet_to_facet(degree):
-    domain = fit(rings, 2, 4.0)
-    scene = sliding(2, (0.0, 0.0, 0.01), 0.0, 0.2)
-    peaks = []
-    for method in (ec.Nitsche(), ec.AugmentedLagrangian()):
-        pressure = ec.solve(scene, domain, method, degree=degree).profile("rim")["pressure"]
-        # The exact pressure is the same all around.
-        assert np.ptp(pressure) < 0.15 * pressure.mean()
-        peaks.append(pressure.mean())
-    assert peaks[0] == pytest.approx(peaks[1], rel=0.01)
+    domain = fit(rings, 2, 2.0)
+    for friction in (0.0, 0.2):
+        profiles = []
+        for method in (ec.Nitsche(), ec.AugmentedLagrangian()):
+            solution = ec.solve(
+                sliding(2, (0.0, 0.0, 0.01), 0.0, friction), domain, method, degree=degree
+            )
+            error = ec.constitutive_error(ec.equilibrate(solution))
+            for profile in (solution.profile("rim"), error.profile("rim")):
+                profiles.append(profile["pressure"])
+                weight = profile["weight"] / profile["weight"].sum()
+                mean = weight @ profile["pressure"]
+                # The exact pressure is the same all around.
+                spread = np.sqrt(weight @ (profile["pressure"] - mean) ** 2)
+                assert spread < error.relative * mean
+        distance = np.sqrt(weight @ (profiles[0] - profiles[2]) ** 2)
+        assert distance < error.relative * mean
 
 
 @pytest.mark.serial
@@ -312,45 +354,23 @@ def test_sharp_edges_keep_a_normal_on_each_side():
 
 @pytest.mark.serial
 def test_cells_at_a_sharp_edge_have_both_normals():
-    """Each corner of a cube in a cube is a cell with two or three sides of the contact."""
-    gmsh = pytest.importorskip("gmsh")
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    occ = gmsh.model.occ
-    inner = occ.addBox(-1, -1, -1, 2, 2, 2)
-    outer = occ.addSphere(0, 0, 0, 3)
-    occ.fragment([(3, inner)], [(3, outer)])
-    occ.synchronize()
-    by_size = sorted(gmsh.model.getEntities(3), key=lambda body: occ.getMass(*body))
-    for name, (_, body) in zip(("core", "shell"), by_size, strict=True):
-        gmsh.model.addPhysicalGroup(3, [body], name=name)
-    gmsh.model.addPhysicalGroup(2, [gmsh.model.getBoundary([by_size[1]])[0][1]], name="outside")
-    gmsh.option.setNumber("Mesh.MeshSizeMin", 1.4)
-    domain = ec.from_gmsh(gmsh.model)
-    gmsh.finalize()
-    domain = domain.split({"in": "core", "out": "shell"})
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3),
-        [ec.Displacement("outside", (0.0, 0.0, 0.0))],
-        contacts=ec.Contact("in", against="out", friction=0.3, gap=-0.01),
-    )
+    """A cell at the edge of a cube has facets on two or three of its sides."""
+    domain = ec.box((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.0, 0.0, 0.0))])
     model = Model(scene, domain, 1, None)
-    (contact,) = model.contacts
-    assert contact.trace.corner_normals is None
-    # A curved side beside sharp edges: the field has both normals in each cell.
-    facets = contact.facets
+    facets = np.concatenate([domain.facets(name) for name in domain.names])
+    sides_of_cell = np.bincount(facets[:, 0])
+    assert sides_of_cell.max() >= 2
+    # Each side bulges a little.
     own = model.outward_normals(facets)
-    tilted = own[:, None] + 0.05 * contact.trace.here.corners * (1 - abs(own[:, None]))
+    tilted = own[:, None] + 0.05 * model.facet_corners(facets) * (1 - abs(own[:, None]))
     tilted /= np.linalg.norm(tilted, axis=-1)[..., None]
-    from erc_contact.model.expressions import evaluate
-    from erc_contact.model.normals import normal_field
-
-    assert len(np.unique(facets[:, 0])) < len(facets)
     normal, of_corners = normal_field(model, facets, tilted)
     assert abs(of_corners - tilted).max() < 1e-15
     points, _ = rule(2, 4)
     expected = interpolated_normals(tilted, barycentric(points))
-    assert abs(evaluate(normal, domain.mesh, points, facets) - expected).max() < 1e-13
+    field = evaluate(normal, domain.mesh, points, facets)
+    assert abs(field / np.linalg.norm(field, axis=-1)[..., None] - expected).max() < 1e-13
 
 
 @pytest.mark.serial

@@ -26,7 +26,7 @@ from erc_contact.admissible.balance_parts import (
     spring_give,
 )
 from erc_contact.admissible.nearest import Part
-from erc_contact.admissible.sampled import lowering
+from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
 from erc_contact.base.exceptions import NotHeldError
@@ -64,7 +64,7 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     """
     if solution.at_rest:
         return [_no_traction(model, contact) for contact in model.contacts]
-    trials = [trial_of(model, contact, solution) for contact in model.contacts]
+    trials = [_trial(model, contact, solution) for contact in model.contacts]
     if not any(contact.sampled for contact in model.contacts):
         return _limited(model, trials, others, levels=False)
     try:
@@ -72,6 +72,19 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     except NotHeldError:
         # On a coarse mesh level pressures may leave too little to balance with.
         return _limited(model, trials, others, levels=False)
+
+
+def _trial(model: Model, contact: BoundContact, solution: Any) -> Trial:
+    """Return the traction of the method, not yet limited; collective.
+
+    Where normals turn and all of a contact sticks, or is open, any polynomial of degree
+    k may be allowed: also a constant stress, whose traction does not turn.
+    """
+    if contact.trace.corner_normals is not None and contact.friction is not None:
+        trial = trial_of(model, contact, solution, turned=False)
+        if is_inside(model, trial.contact_traction(trial.best)):
+            return replace(trial, otherwise=trial_of(model, contact, solution))
+    return trial_of(model, contact, solution)
 
 
 def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
@@ -93,6 +106,14 @@ def _limited(
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(model, trials, others)
         tractions = _contact_tractions(trials, values)
+        outside = [
+            trial.otherwise is not None and not is_inside(model, traction)
+            for trial, traction in zip(trials, tractions, strict=True)
+        ]
+        if any(outside):
+            # The balance has moved them to where only turned tractions are allowed.
+            trials = [trial.turned(out) for trial, out in zip(trials, outside, strict=True)]
+            continue
         changes = []
         is_changed = False
         for trial, r, traction in zip(trials, values, tractions, strict=True):

@@ -20,6 +20,8 @@ from erc_contact.model.space import Space
 
 MARGIN = 0.2
 """Share of the sampled deviation that is added for those between samples [-]."""
+ROOM = 0.02
+"""Share of the bound, and of the traction, that is enough room between samples [-]."""
 ROUND_OFF_SHARE = 1e-14
 """Excess over the bound that is round-off, over the greatest friction [-]."""
 
@@ -35,6 +37,21 @@ def friction_at_samples(space: Space, traction: ContactTraction) -> tuple[np.nda
     pressure, tangential = traction.at_points(points)
     bound = traction.contact.friction_bound(np.maximum(pressure, 0.0), parameters)
     return bound, np.linalg.norm(tangential, axis=-1)
+
+
+def is_inside(space: Space, traction: ContactTraction) -> bool:
+    """Tell whether r^ lies inside the cone at all samples, with room; collective.
+
+    The room is for what is between the samples. No pressure with no friction is inside.
+    """
+    pressure, tangential = traction.at_points(space.facet_samples)
+    bound, used = friction_at_samples(space, traction)
+    size = np.maximum(pressure.max(axis=1), np.linalg.norm(tangential, axis=-1).max(axis=1))
+    peak = space.comm.allreduce(float(size.max(initial=0.0)), MPI.MAX)
+    acts = size > ROUND_OFF_SHARE * peak
+    presses = pressure.min(axis=1) > ROOM * size
+    holds = (used <= (1 - ROOM) * bound).all(axis=1)
+    return bool(space.comm.allreduce(bool((~acts | (presses & holds)).all()), MPI.LAND))
 
 
 def lowering(space: Space, traction: ContactTraction) -> np.ndarray:

@@ -136,7 +136,12 @@ def shift_by_slip(
 
 
 def shift_of_far_open(
-    space: Space, contact: BoundContact, shift: Shift, u: np.ndarray, r: np.ndarray
+    space: Space,
+    contact: BoundContact,
+    shift: Shift,
+    u: np.ndarray,
+    r: np.ndarray,
+    turning: Turning | None,
 ) -> np.ndarray:
     """Compute a shift by opening on facets that are far open; collective.
 
@@ -148,7 +153,8 @@ def shift_of_far_open(
         contact: The contact.
         shift: Its shift, with the gap of the nodes.
         u: As in :func:`shift_by_slip`.
-        r: Tractions about the middle normals [force/area], shape (f, m, d).
+        r: Tractions [force/area], shape (f, m, d).
+        turning: How they turn with the normals, or None.
 
     Returns:
         The shift, shape (f, m, d).
@@ -171,7 +177,7 @@ def shift_of_far_open(
     normals = contact.trace.normals_at_places(barycentric(points), far)
     w_n = (np.matmul(shape, u[far]) * normals).sum(axis=-1)
     opening = np.maximum(gap - w_n, 0.0)
-    degree = space.degree if contact.trace.corner_normals is None else space.degree - 1
+    degree = space.degree if turning is None else turning.degree
     average = averages(space.d - 1, degree, points, weights)
     opening = contact.trace.stiffness[far, None] * opening @ average.T
     opening[opening.mean(axis=1) <= limit[far]] = 0.0

@@ -48,6 +48,8 @@ class Trial:
         is_kinked: Whether the normals jump. A polygon that slides along another one
             presses on one end of each facet, and a projection would change resultants.
         turning: How tractions turn with the normals, or None.
+        otherwise: The trial that takes the place of this one if the law does not allow
+            a traction that does not turn, or None.
     """
 
     best: np.ndarray
@@ -57,6 +59,11 @@ class Trial:
     level: np.ndarray
     is_kinked: bool
     turning: Turning | None
+    otherwise: Trial | None = None
+
+    def turned(self, outside: bool) -> Trial:
+        """Return the trial whose traction turns, if it is needed."""
+        return self.otherwise if outside and self.otherwise is not None else self
 
     @property
     def contact(self) -> BoundContact:
@@ -159,9 +166,18 @@ class Trial:
         return contact_traction(self.allowed.space, self.contact, values)
 
 
-def trial_of(space: Space, contact: BoundContact, solution: Any) -> Trial:
-    """Return the traction of the method on a contact, not yet limited; collective."""
-    turning = turning_of(contact.trace)
+def trial_of(space: Space, contact: BoundContact, solution: Any, *, turned: bool = True) -> Trial:
+    """Return the traction of the method on a contact, not yet limited; collective.
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        solution: The solution of the contact problem.
+        turned: Whether the traction turns with normals that turn. Otherwise its
+            coefficients are about the middle normals, and whether the law allows it is
+            to be seen.
+    """
+    turning = turning_of(contact.trace) if turned else None
     degree = space.degree if turning is None else turning.degree
     points, weights = rule(space.d - 1, space.contact_degree)
     project = projection(space.d - 1, degree, points, weights)
@@ -175,7 +191,7 @@ def trial_of(space: Space, contact: BoundContact, solution: Any) -> Trial:
     else:
         values = turning.nearest(sampled, points, weights, project)
         means = turning.nearest(sampled, points, weights, average)
-    opens = shift_of_far_open(space, contact, shift, since_last_step, values)
+    opens = shift_of_far_open(space, contact, shift, since_last_step, values, turning)
     count = len(contact.facets)
     return Trial(
         best=values + opens,
