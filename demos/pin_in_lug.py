@@ -24,9 +24,7 @@ Without clearance the angle is 84.8 degrees, under any pull. The lug here is lar
 pin is held at its core. Lengths are in mm, stresses in MPa.
 
 The hole slides along the pin as it takes its oval shape. The facets of both are flat,
-and where a facet slides past a corner of the other polygon the pressure is a saw tooth.
-It does not get smaller with the elements, only narrower, so the mean of each facet is
-what to look at. Degree 2 and Nitsche's method, the default, do well here.
+but the normals of the contact turn along them as on the circle, so nothing catches.
 """
 
 from pathlib import Path
@@ -92,7 +90,7 @@ def lug():
 
 
 def pulled(domain, clearance):
-    """The lug after its end has moved, to a certified 3%."""
+    """The lug after its end has moved, to a certified 1%."""
 
     def gap(x):
         return clearance * (1 - x[0] / R)
@@ -104,7 +102,7 @@ def pulled(domain, clearance):
     ]
     contact = ec.Contact("rim", gap=gap, against="hole")
     scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=contact)
-    return ec.adapt(scene, domain, accuracy=0.03, degree=2, strategy=ec.SizeMap())
+    return ec.adapt(scene, domain, accuracy=0.01, degree=2, strategy=ec.SizeMap())
 
 
 ec.log_to_console()
@@ -196,13 +194,13 @@ if domain.comm.rank == 0:
     figure.savefig(FOLDER / "persson.png", dpi=150)
 
 # %%
-# What must hold, by a certified 3%: the angle within 5% of Persson's, the pressure
-# inside within 3%; both sides carry the pull; the smaller the clearance the wider the
+# What must hold, by a certified 1%: the angle within 5% of Persson's, the pressure
+# inside within 2%; both sides carry the pull; the smaller the clearance the wider the
 # contact.
 
 assert all(run.reached for run in runs)
 assert np.all(abs(angles / exact - 1) < 0.05)
-assert np.all(abs(np.array(computed) / expected - 1) < 0.03)
+assert np.all(abs(np.array(computed) / expected - 1) < 0.02)
 assert np.all(np.diff(angles) < 0.0)
 moved = [2 * run.reactions()["pulled"].force[0] for run in runs]
 of_hole = [2 * run.force("hole").force[0] for run in runs]

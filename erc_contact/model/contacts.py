@@ -17,7 +17,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
-from erc_contact.model.normals import normal_field, normals_of_side, turns
+from erc_contact.model.normals import gap_vectors, normal_field, normals_of_side, turns
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, Trace
 from erc_contact.model.users import call_of_user, scalar
@@ -59,11 +59,12 @@ def bind_contact(
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, of_corners, given_normal = _normal(space, contact, here, surface, sign)
+    of_gap = None
     if of_corners is not None:
-        length = ufl.sqrt(ufl.dot(normal, normal))
-        normal = normal / length
+        normal = normal / ufl.sqrt(ufl.dot(normal, normal))
         if gap is not None and contact.normal is None:
-            gap = length * gap
+            field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
+            gap = ufl.sqrt(ufl.dot(field, field)) * gap
     friction = _friction(space, contact, facets)
     stiffness = None
     if contact.foundation is not None:
@@ -90,6 +91,7 @@ def bind_contact(
         bilateral=contact.bilateral,
         stiffness=stiffness,
         lost=lost,
+        gap_vectors=of_gap,
     )
 
 

@@ -44,7 +44,7 @@ class BoundContact:
             it does not vary.
         friction: Friction law, or None without friction.
         gap: Gap [length], UFL; None where it is zero. On facets of two bodies along
-            which normals turn it is g |N|, see :mod:`erc_contact.model.normals`.
+            which normals turn it is g |M|, see :mod:`erc_contact.model.normals`.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
         stiffness: k of a compliant foundation [force/length^3], UFL; None for a rigid
@@ -58,6 +58,8 @@ class BoundContact:
             tells the jump from the rest; None where it need not.
         gap_share: Factor of the gap in the equations of a solver [-], UFL; None outside
             a solver.
+        gap_vectors: M at the vertices of the facets [-], shape (f, d, d); None where
+            the gap is what the scene gives.
     """
 
     name: str
@@ -76,6 +78,7 @@ class BoundContact:
     variable: tuple[fem.Function, fem.Function] | None = None
     test_jump: fem.Constant | None = None
     gap_share: Ufl | None = None
+    gap_vectors: np.ndarray | None = None
 
     @property
     def title(self) -> str:
@@ -123,10 +126,10 @@ class BoundContact:
 
     @property
     def gap_lengths(self) -> np.ndarray:
-        """Return the factor |N| of the gap at the nodes of facets, (f, m or 1) [-]."""
-        if self.given_normal is not None:
+        """Return the factor |M| of the gap at the nodes of facets, (f, m or 1) [-]."""
+        if self.gap_vectors is None:
             return np.ones((len(self.facets), 1))
-        return self.trace.lengths
+        return np.linalg.norm(np.matmul(self.trace.here.shares_of_nodes, self.gap_vectors), axis=-1)
 
     @property
     def sampled(self) -> bool:

@@ -6,9 +6,10 @@ two directions at their common vertex, and what slides along a curved side would
 like teeth. A point x on a chord of a circle or sphere about the origin is R N, so there
 w.N = 0 for a rotation w = a x x: nothing catches, however coarse the mesh is.
 
-Between bodies a gap g that the scene gives is g |N| on their flat facets. So polygons
-in circles of radii R and R + g have the gap g: their facets are the facets of one
-polygon, moved by g N, and ``w = g N`` closes the gap exactly.
+Between bodies a gap g that the scene gives is g |M| on their flat facets. M is linear,
+too, along N at the vertices, and as long there as makes the mean of |M| on the facets
+about 1. So ``w = g M`` closes the gap exactly, as the facets of polygons in two circles
+do, and the mean gap is g.
 
 In UFL the field is a discontinuous linear Function of the cells at the contact. A cell
 whose facets lie on both sides of a sharp edge has two such Functions, and the facet's
@@ -26,10 +27,14 @@ from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.normals import vertex_normals
+from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.space import Space
+from erc_contact.model.trace import Side
 
 SAME_NORMAL = 1e-9
 """Difference of two unit normals that counts as none [-]."""
+LENGTH_DEGREE = 8
+"""Quadrature degree of the mean of |N| on a facet."""
 
 
 def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -89,6 +94,22 @@ def normal_field(
     for field, selector in zip(fields[-2::-1], selectors[::-1], strict=True):
         result = ufl.conditional(ufl.ge(ufl.dot(space.n, selector), 0), field, result)
     return result, _of_all_facets(space, facets, fields, selectors)
+
+
+def gap_vectors(space: Space, side: Side, of_corners: np.ndarray) -> np.ndarray:
+    """Return M at the vertices of facets, shape (f, d, d) [-].
+
+    The factor of a normal is the mean of those of the facets around the vertex. It is
+    right on facets that this rank owns.
+    """
+    points, weights = rule(space.d - 1, LENGTH_DEGREE)
+    lengths = np.linalg.norm(np.matmul(barycentric(points), of_corners), axis=-1) @ weights
+    area = np.zeros((2, space.node_count))
+    vertices = side.nodes[:, : space.d]
+    for total, factor in zip(area, (1.0, 1 / lengths), strict=True):
+        np.add.at(total, vertices, (side.areas * factor)[:, None])
+    factors = np.divide(area[1], area[0], out=np.ones(space.node_count), where=area[0] > 0)
+    return factors[vertices][..., None] * of_corners
 
 
 def _dofs(space: Space, field: fem.Function, facets: np.ndarray) -> np.ndarray:

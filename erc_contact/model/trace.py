@@ -112,6 +112,11 @@ class Side:
         return self.modulus / diameters
 
     @property
+    def shares_of_nodes(self) -> np.ndarray:
+        """Return barycentric coordinates of the nodes of a facet, shape (m, d)."""
+        return barycentric(nodes(self.d - 1, self.degree))
+
+    @property
     def places(self) -> np.ndarray:
         """Return the positions of the nodes of each facet [length], shape (f, m, d)."""
         return self.corners[:, node_vertices(self.d - 1, self.degree)].mean(axis=2)
@@ -164,17 +169,6 @@ class Trace:
             return self.direction[facet][:, None, :]
         return interpolated_normals(self.corner_normals[facet], places)
 
-    @cached_property
-    def lengths(self) -> np.ndarray:
-        """Return the length of the linear field of normals at nodes, (f, m or 1) [-].
-
-        It is 1 at vertices, and everywhere where normals do not turn.
-        """
-        if self.corner_normals is None:
-            return np.ones((len(self.direction), 1))
-        places = barycentric(nodes(self.here.d - 1, self.here.degree))
-        return np.linalg.norm(np.matmul(places, self.corner_normals), axis=-1)
-
     @property
     def normals_at_vertices(self) -> np.ndarray:
         """Return the unit normals at the vertices of the facets [-], (f, d, d)."""
@@ -186,7 +180,7 @@ class Trace:
     @cached_property
     def normals(self) -> np.ndarray:
         """Return the unit normals at the nodes of the facets [-], (f, m or 1, d)."""
-        return self.normals_at(nodes(self.here.d - 1, self.here.degree))
+        return self.normals_at_places(self.here.shares_of_nodes)
 
     def of(self, u: np.ndarray) -> np.ndarray:
         """Return w at the nodes of the facets [length], shape (f, m, d).
