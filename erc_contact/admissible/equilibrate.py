@@ -27,6 +27,7 @@ from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.imbalance import Given, proved_imbalance
 from erc_contact.admissible.loads import cell_forces
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.pair import Admissible
@@ -145,7 +146,7 @@ def _made(
     cells, force = data.cells, data.force
     model = data.solution.model
     owned = model.domain.owned_cells
-    hat, tractions, balanced, moment = _before_tightening(data, others)
+    hat, tractions, balanced, boundary, moment = _before_tightening(data, others)
 
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
@@ -168,6 +169,8 @@ def _made(
     sigma = macro_stress(cells, owned, balanced.stress, forces, force)
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
+    given = Given(force, boundary, data.fixed)
+    imbalance = proved_imbalance(model, cells, sigma, moment, forces, given)
     of_springs = []
     if model.springs:
         of_springs = chosen_tractions(model, data.loads, moment)
@@ -183,6 +186,7 @@ def _made(
         force,
         iterations,
         correction,
+        imbalance,
         0.0,
     )
     return pair, balanced, bulk
@@ -190,14 +194,15 @@ def _made(
 
 def _before_tightening(
     data: _Data, others: OtherForces
-) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray]:
+) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
     The arguments are those of :func:`_made`.
 
     Returns:
-        u^; r^ on each contact; the rebalanced stress; moments of facet tractions that
-        balance every cell [force], shape (facets, m, d).
+        u^; r^ on each contact; the rebalanced stress; moments of the tractions that are
+        given on the boundary [force], shape (facets, m, d); moments of facet tractions
+        that balance every cell, likewise.
     """
     solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
@@ -226,4 +231,4 @@ def _before_tightening(
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, balanced.stress, force, boundary, fixed, complete)
-    return hat, tractions, balanced, moment
+    return hat, tractions, balanced, boundary, moment
