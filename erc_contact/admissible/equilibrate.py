@@ -170,7 +170,8 @@ def _made(
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
     given = Given(force, boundary, data.fixed)
-    imbalance = proved_imbalance(model, cells, sigma, moment, forces, given)
+    u = data.solution.u
+    imbalance = proved_imbalance(model, cells, u, sigma, moment, forces, given)
     of_springs = []
     if model.springs:
         of_springs = chosen_tractions(model, data.loads, moment)

@@ -20,7 +20,8 @@ They are compared with the greatest force that the stress of the same body has o
 facet, ``max |sigma^| |F|``. This is the size of what cancels in each of them, and also
 of the nodal forces that are balanced before: round-off is a multiple of it, in any
 units, with tiny loads as with large ones, and for each body alone. Where nothing is
-loaded, sigma^ is zero, and so must be what is missing.
+loaded, sigma^ is zero, and so must be what is missing. Where a body moves far, its
+stress may be less than the last digit of ``C eps(u)``: then that is the size.
 
 Symbols: d dimension, k degree, n cells, m coefficients of a facet, N_k those of a cell,
 s Mandel components.
@@ -32,9 +33,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from dolfinx import la
+from dolfinx import fem, la
 
 from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.reference import named_nodes
@@ -52,6 +54,10 @@ stress, where no digit that is shown sees it.
 """
 GOLDEN = 0.6180339887498949
 """Weights of the nodes of a facet are the fractional parts of its multiples [-]."""
+
+
+Found = tuple[str, np.ndarray, np.ndarray]
+"""In words, where forces are missing; the forces [force], and the cell of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +80,7 @@ class Given:
 def proved_imbalance(
     model: Model,
     cells: CellGeometry,
+    u: fem.Function,
     stress: np.ndarray,
     moment: np.ndarray,
     forces: np.ndarray,
@@ -84,6 +91,7 @@ def proved_imbalance(
     Args:
         model: The scene on a mesh.
         cells: Geometry, n cells.
+        u: The displacement [length].
         stress: sigma^ of the owned cells [force/area], shape (owned, d+1, N_k, s).
         moment: Moments of the facet tractions [force], shape (facets, m, d).
         forces: ``|F| t`` on the facets of the owned cells [force], shape (owned, d+1,
@@ -94,34 +102,47 @@ def proved_imbalance(
         NotBalanced: If it is more than round-off.
     """
     missing, size = _of_cells(cells, stress, forces, given.force)
-    body, count = model.bodies
-    body_of_cell = body[cells.nodes[:, 0]]
-    greatest = np.zeros(count)
-    np.maximum.at(greatest, body_of_cell[: len(size)], size)
-    greatest = np.max(model.comm.allgather(greatest), axis=0)
-
+    greatest = _by_body(model, cells, size)
     of_boundary = _of_boundary(model, cells, moment, given)
     found = [("in a cell", missing, np.arange(len(size))), ("on the boundary", *of_boundary)]
     if model.comm.size > 1:
         found.append(("between two ranks", *_between_ranks(model, cells, moment)))
+    for face in model.loose_faces:
+        found.append(_of_face(model, cells, face, moment))
+    worst = _worst(model, cells, found, greatest)
+    if worst.ratio > UNBALANCED:
+        digits = strain_digits(cells, u, len(size)) * greatest_moduli(model, cells, len(size))
+        of_digits = _by_body(model, cells, digits * _greatest_areas(cells, len(size)))
+        worst = _worst(model, cells, found, np.maximum(greatest, of_digits / UNBALANCED))
+    if worst.ratio > UNBALANCED:
+        raise NotBalanced(str(worst))
+    return worst.ratio
+
+
+def _by_body(model: Model, cells: CellGeometry, forces: np.ndarray) -> np.ndarray:
+    """Return the greatest of some forces of owned cells in each body; collective."""
+    body, count = model.bodies
+    greatest = np.zeros(count)
+    np.maximum.at(greatest, body[cells.nodes[: len(forces), 0]], forces)
+    return np.asarray(np.max(model.comm.allgather(greatest), axis=0))
+
+
+def _greatest_areas(cells: CellGeometry, count: int) -> np.ndarray:
+    """Return the area of the greatest facet of each cell, shape (count,)."""
+    return np.asarray(np.linalg.norm(cells.area[:count], axis=2).max(axis=1, initial=0.0))
+
+
+def _worst(model: Model, cells: CellGeometry, found: list[Found], scales: np.ndarray) -> _Worst:
+    """Return the greatest missing force in the scale of its body; collective."""
+    body, _ = model.bodies
     worst = _Worst(0.0, 0.0, "", ())
     for where, amounts, of_cells in found:
-        scales = greatest[body_of_cell[of_cells]]
-        ratios = _ratios(amounts, scales)
+        ratios = _ratios(amounts, scales[body[cells.nodes[of_cells, 0]]])
         if ratios.max(initial=0.0) > worst.ratio:
             at = int(np.argmax(ratios))
             middle = sorted_corners(model, cells)[of_cells[at]].mean(axis=0)
             worst = _Worst(float(ratios[at]), float(amounts[at]), where, tuple(middle.tolist()))
-    for face in model.loose_faces:
-        amount = _of_face(model, cells, face, moment)
-        ratio = float(_ratios(amount, greatest[face.body(body)]))
-        if ratio > worst.ratio:
-            where = f"in the resultants of Rigid({face.name!r})"
-            worst = _Worst(ratio, float(amount), where, tuple(face.about.tolist()))
-    worst = max(model.comm.allgather(worst), key=lambda found: found.ratio)
-    if worst.ratio > UNBALANCED:
-        raise NotBalanced(str(worst))
-    return worst.ratio
+    return max(model.comm.allgather(worst), key=lambda found: found.ratio)
 
 
 @dataclass(frozen=True)
@@ -217,8 +238,8 @@ def _of_boundary(
     return missing, cell[facets]
 
 
-def _of_face(model: Model, cells: CellGeometry, face: RigidFace, moment: np.ndarray) -> np.ndarray:
-    """Return the force missing in the resultants of a rigid face [force]; collective.
+def _of_face(model: Model, cells: CellGeometry, face: RigidFace, moment: np.ndarray) -> Found:
+    """Return the force missing in the resultants of a rigid face; collective.
 
     Moments are divided by the size of the body.
     """
@@ -228,7 +249,10 @@ def _of_face(model: Model, cells: CellGeometry, face: RigidFace, moment: np.ndar
     nodal = nodal_forces(model, cells, on_face, None)
     nodal.x.scatter_reverse(la.InsertMode.add)
     works = face.work(nodal.x.array.reshape(-1, model.d)) - face.resultants
-    return abs(works / face.sizes)[face.free].max(initial=0.0)
+    missing = abs(works / face.sizes)[face.free].max(initial=0.0)
+    # Each rank with a part of the face tells it.
+    cell = face.facets[:1, 0]
+    return f"in the resultants of Rigid({face.name!r})", np.full(len(cell), missing), cell
 
 
 def _between_ranks(
