@@ -169,7 +169,7 @@ def _made(
     sigma = macro_stress(cells, owned, balanced.stress, forces, force)
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
-    given = Given(force, boundary, data.fixed)
+    given = Given(force, boundary, data.fixed, tractions)
     u = data.solution.u
     imbalance = proved_imbalance(model, cells, u, sigma, moment, forces, given)
     of_springs = []

@@ -11,6 +11,7 @@ for round-off.
   numbers, and between two ranks their sum is computed.
 - On each facet of the boundary: its moments less those of the loads, of r^ and of the
   pull of springs, but for components that a support holds.
+- On each contact: what pulls in r^, and what is beyond its friction bound.
 - On each rigid face: the resultants of its free motions less the given ones.
 
 With these, the resultant and the moment of all forces on each body are zero, too: they
@@ -29,6 +30,7 @@ s Mandel components.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -40,6 +42,7 @@ from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.reference import named_nodes
+from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.mesh.simplex import local_facet_nodes, node_between
 from erc_contact.model.model import Model
@@ -70,11 +73,13 @@ class Given:
         boundary: Moments of loads, r^ and the pull of springs on facets of the boundary
             [force], shape (facets, m, d).
         fixed: Components of facets whose traction is not given, shape (facets, d).
+        tractions: r^ on each contact.
     """
 
     force: np.ndarray | None
     boundary: np.ndarray
     fixed: np.ndarray
+    tractions: Sequence[ContactTraction]
 
 
 def proved_imbalance(
@@ -107,6 +112,7 @@ def proved_imbalance(
     found = [("in a cell", missing, np.arange(len(size))), ("on the boundary", *of_boundary)]
     if model.comm.size > 1:
         found.append(("between two ranks", *_between_ranks(model, cells, moment)))
+    found += [_of_law(traction) for traction in given.tractions]
     for face in model.loose_faces:
         found.append(_of_face(model, cells, face, moment))
     worst = _worst(model, cells, found, greatest)
@@ -123,7 +129,8 @@ def _by_body(model: Model, cells: CellGeometry, forces: np.ndarray) -> np.ndarra
     """Return the greatest of some forces of owned cells in each body; collective."""
     body, count = model.bodies
     greatest = np.zeros(count)
-    np.maximum.at(greatest, body[cells.nodes[: len(forces), 0]], forces)
+    with np.errstate(invalid="ignore"):  # what is no number stays
+        np.maximum.at(greatest, body[cells.nodes[: len(forces), 0]], forces)
     return np.asarray(np.max(model.comm.allgather(greatest), axis=0))
 
 
@@ -236,6 +243,18 @@ def _of_boundary(
     # The moments of a constant traction are its force over their number.
     missing = np.linalg.norm(difference, axis=2).max(axis=1, initial=0.0) * moment.shape[1]
     return missing, cell[facets]
+
+
+def _of_law(traction: ContactTraction) -> Found:
+    """Return by how much coefficients of r^ pull, or are beyond the friction bound."""
+    side = traction.contact.trace.here
+    pull = traction.normal_component
+    if traction.contact.bilateral:
+        pull = np.zeros_like(pull)
+    shear = np.linalg.norm(traction.tangential_part, axis=2)
+    beyond = np.maximum(pull, shear - traction.friction_bound).max(axis=1, initial=0.0)
+    forces = (beyond * traction.area)[side.owned]
+    return f"in the law of Contact({traction.contact.name!r})", forces, side.facets[side.owned, 0]
 
 
 def _of_face(model: Model, cells: CellGeometry, face: RigidFace, moment: np.ndarray) -> Found:
