@@ -22,6 +22,7 @@ from erc_contact.admissible.cells import (
     force_coefficients,
     moments,
     signed,
+    values_on,
 )
 from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
@@ -44,9 +45,10 @@ from erc_contact.admissible.springs import (
     spring_tractions,
 )
 from erc_contact.admissible.tighten.complementary import relaxed
-from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
+from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tightened
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 
 
@@ -208,6 +210,8 @@ def _before_tightening(
     solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
     tractions = admissible_tractions(model, solution, others)
+    if model.comm.size > 1 and tractions:
+        tractions = _of_owners(model, cells, tractions)
     # A support takes up the load on its components.
     boundary = np.where(fixed[:, None, :], 0.0, data.loads)
     # The gap allows u at rest, also where facets do not carry the gap.
@@ -233,3 +237,22 @@ def _before_tightening(
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, balanced.stress, force, boundary, fixed, complete)
     return hat, tractions, balanced, boundary, moment
+
+
+def _of_owners(
+    model: Model, cells: CellGeometry, tractions: list[ContactTraction]
+) -> list[ContactTraction]:
+    """Return r^ as the owner of each facet has computed it; collective.
+
+    After a large slide the round-off of two ranks differs by more than the balance
+    allows.
+    """
+    shared = SharedMoments(model, cells)
+    result = []
+    for traction in tractions:
+        side = traction.contact.trace.here
+        total = np.zeros((model.facet_count, len(model.facet_points), model.d))
+        add_moments(model, total, side.facets[side.owned], traction.values[side.owned])
+        values = values_on(model, shared.total(total), side.facets)
+        result.append(replace(traction, values=values))
+    return result

@@ -81,9 +81,18 @@ class Factor:
         self._scaled = scaling.duplicate()
 
     def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Solve ``K x = b``."""
+        """Solve ``K x = b``.
+
+        Raises:
+            InputError: If the Schur complement cannot be factorised.
+        """
         self._scaled.pointwiseMult(self._scaling, b)
-        self._ksp.solve(self._scaled, x)
+        try:
+            self._ksp.solve(self._scaled, x)
+        except PETSc.Error as failure:
+            if failure.ierr == NOT_DEFINITE:
+                raise InputError(NOT_FACTORISED) from failure
+            raise
         x.pointwiseMult(self._scaling, x)
 
     def schur_complement(self) -> np.ndarray:
