@@ -108,6 +108,7 @@ def own_imbalance(case: Case, it: Gathered, rng: np.random.Generator) -> float:
     size = np.zeros(body.max() + 1)
     np.maximum.at(size, body, abs(it.stress).max(axis=(1, 2, 3, 4)))
     np.maximum.at(size, body, it.digits / UNBALANCED)
+    size = np.maximum(size, np.finfo(float).eps / UNBALANCED * size.max())
     missing = np.zeros(len(size))
     np.maximum.at(missing, body, in_cells(case, it, rng))
     for of_cell, amount in (across_facets(case, it, rng), of_bodies(case, it, body)):

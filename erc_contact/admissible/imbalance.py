@@ -21,8 +21,9 @@ They are compared with the greatest force that the stress of the same body has o
 facet, ``max |sigma^| |F|``. This is the size of what cancels in each of them, and also
 of the nodal forces that are balanced before: round-off is a multiple of it, in any
 units, with tiny loads as with large ones, and for each body alone. Where nothing is
-loaded, sigma^ is zero, and so must be what is missing. Where a body moves far, its
-stress may be less than the last digit of ``C eps(u)``: then that is the size.
+loaded, sigma^ is zero, and so must be what is missing. Two sizes may be greater: the
+last digit of the greatest force on any body, as one solve is for all, and, where a body
+moves far, the last digit of ``C eps(u)``.
 
 Symbols: d dimension, k degree, n cells, m coefficients of a facet, N_k those of a cell,
 s Mandel components.
@@ -108,6 +109,8 @@ def proved_imbalance(
     """
     missing, size = _of_cells(cells, stress, forces, given.force)
     greatest = _by_body(model, cells, size)
+    # One solve is for all bodies: its last digits are those of the greatest forces.
+    greatest = np.maximum(greatest, np.finfo(float).eps / UNBALANCED * greatest.max())
     of_boundary = _of_boundary(model, cells, moment, given)
     found = [("in a cell", missing, np.arange(len(size))), ("on the boundary", *of_boundary)]
     if model.comm.size > 1:
