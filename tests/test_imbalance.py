@@ -6,6 +6,8 @@
   NotBalanced, with the place; what damages no equilibrium still ends in a pair that has
   one;
 - on several ranks, also what one rank alone has wrong;
+- an evaluation of sigma^ with numpy alone says the same, on scenes of a random family,
+  and sees the damage;
 - u = 0, translations and noise have pairs in equilibrium, and intervals that hold;
 - where round-off has eaten the strain, intervals have a width and hold.
 """
@@ -14,7 +16,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from attack_pairs import outcome
 from mpi4py import MPI
+from pair_evaluation import UNBALANCED
 from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
@@ -42,11 +46,11 @@ def after(monkeypatch: pytest.MonkeyPatch, name: str, change: Callable, module=e
     monkeypatch.setattr(module, name, lambda *given, **named: change(step(*given, **named)))
 
 
-def in_one_place(values: np.ndarray) -> np.ndarray:
+def in_one_place(values: np.ndarray, damage: float = DAMAGE) -> np.ndarray:
     """Values of which one is wrong, in the middle of those of the last rank."""
     values = values.copy()
     if COMM.rank == COMM.size - 1:
-        values[len(values) // 2].flat[0] += DAMAGE * abs(values).max()
+        values[len(values) // 2].flat[0] += damage * abs(values).max()
     return values
 
 
@@ -142,6 +146,20 @@ def test_what_one_rank_has_wrong_is_refused_on_all(monkeypatch):
 @pytest.mark.parametrize(("seed", "degree"), [(2, 1), (3, 1), (2, 2), (3, 2)])
 def test_pairs_of_random_scenes(seed, degree):
     assert ec.equilibrate(ec.solve(*random_scene(seed), degree=degree)).imbalance < ROUND_OFF
+
+
+@pytest.mark.on_ranks("0", "3")
+@pytest.mark.parametrize("number", range(8))
+def test_an_own_evaluation_says_the_same(number, monkeypatch):
+    """Of the family of benchmarks/attack_pairs.py."""
+    found = outcome(5, number, COMM)
+    assert found.ending == "pair"
+    assert found.own < 0.01 * UNBALANCED
+    monkeypatch.setattr(imbalance, "UNBALANCED", np.inf)
+    after(monkeypatch, "macro_stress", lambda stress: in_one_place(stress, 1e-3))
+    damaged = outcome(5, number, COMM)
+    assert damaged.own > UNBALANCED
+    assert 0.03 < damaged.own / damaged.said < 30
 
 
 @pytest.mark.serial

@@ -47,7 +47,7 @@ from erc_contact.admissible.springs import (
 from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tightened
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.exceptions import NotHeldError
+from erc_contact.base.exceptions import NotBalanced, NotHeldError
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 
@@ -68,6 +68,8 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     Raises:
         NotHeldError: If no contact traction that the law allows balances the loads on a
             free rigid motion.
+        NotBalanced: If sigma^ is not in equilibrium, see
+            :mod:`erc_contact.admissible.imbalance`.
 
     Example:
         >>> ec.equilibrate(solution)
@@ -104,7 +106,7 @@ def equilibrated(
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
     if bulk is not None and kept is not None:
         # Beside the resultants the law may leave too little for the free motions.
-        with suppress(NotHeldError):
+        with suppress(NotHeldError, NotBalanced):
             again, _, less = _made(data, kept, tighten, near)
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
