@@ -27,7 +27,8 @@ friction or a given one.
 ``foundations``: the same on compliant foundations.
 
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
-``attack_certificates.py``; ``plates``: see ``attack_plates.py``, on several ranks, too.
+``attack_certificates.py``; ``plates``: see ``attack_plates.py``, ``pairs``: see
+``attack_pairs.py``, both on several ranks, too.
 
     OMP_NUM_THREADS=1 python benchmarks/attack.py [name|all] [seed] [number of scenes]
 
@@ -48,6 +49,7 @@ from attack_certificates import certificates  # isort: skip
 from attack_certificates import summary as summary_of_certificates  # isort: skip
 from attack_families import random_foundation, random_sliding_block  # isort: skip
 from attack_families import random_sliding_box, random_springs, random_strains  # isort: skip
+from attack_pairs import pairs  # isort: skip
 from attack_plates import plates  # isort: skip
 from attack_springs import summary as summary_of_turned  # isort: skip
 from attack_tables import quantile_table  # isort: skip
@@ -342,6 +344,7 @@ TASKS: dict[str, Callable[..., None]] = {
         plane,
         space,
         plates,
+        pairs,
     )
 }
 

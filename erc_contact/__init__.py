@@ -21,7 +21,13 @@ with sigterm_blocked():  # the threads that MPI starts block it, too
 
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError
+from erc_contact.base.exceptions import (
+    ErcContactError,
+    InputError,
+    NotBalanced,
+    NotConverged,
+    NotHeldError,
+)
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
@@ -90,6 +96,7 @@ __all__ = [
     "Method",
     "Moment",
     "Nitsche",
+    "NotBalanced",
     "NotConverged",
     "NotHeldError",
     "Oscillations",

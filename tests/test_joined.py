@@ -114,6 +114,31 @@ def test_tied_is_one_body():
         assert force == pytest.approx(wanted.force("lower bottom").force, rel=difference)
 
 
+@pytest.mark.on_ranks("2-0.0-0.0002", "2-0.0-0.0")
+@pytest.mark.parametrize(
+    ("d", "height", "offset"),
+    [*product((2, 3), (0.0,), (0.0, 1e-9, 1e-6, 2e-4, 0.01)), (2, 1e-4, 0.0), (3, 1e-4, 0.0)],
+)
+def test_corners_that_move_are_told(d, height, offset, caplog):
+    """They are as near to those of the other body as numbers in files are; else they stay."""
+    make = ec.rectangle if d == 2 else ec.box
+    low = (-offset, *(0.0,) * (d - 2), height)
+    upper = make(low, (1.0,) * d, size=0.4)
+    lower = make((*(0.0,) * (d - 1), -1.0), (*(1.0,) * (d - 1), 0.0), size=0.4)
+    for sides in (("u bottom", "l top"), ("l top", "u bottom")):
+        caplog.clear()
+        domain = ec.assembly({"u": upper, "l": lower}).joined(*sides)
+        x = domain.mesh.geometry.x
+        least = COMM.allreduce(x[:, 0].min(initial=0.0), MPI.MIN)
+        assert least == pytest.approx(-offset, abs=1e-12)
+        told = [record.message for record in caplog.records if "the corner" in record.message]
+        distance = max(offset, height)
+        is_told = 1e-7 < distance < 1e-3 and COMM.rank == 0
+        assert len(told) == is_told
+        if is_told:
+            assert f"moved by {distance:.3g}" in told[0]
+
+
 # -- meshes
 # ---------------------------------------------------------------------------------------------------
 

@@ -8,7 +8,8 @@ It solves the equations of the whole body, with the Schur complement on the cont
 - parts without cells, without anything inside, and bodies that ranks share in no
   vertex;
 - what cannot be factorised is an InputError on all ranks, wherever it is found;
-- blocks of a large factor are compressed, and the solution is the same.
+- blocks of a large factor are compressed, and the solution is the same;
+- units do not change a digit of the Schur complement.
 """
 
 from contextlib import nullcontext
@@ -196,9 +197,36 @@ def test_compressed_factors_solve_as_the_others(monkeypatch):
         for limit in (100, 10**9):
             monkeypatch.setattr(mumps, "COMPRESSED_FROM", limit)
             factor = mumps.factorised(matrix, elastic.numbers)
-            compressed = factor.getPC().getFactorMatrix().getMumpsIcntl(35)
-            found.append((compressed, mumps.schur_complement(factor, len(elastic.numbers))))
+            compressed = factor.mumps.getMumpsIcntl(35)
+            found.append((compressed, factor.schur_complement()))
         (yes, small), (no, usual) = found
         assert (yes, no) == (2, 0)
         print(f"E = {E:g}: {abs(small - usual).max() / abs(usual).max():.1e}")
         assert abs(small - usual).max() < 1e-13 * abs(usual).max()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("exponent", [-130, -67, 67, 130])
+def test_units_do_not_change_a_digit(exponent):
+    """Below entries of 1e-16 MUMPS alone is wrong by a tenth."""
+    bodies = {
+        "u": ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)),
+        "l": ec.rectangle((0.0, -1.0), (1.0, 0.0), cells=(3, 3)),
+    }
+    domain = ec.assembly(bodies).joined("u bottom", "l top")
+
+    def made(unit: float) -> tuple[np.ndarray, np.ndarray]:
+        scene = ec.Scene(
+            ec.Elastic({"u": unit, "l": 2.0**40 * unit}, 0.3),
+            [ec.Displacement("u top", (0.02, -0.05)), ec.Displacement("l bottom", (0.0, 0.0))],
+            contacts=ec.Contact("u bottom", against="l top", friction=0.3),
+        )
+        elastic = Stiffness(bind(scene, domain, 1))
+        force = elastic.model.function()
+        force.x.array[:] = unit * np.cos(np.arange(len(force.x.array)))
+        elastic.free()  # the next factor is a plain one
+        return elastic.schur / unit, elastic.glued(force, supports=False).x.array
+
+    for known, found in zip(made(1.0), made(2.0**exponent), strict=True):
+        assert abs(known).max() > 0
+        assert np.array_equal(known, found)

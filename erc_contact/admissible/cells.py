@@ -220,11 +220,25 @@ def tractions_of(space: Space, total: np.ndarray, facets: np.ndarray) -> np.ndar
     Returns:
         Bernstein coefficients in the order of DOLFINx, shape (f, m, d).
     """
-    of_facets = total[space.facet_numbers(facets)]
-    moment = np.empty_like(of_facets)
-    np.put_along_axis(moment, _sorting(space, facets), of_facets, axis=1)
-    means = moment / space.facet_areas(facets)[:, None, None]
+    means = values_on(space, total, facets) / space.facet_areas(facets)[:, None, None]
     return from_means(space.d - 1, space.degree, means)
+
+
+def values_on(space: Space, total: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Return values of all facets on some, the inverse of :func:`add_moments`.
+
+    Args:
+        space: The mesh.
+        total: Values of all facets, shape (facets, m, d).
+        facets: The facets (cell, local facet), shape (f, 2).
+
+    Returns:
+        The values in the order of DOLFINx, shape (f, m, d).
+    """
+    of_facets = total[space.facet_numbers(facets)]
+    values = np.empty_like(of_facets)
+    np.put_along_axis(values, _sorting(space, facets), of_facets, axis=1)
+    return values
 
 
 def _sorting(space: Space, facets: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from erc_contact.mesh.simplex import (
     bernstein,
     coefficients,
     gradients,
+    nodes,
     projection,
     rule,
 )
@@ -37,6 +38,29 @@ def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
     geometry = (nodes, cells.area, cells.volume)
     kernels(d)("cell_strains", *sizes, *geometry, slopes, u.x.array, strain)
     return strain
+
+
+def strain_digits(cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
+    """Return the last digit of the strain of a displacement in each cell [-].
+
+    The digits of a displacement of size |u| end at ``eps |u|``, with the accuracy eps
+    of double precision, so those of its strain in a cell of the least height h at ``eps
+    |u|/h``.
+
+    Returns:
+        Shape (count,).
+    """
+    sizes = abs(u.x.array.reshape(-1, cells.d)).max(axis=1)
+    size = sizes[cells.nodes[:count]].max(axis=1, initial=0.0)
+    area = cells.area[:count]
+    per_height = np.sqrt(np.einsum("nij,nij->n", area, area)) / (cells.d * cells.volume[:count])
+    return np.asarray(np.finfo(float).eps * size * per_height)
+
+
+def greatest_moduli(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
+    """Return the greatest entry of C in each cell [force/area], or one for all."""
+    matrices = moduli(model, cells, nodes(model.d, 0), count)
+    return np.asarray(matrices[:, 0].max(axis=(1, 2)))
 
 
 def elastic_coefficients(

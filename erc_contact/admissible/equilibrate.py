@@ -22,11 +22,13 @@ from erc_contact.admissible.cells import (
     force_coefficients,
     moments,
     signed,
+    values_on,
 )
 from erc_contact.admissible.contact import admissible_tractions
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.imbalance import Given, proved_imbalance
 from erc_contact.admissible.loads import cell_forces
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.pair import Admissible
@@ -43,9 +45,10 @@ from erc_contact.admissible.springs import (
     spring_tractions,
 )
 from erc_contact.admissible.tighten.complementary import relaxed
-from erc_contact.admissible.tighten.iteration import TIGHTEN, tightened
+from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tightened
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.exceptions import NotHeldError
+from erc_contact.base.exceptions import NotBalanced, NotHeldError
+from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 
 
@@ -65,6 +68,8 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     Raises:
         NotHeldError: If no contact traction that the law allows balances the loads on a
             free rigid motion.
+        NotBalanced: If sigma^ is not in equilibrium, see
+            :mod:`erc_contact.admissible.imbalance`.
 
     Example:
         >>> ec.equilibrate(solution)
@@ -101,7 +106,7 @@ def equilibrated(
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
     if bulk is not None and kept is not None:
         # Beside the resultants the law may leave too little for the free motions.
-        with suppress(NotHeldError):
+        with suppress(NotHeldError, NotBalanced):
             again, _, less = _made(data, kept, tighten, near)
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
@@ -145,7 +150,7 @@ def _made(
     cells, force = data.cells, data.force
     model = data.solution.model
     owned = model.domain.owned_cells
-    hat, tractions, balanced, moment = _before_tightening(data, others)
+    hat, tractions, balanced, boundary, moment = _before_tightening(data, others)
 
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
@@ -168,6 +173,9 @@ def _made(
     sigma = macro_stress(cells, owned, balanced.stress, forces, force)
     if has_bubbles:
         sigma = relaxed(cells, sigma, elastic, compliance)
+    given = Given(force, boundary, data.fixed, tractions)
+    u = data.solution.u
+    imbalance = proved_imbalance(model, cells, u, sigma, moment, forces, given)
     of_springs = []
     if model.springs:
         of_springs = chosen_tractions(model, data.loads, moment)
@@ -183,6 +191,7 @@ def _made(
         force,
         iterations,
         correction,
+        imbalance,
         0.0,
     )
     return pair, balanced, bulk
@@ -190,18 +199,21 @@ def _made(
 
 def _before_tightening(
     data: _Data, others: OtherForces
-) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray]:
+) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
     The arguments are those of :func:`_made`.
 
     Returns:
-        u^; r^ on each contact; the rebalanced stress; moments of facet tractions that
-        balance every cell [force], shape (facets, m, d).
+        u^; r^ on each contact; the rebalanced stress; moments of the tractions that are
+        given on the boundary [force], shape (facets, m, d); moments of facet tractions
+        that balance every cell, likewise.
     """
     solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
     tractions = admissible_tractions(model, solution, others)
+    if model.comm.size > 1 and tractions:
+        tractions = _of_owners(model, cells, tractions)
     # A support takes up the load on its components.
     boundary = np.where(fixed[:, None, :], 0.0, data.loads)
     # The gap allows u at rest, also where facets do not carry the gap.
@@ -226,4 +238,23 @@ def _before_tightening(
     complete = np.zeros(len(model.fixed), dtype=bool)
     complete[model.nodes[: model.domain.owned_cells]] = True
     moment = equilibrated_moments(cells, balanced.stress, force, boundary, fixed, complete)
-    return hat, tractions, balanced, moment
+    return hat, tractions, balanced, boundary, moment
+
+
+def _of_owners(
+    model: Model, cells: CellGeometry, tractions: list[ContactTraction]
+) -> list[ContactTraction]:
+    """Return r^ as the owner of each facet has computed it; collective.
+
+    After a large slide the round-off of two ranks differs by more than the balance
+    allows.
+    """
+    shared = SharedMoments(model, cells)
+    result = []
+    for traction in tractions:
+        side = traction.contact.trace.here
+        total = np.zeros((model.facet_count, len(model.facet_points), model.d))
+        add_moments(model, total, side.facets[side.owned], traction.values[side.owned])
+        values = values_on(model, shared.total(total), side.facets)
+        result.append(replace(traction, values=values))
+    return result

@@ -60,6 +60,9 @@ class Admissible:
             [force], shape (n, N_(k-1), d), or None without body force.
         tightening: Number of iterations that tightened sigma^.
         correction: What they have added to ``facet_moments`` [force]; None without any.
+        imbalance: Greatest force that is missing in the equilibrium of sigma^, over the
+            greatest one on a facet [-]: round-off, see
+            :mod:`erc_contact.admissible.imbalance`.
         seconds: Wall time, the largest over the ranks [s].
 
     Example:
@@ -78,6 +81,7 @@ class Admissible:
     cell_forces: np.ndarray | None
     tightening: int
     correction: np.ndarray | None
+    imbalance: float
     seconds: float
 
     def __repr__(self) -> str:

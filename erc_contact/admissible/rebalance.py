@@ -111,7 +111,7 @@ def other_forces(
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
-        motions = unsupported_motions(model, model.held, model.loose_faces)
+        motions = unsupported_motions(model, model.bodies, model.held, model.loose_faces)
     if not motions:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
     if with_springs:
@@ -222,8 +222,8 @@ def _residual(
     """Subtract the nodal forces of a stress from b [force]; collective.
 
     Returns:
-        The difference, not yet summed over ranks, and its greatest size over that of
-        the forces of the stress on facets [-].
+        The difference, not yet summed over ranks, and its greatest size over the
+        greatest force of the stress on a facet or of b in the same body [-].
     """
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
@@ -238,15 +238,25 @@ def _residual(
     # Only sums over all ranks tell the size. Reactions of the supports are no residual.
     total = residual.copy()
     total.x.scatter_reverse(la.InsertMode.add)
-    free = ~model.fixed[: model.V.dofmap.index_map.size_local].ravel()
-    unbalanced = abs(total.x.array[: len(free)][free]).max(initial=0.0)
     nodal = total.x.array.reshape(-1, d)
+    body, count = model.bodies
+    nodes = model.V.dofmap.index_map.size_local
+    unbalanced = np.zeros(count)
+    greatest = np.zeros(count)
+    left = np.where(model.fixed[:nodes], 0.0, abs(nodal[:nodes])).max(axis=1)
+    np.maximum.at(unbalanced, body[:nodes], left)
+    loads = np.where(model.fixed, 0.0, abs(b.x.array.reshape(-1, d))).max(axis=1)
+    np.maximum.at(greatest, body, loads)
+    of_stress = abs(by_cell).max(axis=(1, 2))
+    np.maximum.at(greatest, body[cells.nodes[:owned, 0]], of_stress)
     for face in model.loose_faces:
         # On the free motions of a face its resultants and the reactions do no work.
         of_face = (face.work(nodal) / face.sizes)[face.free]
-        unbalanced = max(unbalanced, abs(of_face).max(initial=0.0))
-    largest = np.array([unbalanced, abs(on_facets).max(initial=0.0)])
-    model.comm.Allreduce(MPI.IN_PLACE, largest, MPI.MAX)
-    if largest[1] == 0:
-        return residual, 0.0
-    return residual, float(largest[0] / largest[1])
+        number = face.body(body)
+        unbalanced[number] = max(unbalanced[number], abs(of_face).max(initial=0.0))
+    model.comm.Allreduce(MPI.IN_PLACE, unbalanced, MPI.MAX)
+    model.comm.Allreduce(MPI.IN_PLACE, greatest, MPI.MAX)
+    # One solve is for all bodies: its last digits are those of the greatest forces.
+    greatest = np.maximum(greatest, np.finfo(float).eps / FORCE_ROUND_OFF * greatest.max())
+    sizes = np.divide(unbalanced, greatest, out=np.zeros(count), where=greatest > 0)
+    return residual, float(sizes.max())

@@ -120,8 +120,8 @@ def _continuity_rows(d: int, k: int, stresses: np.ndarray) -> np.ndarray:
             # vertices.
             gradient = _barycentric_gradients(subs[i])[other]
             normal = gradient / np.linalg.norm(gradient)
-            theirs = _named_nodes(d, k, other, i)
-            for name, n in _named_nodes(d, k, i, other).items():
+            theirs = named_nodes(d, k, other, i)
+            for name, n in named_nodes(d, k, i, other).items():
                 difference = stresses[i, n] - stresses[other, theirs[name]]
                 rows.append(np.einsum("sz,sij,j->iz", difference, basis, normal))
     return np.array(rows)
@@ -133,7 +133,7 @@ def _barycentric_gradients(points: np.ndarray) -> np.ndarray:
     return np.linalg.inv(np.column_stack([points, np.ones(d + 1)]))[:d].T
 
 
-def _named_nodes(d: int, k: int, sub: int, facet: int) -> dict[frozenset[int], int]:
+def named_nodes(d: int, k: int, sub: int, facet: int) -> dict[frozenset[int], int]:
     """Return the nodes on a facet of a sub-simplex by name.
 
     The name is the set of the vertices that a node lies between. Vertices are those of

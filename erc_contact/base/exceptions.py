@@ -46,6 +46,17 @@ class NotHeldError(InputError):
     """
 
 
+class NotBalanced(InputError):
+    """Tell that a reconstructed stress is not in equilibrium: it certifies nothing.
+
+    It says where, and which force is missing.
+
+    Example:
+        >>> issubclass(ec.NotBalanced, ec.InputError)
+        True
+    """
+
+
 class NotConverged(ErcContactError, RuntimeError):
     """Tell that the contact solve ended without a solution.
 

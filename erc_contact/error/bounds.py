@@ -173,8 +173,10 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
         J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
         J += foundation_energy(model, traction, u, 2 * ROUND_OFF * stored.value)
     facets = error.geometry_error**2 / 2
-    high = J.value + J.bound
-    low = J.value - J.bound - error.absolute**2 / 2 - facets
+    # The round-off of strains does work on the stresses.
+    unknown = J.bound + error.round_off * (error.scale + error.absolute)
+    high = J.value + unknown
+    low = J.value - unknown - error.absolute**2 / 2 - facets
     return Bounds(high, low, high + facets, J.resolved and error.guaranteed)
 
 

@@ -48,7 +48,7 @@ from erc_contact.error.bulk import add_springs, bulk_squares, geometry_squares
 from erc_contact.error.foundations import add_foundations
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
-from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off
+from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
@@ -81,6 +81,8 @@ class ConstitutiveError:
             energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
             facets). It is zero if all facets are exact, and if only a mesh is known:
             the body is then the mesh.
+        round_off: Bound of the round-off of ``C eps(u^)`` [sqrt(force length)], which e
+            contains. It matters where u^ is 1e12 times its differences.
         oscillations: Parts of the data that the mesh cannot represent, estimates
             without constants of Korn and Poincare type, not part of e.
         indicators: The local error indicators eps_E (18) of the owned cells [-]; the
@@ -103,6 +105,7 @@ class ConstitutiveError:
     bulk_error: float
     contact_error: float
     geometry_error: float
+    round_off: float
     oscillations: Oscillations
     indicators: np.ndarray
     total_indicators: np.ndarray
@@ -254,7 +257,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         admissible: An admissible pair.
 
     Returns:
-        e, eps, their parts and eps_E; all are zero if the solution is a rigid motion.
+        e, eps, their parts and eps_E. If the solution is a rigid motion, e is that of
+        round-off, and what is relative is zero.
 
     Raises:
         InputError: If the energy overflows or underflows double precision.
@@ -267,21 +271,23 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     began = perf_counter()
     comm = admissible.model.comm
     cells_2, both_2, moduli_2 = bulk_squares(admissible)
+    unknown = strain_round_off(admissible)
+    cells_2 = (np.sqrt(cells_2) + unknown) ** 2
     geometry_cells_2 = geometry_squares(admissible, both_2)
     add_springs(admissible, cells_2, both_2)
     add_foundations(admissible, both_2)
-    local = np.array([cells_2.sum(), both_2.sum(), geometry_cells_2.sum()])
-    bulk_2, scale_2, geometry_2 = comm.allreduce(local, MPI.SUM)
+    local = np.array([cells_2.sum(), both_2.sum(), geometry_cells_2.sum(), unknown @ unknown])
+    bulk_2, scale_2, geometry_2, unknown_2 = comm.allreduce(local, MPI.SUM)
     contact_2, oscillations_2 = contact_and_oscillations(
         admissible, cells_2, moduli_2, UNKNOWN_SHARE * float(bulk_2)
     )
     floor_2, lost = round_off(admissible)
     raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
-    # What is left of a motion without stress is round-off.
+    # What is left of a motion without stress is round-off: no part of a scale.
     if scale_2 <= RIGID_NOISE**2 * floor_2 and is_free(admissible, floor_2):
         cells_2[:] = 0.0
         geometry_cells_2[:] = 0.0
-        bulk_2 = contact_2 = scale_2 = geometry_2 = 0.0
+        scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
@@ -291,6 +297,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         bulk_error=float(np.sqrt(bulk_2)),
         contact_error=float(np.sqrt(contact_2)),
         geometry_error=float(np.sqrt(geometry_2)),
+        round_off=float(np.sqrt(unknown_2)),
         oscillations=Oscillations(*np.sqrt(oscillations_2).tolist()),
         indicators=np.sqrt(cells_2) / (scale or 1.0),
         total_indicators=np.sqrt(cells_2 + geometry_cells_2) / (scale or 1.0),

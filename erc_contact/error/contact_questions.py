@@ -25,7 +25,6 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.question import Asked, Question, no_load
 from erc_contact.error.virtual_motion import Shift, VirtualMotion, shifted
 from erc_contact.model.foundation import BoundContact
-from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.scene import Scene
 
@@ -80,7 +79,7 @@ def contact_question(asked: Asked, part: str, motion: VirtualMotion) -> Question
     """
     model = asked.model
     contact = model.contact(part)
-    body, _ = bodies_of_nodes(model)
+    body, _ = model.bodies
     bodies = _Bodies(asked, body)
     here, there = bodies.of_contact(contact)
     is_here = contact.side_names[0] == part

@@ -1,6 +1,7 @@
-"""Find solutions without stress up to round-off. Their error is then zero.
+"""Bound the round-off of strains, and find solutions that have no other stress.
 
-They are rigid motions, and free expansions by given strains.
+They are rigid motions, and free expansions by given strains. Their relative error is
+zero.
 """
 
 from __future__ import annotations
@@ -10,21 +11,37 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import moduli
+from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.contact import contact_parts
-from erc_contact.mesh.simplex import nodes
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.motions import rigid_motions
 
 RESOLUTION = 1e-12
 """Accuracy of a displacement over its size, which is that of the solver [-]."""
+SAME_MOTION = 1e-14
+"""Difference of a motion to supports and gaps that is round-off, over its size [-]."""
 RIGID_NOISE = 100.0
 """Multiple of the accuracy of energy norms below which they count as zero [-].
 
 It is used where a rigid motion is the solution.
 """
+
+
+def strain_round_off(admissible: Admissible) -> np.ndarray:
+    """Bound the round-off of ``C eps(u^)`` in the energy norm of each owned cell.
+
+    Returns:
+        The norms [sqrt(force length)], shape (owned,).
+    """
+    model = admissible.model
+    cells = admissible.cell_geometry
+    owned = model.domain.owned_cells
+    digits = strain_digits(cells, admissible.displacement, owned)
+    # The largest entry of the moduli bounds the energy of a strain, up to a constant.
+    energies = greatest_moduli(model, cells, owned) * cells.volume[:owned]
+    return np.asarray(digits * np.sqrt(energies))
 
 
 def round_off(admissible: Admissible) -> tuple[float, bool]:
@@ -42,10 +59,8 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     owned = model.domain.owned_cells
     largest = float(abs(admissible.displacement.x.array).max(initial=0.0))
     size = comm.allreduce(largest, MPI.MAX)
-    # The largest entry of the moduli bounds the energy of a strain, up to a constant.
-    stiffness = moduli(model, cells, nodes(model.d, 0), owned)[:, 0].max(axis=(1, 2))
     volume = cells.volume[:owned]
-    local = np.sum(stiffness * volume ** (1 - 2 / model.d))
+    local = np.sum(greatest_moduli(model, cells, owned) * volume ** (1 - 2 / model.d))
     floor = float((RESOLUTION * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
     return floor, size > 0.0 and floor == 0.0
 
@@ -101,7 +116,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
     violation, load, size = sizes
     friction = comm.allreduce(friction, MPI.SUM)
     return (
-        violation <= RESOLUTION * size
+        violation <= SAME_MOTION * size
         and load * size <= floor_2 / RESOLUTION
         and friction <= floor_2
     )
@@ -124,9 +139,13 @@ def _nearest_motion(model: Model, u: np.ndarray) -> np.ndarray:
 
     def nearest(motions: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the combination of motions that is nearest to values; collective."""
-        both = np.column_stack([motions, values])[:owned]
-        products = model.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
-        return np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=1e-10)[0]
+        total = np.zeros(motions.shape[1])
+        # The second time gets the digits that products of motions lose.
+        for _ in range(2):
+            both = np.column_stack([motions, values - motions @ total])[:owned]
+            products = model.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
+            total += np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=1e-10)[0]
+        return total
 
     of_supports = nearest(motions * fixed[:, None], model.prescribed.x.array * fixed)
     prescribed = motions @ of_supports

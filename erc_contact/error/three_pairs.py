@@ -254,7 +254,9 @@ def _end(
     of_rank = float((squares[1] - squares[2]).sum()) / (4 * h)
     product = model.comm.allreduce(of_rank, MPI.SUM)
 
-    V = base.psi + BoundedNumber(product / 2) + load_work(model, phi)
+    # The round-off of strains does work on the stress of phi.
+    unknown = error.round_off * float(np.sqrt(max(size_2, 0.0)))
+    V = base.psi + BoundedNumber(product / 2, unknown) + load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
+from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
 from erc_contact.error.bulk import data_vary
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import Bounds
@@ -96,7 +96,7 @@ class Trials:
         """
         try:
             plus = self._moved(t)
-        except (NotConverged, NotHeldError):
+        except (NotConverged, NotHeldError, NotBalanced):
             return None
         self._plus = t, plus
         ends = rough_ends(self.base, plus, t)
@@ -111,7 +111,7 @@ class Trials:
                 plus = self._moved(t)
                 self._plus = t, plus
             minus = self._moved(-t)
-        except (NotConverged, NotHeldError) as failure:
+        except (NotConverged, NotHeldError, NotBalanced) as failure:
             self.failure = str(failure)
             return None
         ends = ends_of(self.base, plus, minus, t)
@@ -130,7 +130,7 @@ class Trials:
         assert self.question.moved is not None
         try:
             return self._pair_of(self.question.moved(t))
-        except NotHeldError:
+        except (NotHeldError, NotBalanced):
             # A smaller motion, or a finer mesh, may leave it held.
             raise
         except InputError as conflict:

@@ -1,9 +1,9 @@
 """Number the copies of the nodes at interfaces, where a mesh is split.
 
-A vertex of an interface gets as many nodes as there are groups of cells around it that
-are connected by common facets without crossing an interface. So the rim of an
-interface, where it ends inside a body or on its surface, needs no rule of its own.
-Other vertices stay as they are.
+A vertex gets as many nodes as there are groups of cells around it that are connected by
+common facets without crossing an interface. So the rim of an interface, where it ends
+inside a body or on its surface, needs no rule of its own. Where cells meet at a vertex
+or an edge alone, a mesh is torn by the same rule. Other vertices stay as they are.
 
 Every rank has all cells around the vertices of its own cells, so it finds their groups
 alone.
@@ -18,22 +18,23 @@ from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
+from mpi4py import MPI
 
 from erc_contact.base.ranks import exchange, fetched
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
-from erc_contact.mesh.sides import facets_of_cells, inner_facets
+from erc_contact.mesh.sides import facets_of_cells, inner_facets, outer_facets
 from erc_contact.mesh.simplex import facet_vertices
 
 
-def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Number the nodes of the split mesh; collective.
 
     The owner of the cell of lowest number in a group of corners numbers its node.
 
     Args:
         mesh: The glued mesh.
-        is_cut: Whether a facet of this rank is one of an interface.
+        is_cut: Whether a facet of this rank is one of an interface; None if none is.
 
     Returns:
         Numbers of the corners of the owned cells in the order of all ranks' nodes,
@@ -64,26 +65,30 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return numbers, x
 
 
-def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
+def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:
     """Return the group of each corner of this rank, shape (cells, d+1).
 
     The groups of vertices that no owned cell has may be parts of the true ones.
     """
     nodes = mesh.geometry.dofmaps[0]
+    # A vertex is a group of its own number, unless it is on an interface or on the
+    # boundary, as all vertices are at which cells meet without a common facet.
+    touched = np.zeros(len(mesh.geometry.x), dtype=bool)
+    touched[_facet_nodes(mesh, *outer_facets(mesh))] = True
     facets, cells = inner_facets(mesh)
-    is_cut = is_cut[facets]
-    # A vertex is a group of its own number, unless an interface touches it.
-    vertex = _facet_nodes(mesh, facets, cells[:, 0])
-    on_interface = np.zeros(len(mesh.geometry.x), dtype=bool)
-    on_interface[vertex[is_cut]] = True
+    crossed = np.zeros(len(facets), dtype=bool) if is_cut is None else is_cut[facets]
+    touched[_facet_nodes(mesh, facets[crossed], cells[crossed, 0])] = True
     group = nodes.astype(np.int64)
-    # Those at interfaces are components of a graph, which has a link between the two
-    # corners of each vertex of a facet that is not cut.
-    corner_of_touched = on_interface[nodes]
+    # Their groups are components of a graph, which has a link between the two corners
+    # of each vertex of a facet that is not cut.
+    links = ~crossed & touched[nodes[cells[:, 0]]].any(axis=1)
+    cells = cells[links]
+    vertex = _facet_nodes(mesh, facets[links], cells[:, 0])
+    corner_of_touched = touched[nodes]
     count = int(corner_of_touched.sum())
     number = np.full(nodes.shape, -1)
     number[corner_of_touched] = np.arange(count)
-    row, place = np.nonzero(on_interface[vertex] & ~is_cut[:, None])
+    row, place = np.nonzero(touched[vertex])
     ends = []
     for side in range(2):
         cell = cells[row, side]
@@ -91,6 +96,23 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
         ends.append(number[cell, corner])
     group[corner_of_touched] = len(mesh.geometry.x) + components(count, np.column_stack(ends))
     return group
+
+
+def is_pinched(mesh: dmesh.Mesh) -> bool:
+    """Tell whether cells meet at a vertex or an edge alone; collective.
+
+    Then :func:`numbered` without interfaces tears the mesh there.
+    """
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    nodes = mesh.geometry.dofmaps[0]
+    group = _groups(mesh, None)
+    # Around other vertices not all cells need be on this rank.
+    known = np.zeros(len(mesh.geometry.x), dtype=bool)
+    known[nodes[:owned]] = True
+    of_boundary = known[nodes] & (group >= len(known))
+    pairs = np.unique(np.column_stack([nodes[of_boundary], group[of_boundary]]), axis=0)
+    several = len(np.unique(pairs[:, 0])) < len(pairs)
+    return bool(lasting(mesh.comm).allreduce(several, MPI.LOR))
 
 
 def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.ndarray:

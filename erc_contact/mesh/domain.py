@@ -19,7 +19,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import joining, partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
-from erc_contact.mesh.copies import numbered, same_ranks
+from erc_contact.mesh.copies import is_pinched, numbered, same_ranks
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.splitting import NO_INTERFACE, Carried, claimed, side_tags
@@ -40,9 +40,11 @@ class Domain(Bodies):
     """Hold a mesh whose parts have names.
 
     Args:
-        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Under MPI a mesh
-            without complete vertex patches is distributed anew: use ``domain.mesh``
-            afterwards, not the mesh that you gave.
+        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Where cells meet at a
+            vertex or an edge without a common facet, they get nodes of their own, as
+            such a hinge transmits no force. Under MPI a mesh without complete vertex
+            patches is distributed anew. Use ``domain.mesh`` afterwards, not the mesh
+            that you gave.
         facet_tags: Tags of boundary facets.
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
@@ -84,6 +86,8 @@ class Domain(Bodies):
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
+        if self.seams is None and is_pinched(self.mesh):
+            self._tear()
         self._inside.update(parts.parts_inside(self.mesh, self.facet_tags, self.names))
 
     def _complete(self) -> None:
@@ -97,6 +101,20 @@ class Domain(Bodies):
         object.__setattr__(self, "mesh", mesh)
         for name, tags in zip(tag_names, tag_sets, strict=True):
             object.__setattr__(self, name, tags)
+
+    def _tear(self) -> None:
+        """Tear the mesh where cells meet at a vertex or an edge alone; collective."""
+        mesh = self.mesh
+        numbers, x = numbered(mesh)
+        new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
+        new.topology.create_connectivity(self.dim, self.dim - 1)
+        new.topology.create_connectivity(self.dim - 1, self.dim)
+        carried = Carried(mesh, new, numbers)
+        object.__setattr__(self, "mesh", new)
+        object.__setattr__(self, "facet_tags", carried.marks(self.facet_tags))
+        object.__setattr__(self, "curved_facets", carried.marks(self.curved_facets))
+        if self.cell_tags is not None:
+            object.__setattr__(self, "cell_tags", carried.cell_tags(self.cell_tags))
 
     def split(self, sides: Mapping[str, str], *, on: str | None = None) -> Domain:
         """Split the nodes along the facets between two regions; collective.

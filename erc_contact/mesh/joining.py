@@ -17,8 +17,10 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.logs import log_of
 from erc_contact.mesh.aligning import aligned
 from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.corners import moved_corner
 from erc_contact.mesh.draped import draped
 from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
@@ -29,6 +31,8 @@ from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
 from erc_contact.mesh.transfer import gathered_mesh
 
+ROUND_OFF = 1e-9
+"""Share of a distance that is its round-off [-]."""
 SAMPLE = 1000
 """Number of vertices of a side whose distances are looked at for a message."""
 
@@ -123,8 +127,12 @@ def joint(
     about = None
     if comm.rank == 0:
         try:
-            plain, regions = met(plain, tags, on, apart)
+            drawn = plain
+            plain, regions = met(drawn, tags, on, apart)
             plain = plain.without_unused_points()
+            moved = moved_corner(drawn, plain, tags)
+            if moved is not None and moved[1] > (1 + ROUND_OFF) * apart:
+                log_of(comm).warning(_moved_words(here, there, *moved))
             if not tied:
                 _check_regions(regions, glued.regions)
             about = (_plain_tags(regions[0]), _plain_tags(regions[1]), np.isin(tags, plain.tags))
@@ -142,6 +150,17 @@ def joint(
             names[f"{name} outside"] = tag
     names[f"{here}/{there}"] = on
     return Joint(plain, names, Interface((here, there), (on + 1, on + 2), (sides[0], sides[1]), on))
+
+
+def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> str:
+    """Say that a corner has moved from its place by a distance [length]."""
+    place = ", ".join(f"{coordinate + 0.0:.6g}" for coordinate in corner)
+    return (
+        f"joined: the corner ({place}) moved by {distance:.3g}, as {here!r} and {there!r} are that"
+        " near there: the bodies that are solved and certified are those of the mesh. Draw both"
+        " corners in one place, or farther apart than a thousandth of an edge; give a clearance by"
+        " gap=."
+    )
 
 
 def met(

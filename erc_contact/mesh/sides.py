@@ -30,6 +30,20 @@ def inner_facets(mesh: dmesh.Mesh) -> tuple[np.ndarray, np.ndarray]:
     return inner, cells
 
 
+def outer_facets(mesh: dmesh.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return the facets of which one cell alone is on this rank, and this cell.
+
+    On several ranks these are also the facets around its ghosts.
+
+    Returns:
+        Numbers of the facets and of their cells, shape (n,) each.
+    """
+    d = mesh.topology.dim
+    facet_to_cell = mesh.topology.connectivity(d - 1, d)
+    outer = np.flatnonzero(np.diff(facet_to_cell.offsets) == 1)
+    return outer, facet_to_cell.array[facet_to_cell.offsets[outer]]
+
+
 def boundary_sides(mesh: dmesh.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the cell of each boundary facet, and the local number of the facet there.
 

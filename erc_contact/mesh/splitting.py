@@ -23,6 +23,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
+from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.seams import Interface, Seams
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.tags import tag_table
@@ -65,12 +66,36 @@ def claimed(
         result[facets[between]] = number
         if not lasting(mesh.comm).allreduce(bool(between.any()), MPI.LOR):
             place = "" if interface.on is None else " of the part on="
+            hinges = _hinges(mesh, tag_table(cell_tags), interface)
             raise InputError(
                 f"split: the regions of {interface.names[0]!r} and {interface.names[1]!r} share no "
                 f"facet{place} that is not split already. Mesh both bodies in one piece, with "
-                "common nodes where they touch (in gmsh: fragment)."
+                f"common nodes where they touch (in gmsh: fragment).{hinges}"
             )
     return result
+
+
+def _hinges(mesh: dmesh.Mesh, tags: np.ndarray, interface: Interface) -> str:
+    """Say at which points the regions of an interface touch; collective.
+
+    Args:
+        mesh: The glued mesh.
+        tags: Tags of its cells.
+        interface: The interface, whose regions share no facet.
+    """
+    first, second = (np.isin(tags, region) for region in interface.regions)
+    cells = np.flatnonzero(first | second)
+    nodes = mesh.geometry.dofmaps[0][cells]
+    x = mesh.geometry.x[nodes.ravel(), : mesh.topology.dim]
+    group = np.repeat(second[cells], nodes.shape[1])
+    points, _ = touching(lasting(mesh.comm), x, group)
+    if len(points) == 0:
+        return ""
+    return (
+        f" They touch at {told(points, abs(x).max(initial=0.0))} alone; bodies in contact need"
+        " common facets: let them overlap before, or mesh them apart and join their sides by"
+        " assembly and joined."
+    )
 
 
 def side_tags(

@@ -13,10 +13,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.mesh.hinges import told, touching
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import (
     block_diagonal,
-    bodies_of_nodes,
     body_motions,
     kernel,
     motions_not_held,
@@ -29,6 +29,7 @@ from erc_contact.model.springs import BoundSpring
 
 def free_motions(
     space: Space,
+    bodies: tuple[np.ndarray, int],
     fixed: np.ndarray,
     springs: Sequence[BoundSpring],
     contacts: Sequence[BoundContact],
@@ -41,6 +42,7 @@ def free_motions(
 
     Args:
         space: The mesh.
+        bodies: Body of each node, and number of bodies.
         fixed: Which components supports hold at a value at each node, shape (nodes, d).
         springs: The springs.
         contacts: The contacts, which may hold a motion, too.
@@ -52,7 +54,7 @@ def free_motions(
     Raises:
         NotHeldError: If contacts do not hold one of them either.
     """
-    body, count = bodies_of_nodes(space)
+    body, count = bodies
     motions, names = body_motions(space, body, count)
     held = _held_by_supports(space, body, count, motions, fixed, faces)
     for spring in springs:
@@ -66,13 +68,16 @@ def free_motions(
 
 
 def unsupported_motions(
-    space: Space, fixed: np.ndarray, faces: Sequence[RigidFace] = ()
+    space: Space,
+    bodies: tuple[np.ndarray, int],
+    fixed: np.ndarray,
+    faces: Sequence[RigidFace] = (),
 ) -> list[fem.Function]:
     """Find the rigid motions that no support holds, but springs may; collective.
 
     The motions and the arguments are those of :func:`free_motions`.
     """
-    body, count = bodies_of_nodes(space)
+    body, count = bodies
     motions, _ = body_motions(space, body, count)
     held = _held_by_supports(space, body, count, motions, fixed, faces)
     return motions_not_held(space, body, motions, held)
@@ -180,9 +185,37 @@ def _check_all_held(
         if count > 1:
             message += f" of the body with {_boundary_parts(space, body == number)}"
         loose.append(message)
-    raise NotHeldError(
+    message = (
         f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact"
         " cannot hold it). Add a Displacement (None leaves a component free), or friction."
+    )
+    raise NotHeldError(message + _hinges(space, body, np.unique(greatest // len(names))))
+
+
+def _hinges(space: Space, body: np.ndarray, loose: np.ndarray) -> str:
+    """Say at which points loose bodies touch others without a facet; collective.
+
+    Args:
+        space: The mesh.
+        body: Body of each node.
+        loose: Numbers of the loose bodies.
+    """
+    domain = space.domain
+    facing = np.zeros(len(body), dtype=bool)
+    for name in (name for pair in domain.pairs for name in pair):
+        facing[space.facet_nodes(domain.facets(name))] = True
+    nodes = space.vertices[: domain.owned_cells]
+    alone = ~facing[nodes]
+    geometry = space.mesh.geometry
+    x = geometry.x[geometry.dofmaps[0][: domain.owned_cells][alone], : space.d]
+    points, bodies = touching(space.comm, x, body[nodes[alone]])
+    points = points[np.isin(bodies, loose)]
+    if len(points) == 0:
+        return ""
+    return (
+        f" It touches another body at {told(points, domain.extent)}: bodies that meet at vertices"
+        " or edges alone, or without a Contact, transmit no force. Let them share facets (in gmsh:"
+        " let them overlap, then fragment), or give them a Contact."
     )
 
 
@@ -193,10 +226,24 @@ def _boundary_parts(space: Space, inside: np.ndarray) -> str:
         space: The mesh.
         inside: Which nodes of this rank are of the body.
     """
-    here = set()
-    for name in space.domain.outer:
-        cells = space.domain.facets(name)[:, 0]
-        if inside[space.nodes[cells]].any():
-            here.add(name)
-    names = set().union(*space.comm.allgather(here))
-    return ", ".join(map(repr, sorted(names))) if names else "no named boundary part"
+    domain = space.domain
+    cells = {name: domain.facets(name)[:, 0] for name in domain.outer}
+    parts = _on_body(space, inside, cells)
+    if parts:
+        return ", ".join(map(repr, parts))
+    regions = _on_body(space, inside, {name: domain.region(name) for name in domain.regions})
+    if regions:
+        return f"the region {', '.join(map(repr, regions))}"
+    return "no named boundary part"
+
+
+def _on_body(space: Space, inside: np.ndarray, cells: dict[str, np.ndarray]) -> list[str]:
+    """List the names whose cells have a node of a body; collective.
+
+    Args:
+        space: The mesh.
+        inside: Which nodes of this rank are of the body.
+        cells: Cells of each name.
+    """
+    here = {name for name, of_name in cells.items() if inside[space.nodes[of_name]].any()}
+    return sorted(set().union(*space.comm.allgather(here)))

@@ -22,6 +22,7 @@ from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.loads import bind_loads, sum_of
+from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
 from erc_contact.model.rigid_faces import face_forces
@@ -69,6 +70,7 @@ class Model(Space):
         contacts: The scene's contacts.
         ties: The scene's tied joints.
         coordinates: The solver's unknowns: jumps at contacts between bodies.
+        bodies: Number of the body of each node of this rank, and number of bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
         gap_limits: Polynomials below the gap that were found [length], shape (f, c, m),
@@ -101,8 +103,9 @@ class Model(Space):
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.bind_coordinates()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
+        self.bodies = bodies_of_nodes(self)
         self.free_motions = free_motions(
-            self, self.held, self.springs, self.contacts, self.loose_faces
+            self, self.bodies, self.held, self.springs, self.contacts, self.loose_faces
         )
 
     def bind_supports_and_loads(self, scene: Scene) -> None:

@@ -33,6 +33,8 @@ from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import large
 from erc_contact.scene.scene import Scene
 
+LARGEST = 1e100
+"""Greatest displacement over the size of the body whose energy is a number [-]."""
 REASON = "given displacement"
 
 
@@ -68,6 +70,13 @@ def solution_of(
     finite = comm.allreduce(bool(np.isfinite(values).all()), MPI.LAND)
     if not finite:
         raise InputError("certify: the displacement is not finite everywhere.")
+    largest = comm.allreduce(float(abs(values).max(initial=0.0)), MPI.MAX)
+    if largest > LARGEST * domain.extent:
+        raise InputError(
+            f"certify: the displacement is up to {largest:.3g}, in a body of the size "
+            f"{domain.extent:.3g}. It must be below {LARGEST:g} times that; look at its units, or "
+            "whether its solver has failed."
+        )
     for face in model.loose_faces:
         # Any motion of the face is admissible: here it is that of u.
         face.follow(model.prescribed, values)

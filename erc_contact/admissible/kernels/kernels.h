@@ -59,6 +59,12 @@ void macro_stresses(int N, int m, int b, long long cells, const double *edges, c
                     const double *forces, const double *force, const double *map, const double *of_facets,
                     const double *of_subs, double *sigma);
 
+/* imbalance.py: the greatest force that is missing in the equilibrium of a stress in each cell, and the greatest product
+   of a stress and an area there. */
+void unbalanced_stresses(int N, int m, int b, long long cells, const double *area, const double *stress,
+                         const double *forces, const double *force, const int *between, const int *on_facet,
+                         const int *common, double *missing, double *size);
+
 /* error/bulk.py: |stress - elastic|^2 and |stress + elastic|^2 of each cell, at q points of each sub-simplex. The elastic
    stress is given there, or by b coefficients times of_elastic (subs q, b). */
 void stress_squares(long long cells, int subs, int N, int q, const double *shape, const double *weight,

@@ -98,6 +98,108 @@ void macro_stresses(int N, int m, int b, long long cells, const double *edges, c
   macro(DIMENSION, N, m, b, cells, edges, stress, forces, force, map, of_facets, of_subs, sigma);
 }
 
+/* The traction of a stress in Mandel components on an area. */
+INLINE void traction(const int d, const lanes *stress, const lanes *area, lanes *push)
+{
+  for (int i = 0; i < d; ++i)
+    push[i] = stress[i] * area[i];
+  for (int a = d; a < d * (d + 1) / 2; ++a) {
+    const int i = ROW[d - 2][a], j = COLUMN[d - 2][a];
+    push[i] += M_SQRT1_2 * stress[a] * area[j];
+    push[j] += M_SQRT1_2 * stress[a] * area[i];
+  }
+}
+
+INLINE lanes larger(lanes a, lanes b)
+{
+  for (int l = 0; l < LANES; ++l)
+    a[l] = a[l] != a[l] || b[l] <= a[l] ? a[l] : b[l]; /* what is no number stays */
+  return a;
+}
+
+/* Greatest product of a stress and its area in a cell, and greatest force that is missing in its equilibrium. */
+INLINE void unbalanced(const int d, int N, int m, int b, long long cells, const double *area, const double *stress,
+                       const double *forces, const double *force, const int *between, const int *on_facet,
+                       const int *common, double *missing, double *size)
+{
+  const int s = d * (d + 1) / 2;
+  for (long long first = 0; first < cells; first += LANES) {
+    const int here = cells - first < LANES ? (int)(cells - first) : LANES;
+    lanes A[4][3], C[240], given[72], body[12], worst = {0}, most = {0}, longest = {0};
+    for (int l = 0; l < LANES; ++l) {
+      const long long n = first + (l < here ? l : 0);
+      for (int i = 0; i < (d + 1) * d; ++i)
+        A[i / d][i % d][l] = area[n * (d + 1) * d + i];
+      for (int i = 0; i < (d + 1) * N * s; ++i)
+        C[i][l] = stress[n * (d + 1) * N * s + i];
+      for (int i = 0; i < (d + 1) * m * d; ++i)
+        given[i][l] = forces[n * (d + 1) * m * d + i];
+      for (int i = 0; i < b * d; ++i)
+        body[i][l] = force ? force[n * b * d + i] : 0.0;
+    }
+    for (int i = 0; i <= d; ++i) {
+      longest = larger(longest, dot(d, A[i], A[i]));
+      for (int v = 0; v < N; ++v)
+        most = larger(most, dot(s, C + (i * N + v) * s, C + (i * N + v) * s));
+      /* the facet of the cell */
+      for (int j = 0; j < m; ++j) {
+        lanes push[3];
+        traction(d, C + (i * N + on_facet[i * m + j]) * s, A[i], push);
+        for (int e = 0; e < d; ++e)
+          push[e] -= given[(i * m + j) * d + e];
+        worst = larger(worst, dot(d, push, push));
+      }
+      /* the facets between this sub-simplex and those that follow */
+      for (int k = i + 1; k <= d; ++k) {
+        lanes across[3], jump[6], push[3];
+        for (int e = 0; e < d; ++e)
+          across[e] = A[k][e] - A[i][e];
+        for (int j = 0; j < m; ++j) {
+          const lanes *one = C + (i * N + common[(i * (d + 1) + k) * m + j]) * s;
+          const lanes *two = C + (k * N + common[(k * (d + 1) + i) * m + j]) * s;
+          for (int a = 0; a < s; ++a)
+            jump[a] = one[a] - two[a];
+          traction(d, jump, across, push);
+          worst = larger(worst, dot(d, push, push));
+        }
+      }
+      /* the body force: the barycentre of the cell stands in the place of vertex i */
+      for (int c = 0; c < b; ++c) {
+        lanes sum[3] = {{0}}, push[3], across[3];
+        for (int v = 0; v <= d; ++v) {
+          for (int e = 0; e < d; ++e)
+            across[e] = v == i ? (double)(d + 1) * A[i][e] : A[v][e] - A[i][e];
+          traction(d, C + (i * N + between[c * (d + 1) + v]) * s, across, push);
+          for (int e = 0; e < d; ++e)
+            sum[e] -= push[e] * ((b == 1 ? 1.0 : 2.0) / d);
+        }
+        for (int e = 0; e < d; ++e) {
+          lanes there = body[c * d + e];
+          if (b > 1 && c == i) {
+            there = body[e];
+            for (int v = 1; v <= d; ++v)
+              there += body[v * d + e];
+            there /= (double)(d + 1);
+          }
+          sum[e] += there;
+        }
+        worst = larger(worst, dot(d, sum, sum));
+      }
+    }
+    for (int l = 0; l < here; ++l) {
+      missing[first + l] = sqrt(worst[l]);
+      size[first + l] = sqrt(most[l] * longest[l]);
+    }
+  }
+}
+
+void unbalanced_stresses(int N, int m, int b, long long cells, const double *area, const double *stress,
+                         const double *forces, const double *force, const int *between, const int *on_facet,
+                         const int *common, double *missing, double *size)
+{
+  unbalanced(DIMENSION, N, m, b, cells, area, stress, forces, force, between, on_facet, common, missing, size);
+}
+
 INLINE void squared(const int s, long long cells, int subs, int N, int q, const double *shape, const double *weight,
                     const double *volume, const double *stress, int b, const double *of_elastic, const double *elastic,
                     int varies, int points, const double *compliance, double *difference, double *both)

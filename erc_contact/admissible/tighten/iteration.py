@@ -69,7 +69,7 @@ def tightened(
         error with them [force length].
     """
     comm, d, m = space.comm, cells.d, moment.shape[1]
-    shared = _SharedMoments(space, cells)
+    shared = SharedMoments(space, cells)
     energy = ComplementaryEnergy(cells, space.domain.owned_cells, compliance)
     to_hierarchical = hierarchical(d, cells.degree)
     square, r = energy.start(
@@ -96,7 +96,7 @@ def tightened(
 
 
 def _minimise(
-    shared: _SharedMoments,
+    shared: SharedMoments,
     energy: ComplementaryEnergy,
     precondition: Callable[[np.ndarray], np.ndarray],
     x: np.ndarray,
@@ -147,7 +147,7 @@ def _minimise(
     return done, square
 
 
-class _SharedMoments:
+class SharedMoments:
     """Sum and multiply values for the moments of facets (F, m, d) over the ranks.
 
     Args:

@@ -32,7 +32,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
 from erc_contact.newton.linear.changed import ChangedBlocks, ChangedEntries
 from erc_contact.newton.linear.galerkin import CoarseMatrices, levels_of
-from erc_contact.newton.linear.mumps import factorised
+from erc_contact.newton.linear.mumps import Factor, factorised
 from erc_contact.newton.linear.p_coarsening import TwoLevels
 from erc_contact.newton.linear.shells import preconditioner
 
@@ -78,7 +78,7 @@ class Hierarchy:
         self._has_contact = has_contact
         _, exponent = np.frexp(support_stiffness)
         self.scale = float(np.ldexp(1.0, 1 - exponent))
-        self._exact: PETSc.KSP | None = None
+        self._exact: Factor | None = None
         self._coarse: CoarseMatrices | None = None
         self._share: float | None = share
         """Share of the glue in the matrix; None after :meth:`renew` with a tangent."""
@@ -192,9 +192,7 @@ class Hierarchy:
             self._coarse = None
         if self.pc is not self._multigrid:
             self.pc.destroy()
-        self.pc = self._exact.getPC()
-        # It stays, whatever form the matrix has that is solved with it.
-        self.pc.setReusePreconditioner(True)
+        self.pc = preconditioner(self._exact.solve, self.matrix)
 
     def free(self) -> None:
         """Free PETSc's objects, which it would keep on several ranks."""

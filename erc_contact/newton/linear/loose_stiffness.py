@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 from dolfinx import fem
-from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.eliminated_faces import EliminatedFaces
 from erc_contact.newton.linear.face_motions import FaceMotions
+from erc_contact.newton.linear.mumps import Factor
 from erc_contact.newton.linear.stiffness import Stiffness
 
 
@@ -43,7 +43,7 @@ class LooseStiffness(Stiffness):
         self._motions.move(u, None)
         return u
 
-    def _under(self, b: fem.Function, solver: PETSc.KSP) -> fem.Function:
+    def _under(self, b: fem.Function, solver: Factor) -> fem.Function:
         """Return the displacement under nodal forces b by a solver [length]."""
         u = super()._under(b, solver)
         FaceMotions(self, self._faces, solver.solve).move(u, b)

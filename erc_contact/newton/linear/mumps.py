@@ -1,5 +1,9 @@
 """Direct solvers: MUMPS' factors of symmetric matrices, and their Schur complements.
 
+MUMPS has an absolute threshold: a Schur complement of a matrix whose entries are below
+about 1e-16 is wrong by a tenth. So each matrix K is factorised as D K D, with powers of
+two on the diagonal of D for which that of D K D is between 1/2 and 2. No digit changes.
+
 petsc4py has no names for Schur complements, so PETSc's own functions are called through
 ctypes.
 """
@@ -39,15 +43,15 @@ Plain factors by AMF take 0.9 of the time of AMD in the plane on two ranks, and 
 COMPRESSED_FROM = 100_000
 """Number of equations from which on blocks of the factor are compressed (BLR) [-].
 
-What is left out is below round-off, :data:`DROPPED` of the least diagonal entry, so
-that the solution is the same. A factor of 1 011 042 equations of a rectangle then takes
+What is left out is below round-off, :data:`DROPPED` of the diagonal, so that the
+solution is the same. A factor of 1 011 042 equations of a rectangle then takes
 4.3 s instead of 8.3 s and 84% of the memory, one of 406 802 takes 1.5 s instead of 2.3
 s. Half of this comes from other kernels: MUMPS' usual ones call gemmt, which OpenBLAS
 does column by column. MUMPS groups the equations by METIS here, so SIGTERM is held
 back; where it cannot be, nothing is compressed.
 """
 DROPPED = 1e-16
-"""What compression may leave out [-]."""
+"""What compression may leave out of a matrix whose diagonal is near 1 [-]."""
 NOT_FACTORISED = (
     "The elastic stiffness cannot be factorised: its numbers are too far apart for double "
     "precision. Choose units in which moduli and lengths are nearer to 1; look for degenerate "
@@ -61,7 +65,61 @@ LIBRARY = 76
 """PETSc's code of a failure in a library, such as LAPACK."""
 
 
-def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.KSP:
+class Factor:
+    """Solve symmetric equations by a factor of MUMPS; members are collective.
+
+    Args:
+        ksp: Solves ``D K D y = c`` by the factor.
+        scaling: The diagonal of D.
+        schur_on: Rows on which MUMPS has made a Schur complement; None without any.
+    """
+
+    def __init__(self, ksp: PETSc.KSP, scaling: PETSc.Vec, schur_on: np.ndarray | None) -> None:
+        self._ksp = ksp
+        self._scaling = scaling
+        self._schur_on = schur_on
+        self._scaled = scaling.duplicate()
+
+    def solve(self, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve ``K x = b``.
+
+        Raises:
+            InputError: If the Schur complement cannot be factorised.
+        """
+        self._scaled.pointwiseMult(self._scaling, b)
+        try:
+            self._ksp.solve(self._scaled, x)
+        except PETSc.Error as failure:
+            if failure.ierr == NOT_DEFINITE:
+                raise InputError(NOT_FACTORISED) from failure
+            raise
+        x.pointwiseMult(self._scaling, x)
+
+    def schur_complement(self) -> np.ndarray:
+        """Return the Schur complement that MUMPS made with a factor on one rank."""
+        assert self._schur_on is not None
+        scaling = self._scaling.array_r[self._schur_on]
+        return _schur_complement(self.mumps, len(scaling)) / np.outer(scaling, scaling)
+
+    def interior_only(self) -> None:
+        """Set the factor to solve ``K_II u_I = b_I``.
+
+        The rows I are those that the Schur complement is not on; elsewhere u is zero.
+        """
+        self.mumps.setMumpsIcntl(26, 0)
+
+    @property
+    def mumps(self) -> PETSc.Mat:
+        """Return the factor with its settings."""
+        return self._ksp.getPC().getFactorMatrix()
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        for made in (self._ksp, self._scaling, self._scaled):
+            made.destroy()
+
+
+def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> Factor:
     """Factorise a symmetric matrix with MUMPS; collective.
 
     Args:
@@ -69,25 +127,42 @@ def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> PETSc.K
         schur_on: Rows on which MUMPS makes a Schur complement, of a matrix on one rank;
             None for a plain factor.
 
-    Returns:
-        A solver with the factor.
-
     Raises:
         InputError: If the matrix cannot be factorised.
         MemoryError: If there is too little memory for it.
     """
+    scaling = _scaling(matrix)
+    matrix.diagonalScale(scaling, scaling)
     for workspace in WORKSPACES:
         ksp = _with_workspace(matrix, schur_on, workspace)
         factor = ksp.getPC().getFactorMatrix()
         if factor.getMumpsInfog(1) not in TOO_LITTLE_WORKSPACE:
             break
+    # The factor knows nothing of the matrix any more, which is the caller's.
+    ksp.getPC().setReusePreconditioner(True)
+    inverse = scaling.duplicate()
+    inverse.array[:] = 1.0 / scaling.array_r
+    matrix.diagonalScale(inverse, inverse)
+    inverse.destroy()
     reasons = PETSc.PC.FailedReason
     failed = ksp.getPC().getFailedReason()
     if failed == reasons.FACTOR_OUTMEMORY:
         raise MemoryError(f"the factor of {matrix.getSize()[0]} elastic equations")
     if failed != reasons.NOERROR:
         raise InputError(NOT_FACTORISED)
-    return ksp
+    return Factor(ksp, scaling, schur_on)
+
+
+def _scaling(matrix: PETSc.Mat) -> PETSc.Vec:
+    """Return the powers of two that bring the diagonal of a matrix near 1.
+
+    They are 1 where it has no positive entry, and MUMPS finds no factor.
+    """
+    scaling = matrix.getDiagonal()
+    _, exponents = np.frexp(scaling.array_r)
+    powers = np.ldexp(1.0, -(exponents // 2))
+    scaling.array[:] = np.where(scaling.array_r > 0, powers, 1.0)
+    return scaling
 
 
 def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: int) -> PETSc.KSP:
@@ -112,23 +187,12 @@ def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: i
     large = comm.size == 1 and matrix.getSize()[0] >= COMPRESSED_FROM
     with sigterm_blocked() if large else nullcontext(False) as blocked:
         if blocked:
-            _compress(factor, matrix)
+            factor.setMumpsIcntl(35, 2)  # block low-rank, in solves, too
+            # Blocks are compressed after they have served, so no error is amplified.
+            factor.setMumpsIcntl(36, 1)
+            factor.setMumpsCntl(7, DROPPED)
         ksp.setUp()
     return ksp
-
-
-def _compress(factor: PETSc.Mat, matrix: PETSc.Mat) -> None:
-    """Set MUMPS to compress blocks of the factor below round-off.
-
-    It is the round-off of the softest equation. An equation of a component that a
-    support fixes is that of the identity, and does not count.
-    """
-    diagonal = abs(matrix.getDiagonal().array_r)
-    softest = diagonal[diagonal != 1.0].min(initial=np.inf)
-    factor.setMumpsIcntl(35, 2)  # block low-rank, in solves, too
-    # Blocks are compressed after they have served, so no error is amplified.
-    factor.setMumpsIcntl(36, 1)
-    factor.setMumpsCntl(7, DROPPED * softest if np.isfinite(softest) else 0.0)
 
 
 _LIBRARY = ctypes.CDLL(PETSc.__file__)
@@ -161,32 +225,19 @@ def _call(name: str, *arguments: Any) -> None:
         raise RuntimeError(f"PETSc: {name} failed.")
 
 
-def schur_complement(ksp: PETSc.KSP, size: int) -> np.ndarray:
-    """Return the Schur complement that MUMPS made with a factor on one rank.
-
-    Args:
-        ksp: The solver with the factor.
-        size: Number of rows of the Schur complement.
-    """
+def _schur_complement(factor: PETSc.Mat, size: int) -> np.ndarray:
+    """Return the Schur complement of a factor of MUMPS, shape (size, size)."""
     schur, status = _HANDLE(), _ENUM()
     data = ctypes.POINTER(ctypes.c_double)()
-    factor = ksp.getPC().getFactorMatrix().handle
-    _call("MatFactorGetSchurComplement", factor, ctypes.addressof(schur), ctypes.addressof(status))
+    handle = factor.handle
+    _call("MatFactorGetSchurComplement", handle, ctypes.addressof(schur), ctypes.addressof(status))
     _call("MatDenseGetArrayRead", schur, ctypes.addressof(data))
     # Of MUMPS' array only the upper triangle is the Schur complement.
     values = np.ctypeslib.as_array(data, (size, size))
     symmetric = np.where(np.tri(size, k=-1, dtype=bool), values.T, values)
     _call("MatDenseRestoreArrayRead", schur, ctypes.addressof(data))
-    _call("MatFactorRestoreSchurComplement", factor, ctypes.addressof(schur), status)
+    _call("MatFactorRestoreSchurComplement", handle, ctypes.addressof(schur), status)
     return symmetric
-
-
-def interior_only(ksp: PETSc.KSP) -> None:
-    """Set a factor with a Schur complement to solve ``K_II u_I = b_I``.
-
-    The rows I are those that the Schur complement is not on; elsewhere u is zero.
-    """
-    ksp.getPC().getFactorMatrix().setMumpsIcntl(26, 0)
 
 
 def dense_factor(values: np.ndarray, kind: str) -> PETSc.KSP:

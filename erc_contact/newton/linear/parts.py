@@ -12,13 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.newton.linear.mumps import (
-    dense_factor,
-    dense_solve,
-    factorised,
-    interior_only,
-    schur_complement,
-)
+from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorised
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +51,11 @@ class Part:
         self._outer = outer[np.argsort(numbers[outer])]
         self._numbers = numbers[self._outer]
         self._total = total[self._outer]
-        self._factor: PETSc.KSP | None = None
+        self._factor: Factor | None = None
         if self._inner.any():
             self._factor = factorised(matrix, self._outer if len(outer) else None)
             if len(outer):
-                interior_only(self._factor)
+                self._factor.interior_only()
 
     def interface(self) -> Interface:
         """Return what is left of the part."""
@@ -69,7 +63,7 @@ class Part:
         if size == 0:
             schur = np.zeros((0, 0))
         elif self._factor is not None:
-            schur = schur_complement(self._factor, size)
+            schur = self._factor.schur_complement()
         else:
             whole = self._matrix.convert("dense", PETSc.Mat())
             schur = whole.getDenseArray()[np.ix_(self._outer, self._outer)]

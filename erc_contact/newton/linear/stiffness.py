@@ -32,7 +32,7 @@ from erc_contact.base.ranks import from_first, gathered
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.layer import contact_layer
-from erc_contact.newton.linear.mumps import factorised, schur_complement
+from erc_contact.newton.linear.mumps import Factor, factorised
 from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
 
@@ -62,7 +62,7 @@ class Stiffness(Elastic):
         self.local = np.zeros(0, dtype=np.int64)
         self.schur: np.ndarray | None = None
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
-        self._factor: PETSc.KSP | Substructures | None = None
+        self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
         if model.contacts:
             layer = contact_layer(model)
@@ -80,7 +80,7 @@ class Stiffness(Elastic):
         """
         return self._solved_by(self._solver(), self.right_side(b, supports=supports))
 
-    def _solved_by(self, solver: PETSc.KSP | Substructures, right: PETSc.Vec) -> fem.Function:
+    def _solved_by(self, solver: Factor | Substructures, right: PETSc.Vec) -> fem.Function:
         """Return the displacement of a right side [length], and destroy that."""
         x = right.duplicate()
         solver.solve(right, x)
@@ -122,13 +122,13 @@ class Stiffness(Elastic):
         """
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        ksp = factorised(matrix)
-        u = self._under(b, ksp)
-        ksp.destroy()
+        factor = factorised(matrix)
+        u = self._under(b, factor)
+        factor.destroy()
         matrix.destroy()
         return u
 
-    def _under(self, b: fem.Function, solver: PETSc.KSP) -> fem.Function:
+    def _under(self, b: fem.Function, solver: Factor) -> fem.Function:
         """Return the displacement under nodal forces b by a solver [length]."""
         return self._solved_by(solver, self.right_side(b, supports=False))
 
@@ -266,7 +266,7 @@ class Stiffness(Elastic):
 
         self.schur = together(comm, condense)
 
-    def _schur_complement(self, solver: PETSc.KSP | Substructures) -> np.ndarray:
+    def _schur_complement(self, solver: Factor | Substructures) -> np.ndarray:
         """Return S_L [force/length], on rank 0."""
         if isinstance(solver, Substructures):
             assert solver.interface is not None
@@ -274,14 +274,14 @@ class Stiffness(Elastic):
             schur = solver.interface.schur[np.ix_(order, order)]
             schur = 0.5 * (schur + schur.T)
         else:
-            schur = schur_complement(solver, len(self.numbers))
+            schur = solver.schur_complement()
         if not np.isfinite(schur).all():
             raise InputError(
                 "The elastic stiffness is not finite; look at the moduli and the mesh."
             )
         return schur
 
-    def _solver(self) -> PETSc.KSP | Substructures:
+    def _solver(self) -> Factor | Substructures:
         """Return the factor of K + D; make it if there is none."""
         if self._factor is not None:
             return self._factor
