@@ -251,11 +251,9 @@ def _of_boundary(
 def _of_law(traction: ContactTraction) -> Found:
     """Return by how much coefficients of r^ pull, or are beyond the friction bound."""
     side = traction.contact.trace.here
-    pull = traction.normal_component
-    if traction.contact.bilateral:
-        pull = np.zeros_like(pull)
-    shear = np.linalg.norm(traction.tangential_part, axis=2)
-    beyond = np.maximum(pull, shear - traction.friction_bound).max(axis=1, initial=0.0)
+    pressure, shear, bound = traction.in_law()
+    pull = np.zeros_like(pressure) if traction.contact.bilateral else -pressure
+    beyond = np.maximum(pull, shear - bound).max(axis=1, initial=0.0)
     forces = (beyond * traction.area)[side.owned]
     return f"in the law of Contact({traction.contact.name!r})", forces, side.facets[side.owned, 0]
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.mesh.simplex import bernstein
+from erc_contact.mesh.simplex import at_nodes, bernstein, nodes
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.trace import split
 
@@ -66,6 +66,22 @@ class ContactTraction:
         r = np.matmul(bernstein(here.d - 1, here.degree, points), self.values)
         r_n, r_t, _ = split(r, self.contact.trace.normals_at(points))
         return -r_n, r_t
+
+
+    def in_law(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what the law compares: pressure, friction and its bound [force/area].
+
+        They are those of the coefficients, whose cone contains the values. Where
+        normals turn along facets, the coefficients have no cone of their own, and the
+        values at the nodes are returned. Shape (n, m) each.
+        """
+        if self.contact.trace.corner_normals is None:
+            shear = np.linalg.norm(self.tangential_part, axis=-1)
+            return -self.normal_component, shear, self.friction_bound
+        here = self.contact.trace.here
+        pressure, tangential = self.at_points(nodes(here.d - 1, here.degree))
+        bound = self.friction_bound @ at_nodes(here.d - 1, here.degree).T
+        return pressure, np.linalg.norm(tangential, axis=-1), bound
 
 
 def is_kinked(comm: MPI.Comm, contact: BoundContact) -> bool:

@@ -13,7 +13,7 @@ from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.simplex import at_nodes, bernstein, nodes
+from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.profile import (
     STICK,
@@ -99,17 +99,8 @@ def contact_status(traction: ContactTraction, peak: float | None = None) -> np.n
         OPEN, SLIP or STICK for each facet of ``traction.contact.facets``, shape (n,).
     """
     contact = traction.contact
-    bound = traction.friction_bound
+    pressure, shear, bound = traction.in_law()
     if np.isinf(bound).all():
         return np.full(len(bound), STICK)
-    if contact.trace.corner_normals is None:
-        pressure = -traction.normal_component
-        tangential = traction.tangential_part
-    else:
-        # The coefficients have no normal of their own there, but the nodes have.
-        here = contact.trace.here
-        pressure, tangential = traction.at_points(nodes(here.d - 1, here.degree))
-        bound = bound @ at_nodes(here.d - 1, here.degree).T
-    shear = np.linalg.norm(tangential, axis=-1)
     largest = pressure.max(initial=0.0) if peak is None else peak
     return facet_status(contact, pressure, shear, bound, largest, MARGIN)
