@@ -201,6 +201,7 @@ class ContactSolve:
             stiffness=self.solver.elastic,
             seconds=0.0,
             forms=self.solver.forms,
+            carried=solution.carried,
         )
 
 

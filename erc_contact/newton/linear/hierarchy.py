@@ -193,6 +193,8 @@ class Hierarchy:
         if self.pc is not self._multigrid:
             self.pc.destroy()
         self.pc = self._exact.getPC()
+        # A solver that is given the matrix as products would factorise it anew.
+        self.pc.setReusePreconditioner(True)
 
     def free(self) -> None:
         """Free PETSc's objects, which it would keep on several ranks."""
