@@ -156,3 +156,21 @@ def test_bodies_fall_on_ranks(solver):
     assert np.sort(pressure) == pytest.approx(
         np.sort(wanted.profile("upper bottom")["pressure"]), rel=1e-5, abs=1e-12
     )
+
+
+@pytest.mark.parametrize("ratio", [1e10, 1e12])
+def test_a_stiff_body_sinks_into_a_soft_one(ratio):
+    """The round-off of its stiffness on its free motion is no force."""
+    upper = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    lower = ec.rectangle((0.0, -1.0), (1.0, 0.0), cells=(4, 4))
+    bodies = ec.assembly({"u": upper, "l": lower}).joined("u bottom", "l top")
+    scene = ec.Scene(
+        ec.Elastic({"u": ratio, "l": 1.0}, 0.3),
+        [ec.Displacement("l bottom", (0.0, 0.0)), ec.Displacement("u left", (0.0, None))],
+        ec.Traction("u top", (0.0, -1e-3)),
+        ec.Contact("u bottom", against="l top"),
+    )
+    solution = ec.solve(scene, bodies)
+    error = ec.constitutive_error(ec.equilibrate(solution))
+    assert error.force("u bottom").force[1] == pytest.approx(1e-3, rel=1e-9)
+    assert error.relative == pytest.approx(0.0696, abs=2e-4)
