@@ -82,9 +82,7 @@ class Direct:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
             forms = self._forms[method]
-            self._problems[method] = Condensed(
-                self.carried.model, forms, self.elastic, self.guess
-            )
+            self._problems[method] = Condensed(self.carried.model, forms, self.elastic, self.guess)
         problem = self._problems[method]
 
         def work() -> tuple[Outcome, Any, Any]:
