@@ -107,8 +107,8 @@ def ray_part(rays: np.ndarray, start: np.ndarray, weight: np.ndarray, motions: n
 class TooCoarse(NotHeldError):
     """Tell that facets are too large for a traction that balances the loads.
 
-    The resultant of the contact forces is nearer to an edge of the contact than a traction
-    on the facets there can have it.
+    The resultant of the contact forces is nearer to an edge of the contact than a
+    traction on the facets there can have it.
 
     Attributes:
         cells: Cells of this rank at these facets, on both sides.
@@ -161,7 +161,7 @@ def _cells_that_press(
     motions: list[fem.Function],
     left: np.ndarray,
 ) -> np.ndarray:
-    """Return the cells at facets that press bodies whose loads are not balanced; collective.
+    """Return the cells at facets that press unbalanced bodies; collective.
 
     Args:
         model: The scene on a mesh.

@@ -1,9 +1,9 @@
 """A model whose bodies are carried by a rigid motion before they are deformed.
 
 The displacement is u = R + v with a motion R that no support and no spring resists, so
-that R has no stress and no energy. The problem for v is that for u with the gaps and the
-slip that R leaves, ``g - R_n`` and ``s - R_t``. It has the same solution; but K v is exact
-where K u would be the round-off of a long way, and v is as small as the deformation.
+that R has no stress and no energy. The problem for v is the problem for u with the gaps
+and the slip that R leaves, ``g - R_n`` and ``s - R_t``. It has the same solution; but v
+is as small as the deformation, so that K v has no round-off of a long way.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Carried:
         loads: Nodal forces of its loads [force], not yet summed over ranks.
 
     Attributes:
-        model: The scene with the gaps and the slip that are left; the model itself where
-            nothing is carried.
+        model: The scene with the gaps and the slip that are left; the model itself
+            where nothing is carried.
     """
 
     def __init__(self, model: Model, loads: fem.Function) -> None:
@@ -59,7 +59,7 @@ class Carried:
     def whole(
         self, v: fem.Function
     ) -> tuple[fem.Function, tuple[list[BoundContact], fem.Function] | None]:
-        """Return u = R + v [length], and what the contacts know of v; None where R = 0."""
+        """Return u = R + v [length], and what contacts know of v; None if R = 0."""
         if self._motion is None:
             return v, None
         u = v.copy()

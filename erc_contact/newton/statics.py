@@ -1,18 +1,22 @@
 """Statics of bodies that supports leave rigid motions: a linear programme.
 
-Rigid motions cost no energy, so contact forces alone balance the loads on them. Symbols:
-m_k free motions, f_k work of the loads on them [force length], x_i vertices of contact
-facets, w_k(x_i) jump of a motion there, n normal of the contact, g gap, s slip before,
-r_i forces at the vertices, with pressures p_i = -r_i.n, in the cones of friction. The
-programme is
+Rigid motions cost no energy, so contact forces alone balance the loads on them.
+Symbols: m_k free motions, f_k work of the loads on them [force length], x_i vertices of
+contact facets, w_k(x_i) jump of a motion there, n normal of the contact, g gap, s slip
+before, r_i forces at the vertices, with pressures p_i = -r_i.n, in the cones of
+friction. The programme is
 
-    minimise  sum_i p_i g_i - r_i.s_i   over  r_i in the cones,  sum_i r_i.w_k(x_i) = -f_k.
+    minimise  sum_i p_i g_i - r_i.s_i
+    over      r_i in the cones,  sum_i r_i.w_k(x_i) = -f_k.
 
-Any traction in the cones has such forces, its moments against the linear shape functions.
-So where the programme has no solution, the scene has none. Its multipliers are a motion q
-that the loads want most, ``max f.q``, of those on whose jump no force of a cone does more
-work than on gap and slip: bodies fall until contacts stop them, and stick where friction
-holds them.
+Any traction in the cones has such forces, its moments against the linear shape
+functions. So where no forces fulfil the equations, the scene has no solution. The
+multipliers are a motion q that the loads want most, ``max f.q``, of those on whose jump
+no force of a cone does more work than on gap and slip: bodies fall until contacts stop
+them, and stick where friction holds them.
+
+Where there is no solution, a second programme minimises what is left of the equations.
+Its multipliers are the motion by which the bodies go.
 """
 
 from __future__ import annotations
@@ -55,7 +59,7 @@ class Forces:
 
 
 def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
-    """Find the rigid motion with which loads bring bodies to their contacts; collective.
+    """Find the rigid motion by which loads bring bodies to contacts; collective.
 
     Args:
         model: The scene on a mesh.
@@ -90,7 +94,7 @@ def _work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np
 
 
 def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
-    """Return the unit forces at the vertices of a contact's owned facets; collective."""
+    """Return unit forces at the vertices of a contact's owned facets; collective."""
     trace = contact.trace
     d = model.d
     vertices = slice(0, d)
@@ -167,7 +171,7 @@ def _tangents(n: np.ndarray) -> list[np.ndarray]:
 
 
 def _polygon(tangents: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the directions of friction: both in the plane, corners of a polygon else."""
+    """Return directions of friction: both in the plane, else corners of a polygon."""
     if len(tangents) == 1:
         return [tangents[0], -tangents[0]]
     first, second = tangents
@@ -199,7 +203,7 @@ def _solved(
     matrix: np.ndarray, cost: np.ndarray, bounds: np.ndarray, work: np.ndarray
 ) -> np.ndarray | None:
     """Return the multipliers of the programme, or None without a solution."""
-    from scipy.optimize import linprog
+    from scipy.optimize import linprog  # noqa: PLC0415 - for loose bodies only
 
     length = abs(cost).max(initial=0.0) or 1.0
     size = abs(work).max()
