@@ -21,7 +21,9 @@ Its multipliers are the motion by which the bodies go.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -37,6 +39,12 @@ from erc_contact.model.model import Model
 
 DIRECTIONS = 8
 """Number of sides of the polygon round the circle of friction in space."""
+SLIDES = 1e-3
+"""Rotation over the size of the body that is none, over its displacement [-]."""
+SAME_PLACE = 1e-9
+"""Coordinate that counts as zero, over the size of the body [-]."""
+BALANCED = 1e-6
+"""Work left that is none, over the work of the loads [-]."""
 NO_LOAD = 1e-12
 """Work of loads on a motion that is round-off, over that of their sizes [-]."""
 
@@ -58,6 +66,31 @@ class Forces:
     most: np.ndarray
 
 
+@dataclass(frozen=True)
+class Mechanism:
+    """Describe the rigid motion by which loads move a body that contacts do not hold.
+
+    Attributes:
+        turn: Axis of its rotation in space, +-1 in the plane; zero where it slides [-].
+        place: A point at rest, or of the body where it slides [length], shape (d,).
+        along: Unit vector along which the body slides [-], shape (d,).
+        excess: The moment [force length] about the point, or the force [force] along
+            the vector, that is too much.
+    """
+
+    turn: np.ndarray
+    place: np.ndarray
+    along: np.ndarray
+    excess: float
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{x:.3g}" for x in self.place)
+        if self.turn.any():
+            return f"turn a body about ({place}) with a moment of {self.excess:.3g} too much"
+        along = ", ".join(f"{x:.2g}" for x in self.along)
+        return f"move the body at ({place}) along ({along}) with {self.excess:.3g} too much"
+
+
 def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     """Find the rigid motion by which loads bring bodies to contacts; collective.
 
@@ -72,17 +105,77 @@ def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     moves = any(c.gap is not None or c.trace.before is not None for c in model.contacts)
     if not model.free_motions or not moves:
         return None
-    motions = np.column_stack([motion.x.array for motion in model.free_motions])
-    work = _work_of_loads(model, loads, motions)
+    motions, work, parts = _programme(model, loads)
     if not work.any():
         return None
-    parts = [_forces(model, contact, motions) for contact in model.contacts]
-    amounts = _amounts(model, parts, work)
-    if amounts is None:
+    solution = _on_first(model, parts, _rest, work)
+    if solution is None:
         return None
     displacement = model.function()
-    displacement.x.array[:] = motions @ amounts
+    displacement.x.array[:] = motions @ solution
     return displacement
+
+
+def mechanism(model: Model, loads: fem.Function) -> Mechanism | None:
+    """Find the motion by which loads move bodies that contacts do not hold; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+
+    Returns:
+        The motion; None if forces of the contacts may balance the loads.
+    """
+    if not model.free_motions:
+        return None
+    motions, work, parts = _programme(model, loads)
+    if not work.any():
+        return None
+    solution = _on_first(model, parts, _unbalanced, work)
+    if solution is None:
+        return None
+    left, amounts = solution
+    return _described(model, motions @ amounts, left)
+
+
+def _described(model: Model, motion: np.ndarray, work: float) -> Mechanism:
+    """Describe the motion of the body that moves farthest; collective.
+
+    Args:
+        model: The scene on a mesh.
+        motion: Rigid motions of the bodies at the nodes of this rank, shape (nodes d,).
+        work: Work of the loads on it that is too much.
+    """
+    d = model.d
+    corners = model.cell_corners()[: model.domain.owned_cells]
+    values = motion.reshape(-1, d)[model.vertices[: len(corners)]]
+    moved = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+    farthest = None
+    if len(moved):
+        cell = int(np.argmax(moved))
+        farthest = float(moved[cell]), corners[cell].tolist(), values[cell].tolist()
+    _, x, u = max(one for one in model.comm.allgather(farthest) if one is not None)
+    points, displacements = np.array(x), np.array(u)
+    gradient = np.linalg.solve(points[1:] - points[0], displacements[1:] - displacements[0]).T
+    skew = 0.5 * (gradient - gradient.T)
+    rate = np.linalg.norm(skew) / np.sqrt(2.0)
+    length = float(np.linalg.norm(displacements[0]))
+    if rate * model.domain.extent <= SLIDES * length:
+        along = displacements[0] / length
+        return Mechanism(np.zeros(1), points.mean(axis=0), along, work / length)
+    # The point nearest to the corner at which u = skew (x - place) is at rest.
+    place = points[0] - np.linalg.lstsq(skew, displacements[0], rcond=1e-9)[0]
+    place[abs(place) < SAME_PLACE * model.domain.extent] = 0.0
+    turn = np.array([skew[1, 0]]) if d == 2 else np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    return Mechanism(turn / rate, place, np.zeros(d), work / float(rate))
+
+
+def _programme(model: Model, loads: fem.Function) -> tuple[np.ndarray, np.ndarray, list[Forces]]:
+    """Return the free motions (nodes d, K), the work of loads, and unit forces."""
+    motions = np.column_stack([motion.x.array for motion in model.free_motions])
+    work = _work_of_loads(model, loads, motions)
+    parts = [_forces(model, contact, motions) for contact in model.contacts]
+    return motions, work, parts
 
 
 def _work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
@@ -115,7 +208,7 @@ def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
     normal_least = -np.inf if contact.bilateral else 0.0
     columns = []
 
-    def add(direction: np.ndarray, along_n: float, least: object, most: object) -> None:
+    def add(direction: np.ndarray, along_n: float, least: Any, most: Any) -> None:
         """Add forces of a direction (f, v, d), whose pressure is ``along_n``."""
         work = np.einsum("fvd,fvdk->fvk", direction, w).reshape(-1, w.shape[3])
         cost = along_n * gap - np.einsum("fvd,fvd->fv", direction, slip)
@@ -133,12 +226,7 @@ def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
     if limit.any():
         for tangent in tangents:
             add(tangent, 0.0, -limit, limit)
-    return Forces(
-        np.concatenate([part.work for part in columns]),
-        np.concatenate([part.cost for part in columns]),
-        np.concatenate([part.least for part in columns]),
-        np.concatenate([part.most for part in columns]),
-    )
+    return _joined(columns)
 
 
 def _friction(model: Model, contact: BoundContact) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -179,35 +267,76 @@ def _polygon(tangents: list[np.ndarray]) -> list[np.ndarray]:
     return [np.cos(angle) * first + np.sin(angle) * second for angle in angles]
 
 
-def _amounts(model: Model, parts: list[Forces], work: np.ndarray) -> np.ndarray | None:
-    """Solve the programme for the amounts q of the motions; collective.
+def _on_first(
+    model: Model, parts: list[Forces], solve: Callable[[Forces, np.ndarray], Any], work: np.ndarray
+) -> Any:
+    """Solve a programme with the forces of all ranks on rank 0; collective.
 
-    None if no forces balance the loads, or bodies fit nowhere between their contacts.
+    Args:
+        model: The scene on a mesh.
+        parts: The unit forces of this rank at each contact.
+        solve: Solves the programme of forces and the work of loads.
+        work: Work of the loads on the motions, shape (K,).
     """
-    local = [(part.work, part.cost, part.least, part.most) for part in parts]
-    of_ranks = gathered(model.comm, local)
+    of_ranks = gathered(model.comm, parts)
 
-    def solve() -> np.ndarray | None:
+    def solved() -> Any:
         if of_ranks is None:
             return None
-        columns = [of_contact for of_rank in of_ranks for of_contact in of_rank]
-        matrix, cost, least, most = (
-            np.concatenate([column[i] for column in columns]) for i in range(4)
-        )
-        return _solved(matrix.T, cost, np.column_stack([least, most]), work)
+        return solve(_joined([part for of_rank in of_ranks for part in of_rank]), work)
 
-    return from_first(model.comm, together(model.comm, solve))
+    return from_first(model.comm, together(model.comm, solved))
 
 
-def _solved(
-    matrix: np.ndarray, cost: np.ndarray, bounds: np.ndarray, work: np.ndarray
-) -> np.ndarray | None:
-    """Return the multipliers of the programme, or None without a solution."""
-    from scipy.optimize import linprog  # noqa: PLC0415 - for loose bodies only
+def _joined(parts: list[Forces]) -> Forces:
+    """Return unit forces one after the other."""
+    return Forces(
+        np.concatenate([part.work for part in parts]),
+        np.concatenate([part.cost for part in parts]),
+        np.concatenate([part.least for part in parts]),
+        np.concatenate([part.most for part in parts]),
+    )
 
-    length = abs(cost).max(initial=0.0) or 1.0
-    size = abs(work).max()
-    result = linprog(cost / length, A_eq=matrix, b_eq=-work / size, bounds=bounds, method="highs")
+
+def _rest(forces: Forces, work: np.ndarray) -> np.ndarray | None:
+    """Return the amounts of the motions at rest, or None without a solution."""
+    length = abs(forces.cost).max(initial=0.0) or 1.0
+    bounds = np.column_stack([forces.least, forces.most])
+    result = _minimised(forces.cost / length, forces.work.T, work, bounds)
+    return None if result is None else -length * result[1]
+
+
+def _unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """Return the work that no forces balance, and the amounts of its motion.
+
+    None if forces balance all of it.
+    """
+    count = len(work)
+    # Two more columns for each equation take up what is left of it.
+    matrix = np.hstack([forces.work.T, np.eye(count), -np.eye(count)])
+    cost = np.concatenate([np.zeros(len(forces.cost)), np.ones(2 * count)])
+    least = np.concatenate([forces.least, np.zeros(2 * count)])
+    most = np.concatenate([forces.most, np.full(2 * count, np.inf)])
+    result = _minimised(cost, matrix, work, np.column_stack([least, most]))
+    size = float(abs(work).max())
+    if result is None or result[0] <= BALANCED * size:
+        return None
+    return result[0], -result[1]
+
+
+def _minimised(
+    cost: np.ndarray, matrix: np.ndarray, work: np.ndarray, bounds: np.ndarray
+) -> tuple[float, np.ndarray] | None:
+    """Minimise the cost of forces that balance work; None without a solution.
+
+    Returns:
+        The least cost, and the multipliers of the equations.
+    """
+    from scipy.optimize import linprog  # type: ignore[import-untyped]  # noqa: PLC0415 - for loose bodies only
+
+    size = float(abs(work).max())
+    scaled = bounds / size
+    result = linprog(cost, A_eq=matrix, b_eq=-work / size, bounds=scaled, method="highs")
     if result.status != 0:
         return None
-    return np.asarray(-length * result.eqlin.marginals)
+    return float(result.fun) * size, np.asarray(result.eqlin.marginals)
