@@ -45,6 +45,10 @@ SAME_PLACE = 1e-9
 """Coordinate that counts as zero, over the size of the body [-]."""
 BALANCED = 1e-6
 """Work left that is none, over the work of the loads [-]."""
+SAMPLE = 1000
+"""Number of forces with which the programme begins, and that join it at once."""
+GAIN = 1e-12
+"""Gain of a force that is none, over the greatest cost [-]."""
 NO_LOAD = 1e-12
 """Work of loads on a motion that is round-off, over that of their sizes [-]."""
 
@@ -336,7 +340,28 @@ def _minimised(
 
     size = float(abs(work).max())
     scaled = bounds / size
-    result = linprog(cost, A_eq=matrix, b_eq=-work / size, bounds=scaled, method="highs")
-    if result.status != 0:
-        return None
-    return float(result.fun) * size, np.asarray(result.eqlin.marginals)
+    # Few forces do the work: those that would lower the cost join a sample of them.
+    chosen = np.zeros(len(cost), dtype=bool)
+    chosen[:: 1 + len(cost) // SAMPLE] = True
+    chosen[-2 * len(work) :] = True
+    while True:
+        result = linprog(
+            cost[chosen],
+            A_eq=matrix[:, chosen],
+            b_eq=-work / size,
+            bounds=scaled[chosen],
+            method="highs",
+        )
+        if result.status != 0 and chosen.all():
+            return None
+        if result.status != 0:
+            chosen[:] = True
+            continue
+        gain = result.eqlin.marginals @ matrix - cost
+        gain = np.where(scaled[:, 0] < 0, abs(gain), gain)
+        gain[chosen] = 0.0
+        lowers = np.argsort(-gain)[:SAMPLE]
+        lowers = lowers[gain[lowers] > GAIN * max(1.0, float(abs(cost).max(initial=0.0)))]
+        if not len(lowers):
+            return float(result.fun) * size, np.asarray(result.eqlin.marginals)
+        chosen[lowers] = True
