@@ -204,7 +204,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     stiffness = Stiffness(model)
     w = stiffness.glued(stiffness.load_vector())
     problem = Condensed(model, ContactForms(model, method), stiffness, w)
-    glued = start.glued(stiffness, w)
+    glued = start.glued(model, stiffness, w)
     return problem.run(
         lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), line_search)[1]
     )

@@ -18,7 +18,12 @@ from erc_contact.admissible.shift import MOBILITY
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
+from erc_contact.model.trace import Trace
 
+SMALL_PRESSURE = 0.01
+"""Traction of a facet that presses little, over the largest one of its contact [-]."""
+SAME_MOTION = 1e-6
+"""Jump of a motion that is round-off, over its largest one [-]."""
 ACCEPTED_IMBALANCE = 1e-8
 """Imbalance that counts as none, over the forces [-].
 
@@ -114,18 +119,81 @@ def ray_part(
     return Part(cones, start, np.zeros_like(start), weight, motions, modulus)
 
 
-def raise_if_unbalanced(imbalance: np.ndarray, forces: float) -> None:
-    """Raise an error if the tractions do not balance the loads.
+class TooCoarse(NotHeldError):
+    """Tell that facets are too large for a traction that balances the loads.
+
+    The resultant of the contact forces is nearer to an edge of the contact than a
+    traction on the facets there can have it.
+
+    Attributes:
+        cells: Cells of this rank at these facets, on both sides.
+    """
+
+    def __init__(self, message: str, cells: np.ndarray) -> None:
+        super().__init__(message)
+        self.cells = cells
+
+    def __reduce__(self) -> tuple[type[TooCoarse], tuple[str, np.ndarray]]:
+        """Return how it travels to other ranks."""
+        return type(self), (str(self), self.cells)
+
+
+def raise_if_unbalanced(
+    model: Model,
+    tractions: list[tuple[Trace, np.ndarray]],
+    others: OtherForces,
+    imbalance: np.ndarray,
+    forces: float,
+) -> None:
+    """Raise an error if the tractions do not balance the loads; collective.
 
     Args:
-        imbalance: Work on the free motions that is left [force], shape (K,).
+        model: The scene on a mesh.
+        tractions: The trace and the tractions (f, m, d) of each contact [force/area].
+        others: The other forces.
+        imbalance: Work on the motions that is left [force], shape (K,).
         forces: Size of the forces [force].
+
+    Raises:
+        TooCoarse: If they do not.
     """
-    size = np.linalg.norm(imbalance)
+    left = others.free @ (others.free.T @ imbalance)
+    size = np.linalg.norm(left)
     if size > ACCEPTED_IMBALANCE * forces:
-        raise NotHeldError(
+        cells = _cells_that_press(model, tractions, others.motions, left)
+        raise TooCoarse(
             "No contact traction that the law allows, a polynomial on each facet, balances the "
             f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "
             "the forces). Look at the direction of the loads, add a Displacement or friction, or "
-            "refine the mesh at the contact."
+            "refine the mesh at the contact.",
+            cells,
         )
+
+
+def _cells_that_press(
+    model: Model,
+    tractions: list[tuple[Trace, np.ndarray]],
+    motions: list[fem.Function],
+    left: np.ndarray,
+) -> np.ndarray:
+    """Return the cells at facets that press unbalanced bodies; collective.
+
+    Args:
+        model: The scene on a mesh.
+        tractions: As in :func:`raise_if_unbalanced`.
+        motions: The motions.
+        left: Work on them that is left [force], shape (K,).
+    """
+    moved = sum(amount * motion.x.array for amount, motion in zip(left, motions, strict=True))
+    cells = []
+    for trace, values in tractions:
+        jump = abs(trace.of(np.asarray(moved))).max(axis=(1, 2), initial=0.0)
+        farthest = model.comm.allreduce(jump.max(initial=0.0), MPI.MAX)
+        size = abs(values).max(axis=(1, 2), initial=0.0)
+        most = model.comm.allreduce(size.max(initial=0.0), MPI.MAX)
+        presses = (size > SMALL_PRESSURE * most) & (jump > SAME_MOTION * farthest)
+        cells.append(trace.here.facets[presses, 0])
+        if trace.there is not None:
+            cells.append(trace.there.facets[presses, 0])
+    found = np.unique(np.concatenate(cells))
+    return found[found < model.domain.owned_cells]

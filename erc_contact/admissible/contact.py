@@ -178,8 +178,6 @@ def _balanced(
             of_level = (r_0[level], weight[level], motions[level], modulus[level])
             ray_parts.append(ray_part(rays[level], *of_level))
         tractions, imbalance, sizes = balanced(comm, cone_parts + ray_parts, others.works, give)
-        raise_if_unbalanced(others.free.T @ imbalance, max(others.size, sizes))
-
         values = []
         moved = 0.0
         count = len(trials)
@@ -193,6 +191,10 @@ def _balanced(
             is_level = trial.level[:, None, None]
             allowed = np.where(is_level, trial.levelled(r), trial.allowed.project(r))
             moved = max(moved, float(abs(allowed - r).max(initial=0.0)))
+        by_contact = [
+            (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)
+        ]
+        raise_if_unbalanced(model, by_contact, others, imbalance, max(others.size, sizes))
         if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:
             break
     return values

@@ -50,6 +50,7 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
+from erc_contact.error.tiny_edges import tell_tiny_edges
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
 from erc_contact.model.friction import depends_on_pressure
@@ -289,6 +290,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
+    tell_tiny_edges(admissible.model, cells_2, float(bulk_2 + contact_2), float(scale_2))
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible=admissible,

@@ -255,7 +255,7 @@ class Condensed:
         w_A = self.w[:a]
         self.schur, _ = self.stiffness.reduced(a)
         self.matrix = self.stiffness.unglued(a)
-        self.loads = self.schur @ w_A
+        self.loads = self.matrix @ w_A + self.stiffness.glued_by[:a] * w_A
         forces = abs(self.matrix) @ np.maximum(abs(w_A), abs(slip_A))
         self.force = float(forces.max()) or 1.0
 

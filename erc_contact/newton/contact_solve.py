@@ -142,7 +142,7 @@ class ContactSolve:
         raise NotConverged(self._failure(), tuple(self.rungs))
 
     def _failure(self) -> str:
-        """Say what was tried and what to do first, where no attempt converged."""
+        """Say what was tried and what to do, where no attempt converged."""
         also = " or the augmented Lagrangian" if self.fallback else ""
         failed = (
             f"The contact solve did not converge on {self.model.domain.cells} cells with "
@@ -164,8 +164,8 @@ class ContactSolve:
         return (
             f"{failed}. The nearest: {nearest}. Look first whether supports, or loads that press "
             f"{pressed} with enough friction, hold the body; a Displacement does. "
-            f"Else try a finer mesh at the contact, less friction{other}, or another gamma (1 to "
-            "1000)."
+            f"Else try a finer mesh at the contact, another friction{other}, or another gamma (1 "
+            "to 1000)."
         )
 
     def _solution(self, method: Method, solution: DiscreteSolution) -> Solution:
@@ -201,6 +201,7 @@ class ContactSolve:
             stiffness=self.solver.elastic,
             seconds=0.0,
             forms=self.solver.forms,
+            carried=solution.carried,
         )
 
 

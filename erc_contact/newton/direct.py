@@ -13,6 +13,7 @@ from dolfinx import fem
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
+from erc_contact.newton.carried import Carried
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.forms import ContactForms
@@ -36,7 +37,8 @@ class Direct:
     Attributes:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued [length].
-        forms: Equations of the methods that were tried.
+        forms: Equations of the methods that were tried, empty where bodies are carried.
+        carried: Its bodies at their contacts.
     """
 
     nodal_first: ClassVar[bool] = True
@@ -49,17 +51,20 @@ class Direct:
     ) -> None:
         self.model = model
         self.elastic = stiffness_of(model) if elastic is None else elastic
-        self.guess = self.elastic.glued(self.elastic.load_vector())
-        self.forms = {} if forms is None else forms
+        loads = self.elastic.load_vector()
+        self.carried = Carried(model, loads)
+        self.guess = self.elastic.glued(loads)
+        self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, Condensed] = {}
 
     def glued(self) -> np.ndarray | None:
         """Return the state with the contact glued."""
-        return first_guess.glued(self.elastic, self.guess)
+        return first_guess.glued(self.carried.model, self.elastic, self.guess)
 
     def warm(self, old: Model, u: fem.Function) -> np.ndarray | None:
         """Return the state of a displacement u of a model on another mesh."""
         field = first_guess.from_mesh(old, u, self.model)
+        self.carried.take_from_contacts(field)
         state = self.elastic.gather(field)[: self.elastic.contact_size]
         return None if self.elastic.schur is None else state
 
@@ -73,11 +78,11 @@ class Direct:
             that converged.
         """
         method = attempt.method
-        if method not in self.forms:
-            self.forms[method] = ContactForms(self.model, method)
+        if method not in self._forms:
+            self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
-            forms = self.forms[method]
-            self._problems[method] = Condensed(self.model, forms, self.elastic, self.guess)
+            forms = self._forms[method]
+            self._problems[method] = Condensed(self.carried.model, forms, self.elastic, self.guess)
         problem = self._problems[method]
 
         def work() -> tuple[Outcome, Any, Any]:
@@ -111,9 +116,11 @@ class Direct:
         if results is None:
             return outcome, state, None
         distance, least_singular_value, u_A, force = results
-        u = self.elastic.expand(self.guess, u_A, force)
+        v = self.elastic.expand(self.guess, u_A, force)
+        u, carried = self.carried.whole(v)
         multipliers = problem.multipliers_at(u_A)
-        return outcome, state, DiscreteSolution(u, multipliers, distance, least_singular_value)
+        solution = DiscreteSolution(u, multipliers, distance, least_singular_value, carried)
+        return outcome, state, solution
 
     def destroy(self) -> None:
         """Free nothing: the factor belongs to the solution."""

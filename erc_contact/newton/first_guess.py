@@ -34,12 +34,13 @@ def across_gap(model: Model) -> fem.Function:
     return across
 
 
-def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
+def glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
     """Return the displacement of the contact nodes glued to the foundations [length].
 
     There a gap is closed and nothing slips.
 
     Args:
+        model: The scene on a mesh.
         stiffness: The condensed elastic stiffness.
         w: Its glued displacement under the loads [length].
 
@@ -47,7 +48,7 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
         The free components on rank 0, None on other ranks; collective.
     """
     a = stiffness.contact_size
-    gap = stiffness.gather(across_gap(stiffness.model))[:a]
+    gap = stiffness.gather(across_gap(model))[:a]
     start = stiffness.gather(w)[:a]
 
     def across() -> np.ndarray | None:
@@ -58,7 +59,7 @@ def glued(stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
         schur, _ = stiffness.reduced(a)
         return start + np.linalg.solve(schur, stiffness.glued_by[:a] * gap)
 
-    return together(stiffness.model.comm, across)
+    return together(model.comm, across)
 
 
 def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:

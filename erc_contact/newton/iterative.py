@@ -15,6 +15,7 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
+from erc_contact.newton.carried import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.ladder import Attempt, Shares, following
@@ -39,7 +40,8 @@ class Iterative:
         elastic: Its elastic equations.
         guess: The displacement with the contact glued, where a gap is closed [length];
             without contact the solution.
-        forms: Equations of the methods that were tried.
+        forms: Equations of the methods that were tried, empty where bodies are carried.
+        carried: Its bodies at their contacts.
     """
 
     nodal_first: ClassVar[bool] = False
@@ -56,11 +58,12 @@ class Iterative:
         self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
+        self.carried = Carried(model, self._forces)
         if self.elastic.contact_size:
-            self.guess = self._sprung(first_guess.across_gap(model))
+            self.guess = self._sprung(first_guess.across_gap(self.carried.model))
         else:
             self.guess = self.elastic.glued(self._forces.copy(), tolerance=EXACT)
-        self.forms = {} if forms is None else forms
+        self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, FullSpace] = {}
 
     def glued(self) -> fem.Function:
@@ -72,7 +75,9 @@ class Iterative:
 
         The glue draws the contact to it.
         """
-        return self._sprung(first_guess.from_mesh(old, u, self.model))
+        jumps = first_guess.from_mesh(old, u, self.model)
+        self.carried.take_from_contacts(jumps)
+        return self._sprung(jumps)
 
     def attempt(
         self, step: Attempt, state: fem.Function, tolerance: float | None
@@ -84,12 +89,12 @@ class Iterative:
             that converged.
         """
         method = step.method
-        if method not in self.forms:
-            self.forms[method] = ContactForms(self.model, method)
+        if method not in self._forms:
+            self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
-            forms = self.forms[method]
+            forms = self._forms[method]
             self._problems[method] = FullSpace(
-                self.model, forms, self.elastic, self._loads, self._length, self._force
+                self.carried.model, forms, self.elastic, self._loads, self._length, self._force
             )
         problem = self._problems[method]
         x = problem.vector()
@@ -110,14 +115,15 @@ class Iterative:
             before.destroy()
         problem.set_shares(1.0, 1.0)
         problem.hold(0.0, x)
-        u, multipliers = problem.fields(x)
+        v, multipliers = problem.fields(x)
         solution = None
         if step.final and outcome.converged:
-            solution = DiscreteSolution(
-                u, multipliers, problem.distance(x), problem.least_singular_value(x)
-            )
+            u, carried = self.carried.whole(v)
+            distance = problem.distance(x)
+            least = problem.least_singular_value(x)
+            solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
-        return replace(outcome, steps=steps), u, solution
+        return replace(outcome, steps=steps), v, solution
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""

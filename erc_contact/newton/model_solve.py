@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.base.exceptions import InputError
+from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.runtime.garbage import free_dropped, track_communicator
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_solve import ContactSolve, Solver
@@ -15,6 +15,7 @@ from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
 from erc_contact.newton.rest import displacement_at_rest
 from erc_contact.newton.solution import Solution
+from erc_contact.newton.statics import mechanism
 
 ENERGY_RANGE = 1e-290, 1e290
 """Energies that double precision can work with, in any unit."""
@@ -36,6 +37,7 @@ def solution_of(
             return _at_rest(rest, model, method or DEFAULT, solver.elastic)
         _check_size(model, loads, solver.guess)
         if solver.elastic.contact_size:
+            _check_statics(model, loads)
             return ContactSolve(solver, method, tolerance).solve(start)
         reason = "linear solve"
         return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
@@ -76,6 +78,26 @@ def _linear(
         stiffness=elastic,
         seconds=0.0,
     )
+
+
+def _check_statics(model: Model, loads: fem.Function) -> None:
+    """Check that contact forces may balance the loads on rigid motions; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+
+    Raises:
+        NotConverged: If no tractions that the contacts allow do.
+    """
+    moved = mechanism(model, loads)
+    if moved is not None:
+        raise NotConverged(
+            f"There is no solution: the loads {moved}, whatever tractions the contacts allow. Look "
+            "at the directions of loads and normals and at the signs of gaps; more friction or a "
+            "Displacement may hold the body.",
+            (),
+        )
 
 
 def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:

@@ -17,6 +17,7 @@ from petsc4py import PETSc
 from erc_contact.base.progress import at
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
+from erc_contact.model.foundation import BoundContact
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 SNES_PREFIX = "erc_contact_"
@@ -84,12 +85,15 @@ class DiscreteSolution:
         distance: Energy norm of the distance to the solution of the discrete problem
             [sqrt(force length)].
         least_singular_value: Least singular value of the tangents at the solution [-].
+        carried: What is left of contacts and displacement where a rigid motion has
+            brought bodies to their contacts, else None.
     """
 
     u: fem.Function
     multipliers: tuple[fem.Function, ...]
     distance: float
     least_singular_value: float
+    carried: tuple[list[BoundContact], fem.Function] | None = None
 
 
 class Equations(Protocol):

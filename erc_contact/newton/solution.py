@@ -78,6 +78,9 @@ class Solution:
             when its factor is made and freed. See :attr:`factorised`.
         seconds: Wall time, the largest over the ranks [s].
         forms: Equations of the methods that were tried, for solves of scenes near by.
+        carried: Contacts and displacement without the rigid motion that has brought
+            bodies to their contacts, from which tractions of the method have no
+            round-off of the way; None without one.
 
     Example:
         >>> solution.force("bottom").force.round(1)
@@ -97,6 +100,7 @@ class Solution:
     stiffness: ElasticSolver
     seconds: float
     forms: dict[Method, Any] = field(default_factory=dict)
+    carried: tuple[list[BoundContact], fem.Function] | None = None
 
     def __repr__(self) -> str:
         """Return one line; nothing is computed, so one rank alone may call it."""
@@ -287,7 +291,8 @@ class Solution:
             return ufl.dot(self.model.stress(self.u), contact.normal)
         place = self.model.contacts.index(contact)
         multiplier = self.multipliers[place] if self.multipliers else None
-        return self.method.traction(self.model, contact, self.u, multiplier)
+        contacts, u = self.carried or (self.model.contacts, self.u)
+        return self.method.traction(self.model, contacts[place], u, multiplier)
 
     def _nodal_reactions(self) -> dict[str, np.ndarray]:
         """Return the nodal forces of each cause [force]; collective."""

@@ -54,7 +54,7 @@ class Tangent:
         length: float,
         force: float,
     ) -> None:
-        self.model = elastic.model
+        self.model = forms.model
         self.forms = forms
         self.elastic = elastic
         self.length = length

@@ -9,7 +9,9 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.equilibrate import equilibrate
+from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
@@ -179,26 +181,41 @@ class Loop:
         last: ConstitutiveError | None,
         interrupts: Interrupts,
     ) -> ConstitutiveError:
-        """Solve on a mesh from the last solution, and measure the error; collective."""
+        """Solve on a mesh from the last solution, and measure the error; collective.
+
+        A strategy needs an error, which needs a pair: where facets are too large for
+        tractions that balance the loads, the mesh is refined there first.
+        """
         plan = self.plan
         # The energy norm that Newton's method may leave, None for round-off.
         allowed = None
         if plan.stop == "certified" and last is not None:
             allowed = NEWTON_SHARE * last.absolute / 2**plan.degree
-        solution = solved(
-            plan.scene,
-            domain,
-            plan.method,
-            degree=plan.degree,
-            after=plan.after,
-            start=last.solution if last else None,
-            tolerance=allowed,
-            solver=plan.solver,
-        )
-        interrupts.check()
-        with stage(self.comm, "equilibrium"):
-            admissible = equilibrate(solution, tighten=plan.tighten)
-        interrupts.check()
+        start = last.solution if last else None
+        admissible: Admissible | None = None
+        while admissible is None:
+            solution = solved(
+                plan.scene,
+                domain,
+                plan.method,
+                degree=plan.degree,
+                after=plan.after,
+                start=start,
+                tolerance=allowed,
+                solver=plan.solver,
+            )
+            interrupts.check()
+            try:
+                with stage(self.comm, "equilibrium"):
+                    admissible = equilibrate(solution, tighten=plan.tighten)
+            except TooCoarse as coarse:
+                words = f"{domain.cells} cells: no pair, refined where contacts press."
+                start = solution
+                domain = domain.refined(coarse.cells)
+                if domain.cells > plan.max_cells:
+                    raise
+                self._log(words)
+            interrupts.check()
         with stage(self.comm, "error"):
             return constitutive_error(admissible)
 

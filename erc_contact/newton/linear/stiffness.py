@@ -241,9 +241,16 @@ class Stiffness(Elastic):
         return np.linalg.qr(np.column_stack(self.motions)[:count])[0]
 
     def unglued(self, count: int) -> np.ndarray:
-        """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0."""
+        """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0.
+
+        What is left of it on free motions is round-off of stiff bodies, and taken away.
+        """
         matrix = self.reduced(count)[0].copy()
         matrix.flat[:: count + 1] -= self.glued_by[:count]
+        if self.motions:
+            kernel = self.kernel(count)
+            matrix -= kernel @ (kernel.T @ matrix)
+            matrix -= (matrix @ kernel) @ kernel.T
         return matrix
 
     def _assemble(self) -> PETSc.Mat:

@@ -1,0 +1,76 @@
+"""Tell where tiny edges beside long ones make the error large.
+
+Such edges are what a mesher makes of a small detail of a CAD model. The iteration that
+tightens sigma^ is slow there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.logs import log_of
+from erc_contact.base.percent import percent
+from erc_contact.model.model import Model
+
+LARGE = 0.2
+"""Error eps from which on it is asked for [-]."""
+GRADED = 100.0
+"""Ratio of the longest to the shortest edge at a vertex that counts as graded [-]."""
+MOST = 0.5
+"""Share of e^2 in cells at such vertices that is told [-]."""
+
+
+def tell_tiny_edges(model: Model, cells_2: np.ndarray, error_2: float, scale_2: float) -> None:
+    """Warn where cells with tiny edges have most of a large error; collective.
+
+    Args:
+        model: The scene on a mesh.
+        cells_2: Shares of the owned cells in e^2 [force length].
+        error_2: e^2 [force length].
+        scale_2: Square of its scale [force length].
+    """
+    if error_2 <= LARGE**2 * scale_2:
+        return
+    comm = model.comm
+    shortest, longest = _edges_at_cells(model, len(cells_2))
+    of_graded = np.where(longest > GRADED * shortest, cells_2, 0.0)
+    share = comm.allreduce(float(of_graded.sum()), MPI.SUM) / error_2
+    if share <= MOST:
+        return
+    worst = None
+    if of_graded.any():
+        cell = int(np.argmax(of_graded))
+        middle = model.cell_corners()[cell].mean(axis=0)
+        place = ", ".join(f"{x:.3g}" for x in middle)
+        worst = float(of_graded[cell]), float(shortest[cell]), float(longest[cell]), place
+    of_ranks = [of_rank for of_rank in comm.allgather(worst) if of_rank is not None]
+    _, least, most, where = max(of_ranks)
+    log_of(comm).warning(
+        f"{percent(share, 2)} of e^2 lie at edges from {least:.2g} to {most:.2g} near ({where}): "
+        "sigma^ is poor where so different edges meet. Leave out so small a detail of the body, "
+        "or mesh finer around it."
+    )
+
+
+def _edges_at_cells(model: Model, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the shortest and the longest edge at the vertices of cells [length].
+
+    Args:
+        model: The scene on a mesh.
+        count: Number of cells, the first ones.
+    """
+    corners = model.cell_corners()
+    vertices = model.mesh.geometry.dofmaps[0][: len(corners)]
+    first, second = np.triu_indices(model.d + 1, 1)
+    edges = np.linalg.norm(corners[:, first] - corners[:, second], axis=2)
+    nodes = len(model.mesh.geometry.x)
+    shortest = np.full(nodes, np.inf)
+    longest = np.zeros(nodes)
+    for ends in (first, second):
+        np.minimum.at(shortest, vertices[:, ends], edges)
+        np.maximum.at(longest, vertices[:, ends], edges)
+    at_vertices = vertices[:count]
+    worst = np.argmax(longest[at_vertices] / shortest[at_vertices], axis=1)[:, None]
+    chosen = np.take_along_axis(at_vertices, worst, axis=1)[:, 0]
+    return shortest[chosen], longest[chosen]

@@ -1,0 +1,367 @@
+"""Statics of bodies that supports leave rigid motions: a linear programme.
+
+Rigid motions cost no energy, so contact forces alone balance the loads on them.
+Symbols: m_k free motions, f_k work of the loads on them [force length], x_i vertices of
+contact facets, w_k(x_i) jump of a motion there, n normal of the contact, g gap, s slip
+before, r_i forces at the vertices, with pressures p_i = -r_i.n, in the cones of
+friction. The programme is
+
+    minimise  sum_i p_i g_i - r_i.s_i
+    over      r_i in the cones,  sum_i r_i.w_k(x_i) = -f_k.
+
+Any traction in the cones has such forces, its moments against the linear shape
+functions. So where no forces fulfil the equations, the scene has no solution. The
+multipliers are a motion q that the loads want most, ``max f.q``, of those on whose jump
+no force of a cone does more work than on gap and slip: bodies fall until contacts stop
+them, and stick where friction holds them.
+
+Where there is no solution, a second programme minimises what is left of the equations.
+Its multipliers are the motion by which the bodies go.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import together
+from erc_contact.base.ranks import from_first, gathered
+from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.friction import CONCAVE, CONSTANT
+from erc_contact.model.model import Model
+
+DIRECTIONS = 8
+"""Number of sides of the polygon round the circle of friction in space."""
+SLIDES = 1e-3
+"""Rotation over the size of the body that is none, over its displacement [-]."""
+SAME_PLACE = 1e-9
+"""Coordinate that counts as zero, over the size of the body [-]."""
+BALANCED = 1e-6
+"""Work left that is none, over the work of the loads [-]."""
+SAMPLE = 1000
+"""Number of forces with which the programme begins, and that join it at once."""
+GAIN = 1e-12
+"""Gain of a force that is none, over the greatest cost [-]."""
+NO_LOAD = 1e-12
+"""Work of loads on a motion that is round-off, over that of their sizes [-]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """Hold unit forces at the vertices of contacts, columns of the programme.
+
+    Attributes:
+        work: Work of each on the free motions, shape (n, K).
+        cost: Work of each on gap and slip [length], shape (n,).
+        least: Least size of each, shape (n,).
+        most: Most size of each, shape (n,).
+    """
+
+    work: np.ndarray
+    cost: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Describe the rigid motion by which loads move a body that contacts do not hold.
+
+    Attributes:
+        turn: Axis of its rotation in space, +-1 in the plane; zero where it slides [-].
+        place: A point at rest, or of the body where it slides [length], shape (d,).
+        along: Unit vector along which the body slides [-], shape (d,).
+        excess: The moment [force length] about the point, or the force [force] along
+            the vector, that is too much.
+    """
+
+    turn: np.ndarray
+    place: np.ndarray
+    along: np.ndarray
+    excess: float
+
+    def __str__(self) -> str:
+        place = ", ".join(f"{x:.3g}" for x in self.place)
+        if self.turn.any():
+            return f"turn a body about ({place}) with a moment of {self.excess:.3g} too much"
+        along = ", ".join(f"{x:.2g}" for x in self.along)
+        return f"move the body at ({place}) along ({along}) with {self.excess:.3g} too much"
+
+
+def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
+    """Find the rigid motion by which loads bring bodies to contacts; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+
+    Returns:
+        The displacement [length]; None if contacts have neither gaps nor slip, if loads
+        do no work on a free motion, or if no contact forces balance them.
+    """
+    moves = any(c.gap is not None or c.trace.before is not None for c in model.contacts)
+    if not model.free_motions or not moves:
+        return None
+    motions, work, parts = _programme(model, loads)
+    if not work.any():
+        return None
+    solution = _on_first(model, parts, _rest, work)
+    if solution is None:
+        return None
+    displacement = model.function()
+    displacement.x.array[:] = motions @ solution
+    return displacement
+
+
+def mechanism(model: Model, loads: fem.Function) -> Mechanism | None:
+    """Find the motion by which loads move bodies that contacts do not hold; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+
+    Returns:
+        The motion; None if forces of the contacts may balance the loads.
+    """
+    if not model.free_motions:
+        return None
+    motions, work, parts = _programme(model, loads)
+    if not work.any():
+        return None
+    solution = _on_first(model, parts, _unbalanced, work)
+    if solution is None:
+        return None
+    left, amounts = solution
+    return _described(model, motions @ amounts, left)
+
+
+def _described(model: Model, motion: np.ndarray, work: float) -> Mechanism:
+    """Describe the motion of the body that moves farthest; collective.
+
+    Args:
+        model: The scene on a mesh.
+        motion: Rigid motions of the bodies at the nodes of this rank, shape (nodes d,).
+        work: Work of the loads on it that is too much.
+    """
+    d = model.d
+    corners = model.cell_corners()[: model.domain.owned_cells]
+    values = motion.reshape(-1, d)[model.vertices[: len(corners)]]
+    moved = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
+    farthest = None
+    if len(moved):
+        cell = int(np.argmax(moved))
+        farthest = float(moved[cell]), corners[cell].tolist(), values[cell].tolist()
+    _, x, u = max(one for one in model.comm.allgather(farthest) if one is not None)
+    points, displacements = np.array(x), np.array(u)
+    gradient = np.linalg.solve(points[1:] - points[0], displacements[1:] - displacements[0]).T
+    skew = 0.5 * (gradient - gradient.T)
+    rate = np.linalg.norm(skew) / np.sqrt(2.0)
+    length = float(np.linalg.norm(displacements[0]))
+    if rate * model.domain.extent <= SLIDES * length:
+        along = displacements[0] / length
+        return Mechanism(np.zeros(1), points.mean(axis=0), along, work / length)
+    # The point nearest to the corner at which u = skew (x - place) is at rest.
+    place = points[0] - np.linalg.lstsq(skew, displacements[0], rcond=1e-9)[0]
+    place[abs(place) < SAME_PLACE * model.domain.extent] = 0.0
+    turn = np.array([skew[1, 0]]) if d == 2 else np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    return Mechanism(turn / rate, place, np.zeros(d), work / float(rate))
+
+
+def _programme(model: Model, loads: fem.Function) -> tuple[np.ndarray, np.ndarray, list[Forces]]:
+    """Return the free motions (nodes d, K), the work of loads, and unit forces."""
+    motions = np.column_stack([motion.x.array for motion in model.free_motions])
+    work = _work_of_loads(model, loads, motions)
+    parts = [_forces(model, contact, motions) for contact in model.contacts]
+    return motions, work, parts
+
+
+def _work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
+    """Return the work of loads on free motions [force length], zero for round-off."""
+    forces = loads.x.array
+    local = np.array([forces @ motions, abs(forces) @ abs(motions)])
+    work, size = model.comm.allreduce(local, MPI.SUM)
+    return np.where(abs(work) > NO_LOAD * size, work, 0.0)
+
+
+def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
+    """Return unit forces at the vertices of a contact's owned facets; collective."""
+    trace = contact.trace
+    d = model.d
+    vertices = slice(0, d)
+    owned = trace.here.owned
+    jumps = [trace.of(motion)[owned, vertices] for motion in motions.T]
+    w = np.stack(jumps, axis=-1)
+    n = np.broadcast_to(contact.direction[owned, None, :], w.shape[:3])
+    gap = np.zeros(w.shape[:2])
+    if contact.gap is not None:
+        points = model.facet_points[vertices]
+        gap = evaluate(contact.gap, model.mesh, points, contact.facets)[owned]
+    slip = trace.slip_before[owned, vertices]
+    slope, offset, is_free = _friction(model, contact)
+    slope = np.broadcast_to(slope[owned, None], gap.shape)
+    limit = (offset * trace.here.areas / d)[owned, None]
+    limit = np.broadcast_to(np.inf if is_free else limit, gap.shape)
+
+    normal_least = -np.inf if contact.bilateral else 0.0
+    columns = []
+
+    def add(direction: np.ndarray, along_n: float, least: Any, most: Any) -> None:
+        """Add forces of a direction (f, v, d), whose pressure is ``along_n``."""
+        work = np.einsum("fvd,fvdk->fvk", direction, w).reshape(-1, w.shape[3])
+        cost = along_n * gap - np.einsum("fvd,fvd->fv", direction, slip)
+        lower = np.broadcast_to(least, gap.shape).ravel()
+        upper = np.broadcast_to(most, gap.shape).ravel()
+        columns.append(Forces(work, cost.ravel(), lower, upper))
+
+    tangents = _tangents(n)
+    if slope.any() and not is_free:
+        round_circle = slope[..., None] / np.cos(np.pi / DIRECTIONS) if d == 3 else slope[..., None]
+        for along in _polygon(tangents):
+            add(round_circle * along - n, 1.0, 0.0, np.inf)
+    else:
+        add(-n, 1.0, normal_least, np.inf)
+    if limit.any():
+        for tangent in tangents:
+            add(tangent, 0.0, -limit, limit)
+    return _joined(columns)
+
+
+def _friction(model: Model, contact: BoundContact) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Return slope and offset of the friction bound on each facet, at most; collective.
+
+    The last value tells that the bound is no line, and counts as infinite.
+    """
+    none = np.zeros(len(contact.facets))
+    if contact.friction is None:
+        return none, none, False
+    dependence = contact.friction.dependence
+    if dependence == CONCAVE:
+        return none, none, True
+    values = friction_parameters(model, contact, model.facet_samples)
+    shape = len(contact.facets), len(model.facet_samples)
+    bound = contact.friction_bound(np.ones(shape), values).max(axis=1, initial=0.0)
+    if dependence == CONSTANT:
+        return none, bound, False
+    return bound, none, False
+
+
+def _tangents(n: np.ndarray) -> list[np.ndarray]:
+    """Return d - 1 orthonormal tangents to normals (f, v, d)."""
+    if n.shape[-1] == 2:
+        return [np.stack([-n[..., 1], n[..., 0]], axis=-1)]
+    axes = np.eye(3)[abs(n).argmin(axis=-1)]
+    first = np.cross(n, axes)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return [first, np.cross(n, first)]
+
+
+def _polygon(tangents: list[np.ndarray]) -> list[np.ndarray]:
+    """Return directions of friction: both in the plane, else corners of a polygon."""
+    if len(tangents) == 1:
+        return [tangents[0], -tangents[0]]
+    first, second = tangents
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    return [np.cos(angle) * first + np.sin(angle) * second for angle in angles]
+
+
+def _on_first(
+    model: Model, parts: list[Forces], solve: Callable[[Forces, np.ndarray], Any], work: np.ndarray
+) -> Any:
+    """Solve a programme with the forces of all ranks on rank 0; collective.
+
+    Args:
+        model: The scene on a mesh.
+        parts: The unit forces of this rank at each contact.
+        solve: Solves the programme of forces and the work of loads.
+        work: Work of the loads on the motions, shape (K,).
+    """
+    of_ranks = gathered(model.comm, parts)
+
+    def solved() -> Any:
+        if of_ranks is None:
+            return None
+        return solve(_joined([part for of_rank in of_ranks for part in of_rank]), work)
+
+    return from_first(model.comm, together(model.comm, solved))
+
+
+def _joined(parts: list[Forces]) -> Forces:
+    """Return unit forces one after the other."""
+    return Forces(
+        np.concatenate([part.work for part in parts]),
+        np.concatenate([part.cost for part in parts]),
+        np.concatenate([part.least for part in parts]),
+        np.concatenate([part.most for part in parts]),
+    )
+
+
+def _rest(forces: Forces, work: np.ndarray) -> np.ndarray | None:
+    """Return the amounts of the motions at rest, or None without a solution."""
+    length = abs(forces.cost).max(initial=0.0) or 1.0
+    bounds = np.column_stack([forces.least, forces.most])
+    result = _minimised(forces.cost / length, forces.work.T, work, bounds)
+    return None if result is None else -length * result[1]
+
+
+def _unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """Return the work that no forces balance, and the amounts of its motion.
+
+    None if forces balance all of it.
+    """
+    count = len(work)
+    # Two more columns for each equation take up what is left of it.
+    matrix = np.hstack([forces.work.T, np.eye(count), -np.eye(count)])
+    cost = np.concatenate([np.zeros(len(forces.cost)), np.ones(2 * count)])
+    least = np.concatenate([forces.least, np.zeros(2 * count)])
+    most = np.concatenate([forces.most, np.full(2 * count, np.inf)])
+    result = _minimised(cost, matrix, work, np.column_stack([least, most]))
+    size = float(abs(work).max())
+    if result is None or result[0] <= BALANCED * size:
+        return None
+    return result[0], -result[1]
+
+
+def _minimised(
+    cost: np.ndarray, matrix: np.ndarray, work: np.ndarray, bounds: np.ndarray
+) -> tuple[float, np.ndarray] | None:
+    """Minimise the cost of forces that balance work; None without a solution.
+
+    Returns:
+        The least cost, and the multipliers of the equations.
+    """
+    from scipy.optimize import linprog  # type: ignore[import-untyped]  # noqa: PLC0415 - for loose bodies only
+
+    size = float(abs(work).max())
+    scaled = bounds / size
+    # Few forces do the work: those that would lower the cost join a sample of them.
+    chosen = np.zeros(len(cost), dtype=bool)
+    chosen[:: 1 + len(cost) // SAMPLE] = True
+    chosen[-2 * len(work) :] = True
+    while True:
+        result = linprog(
+            cost[chosen],
+            A_eq=matrix[:, chosen],
+            b_eq=-work / size,
+            bounds=scaled[chosen],
+            method="highs",
+        )
+        if result.status != 0 and chosen.all():
+            return None
+        if result.status != 0:
+            chosen[:] = True
+            continue
+        gain = result.eqlin.marginals @ matrix - cost
+        gain = np.where(scaled[:, 0] < 0, abs(gain), gain)
+        gain[chosen] = 0.0
+        lowers = np.argsort(-gain)[:SAMPLE]
+        lowers = lowers[gain[lowers] > GAIN * max(1.0, float(abs(cost).max(initial=0.0)))]
+        if not len(lowers):
+            return float(result.fun) * size, np.asarray(result.eqlin.marginals)
+        chosen[lowers] = True

@@ -1,0 +1,81 @@
+"""Bodies near the load that tips them: the resultant lies near an edge of the contact.
+
+Tractions of degree k on facets have their resultant at least a share of a facet inside.
+
+- where facets are too large for any, `adapt` refines those that press until there is a pair;
+- in space on an edge and on a corner, in stacks, by both strategies;
+- `equilibrate` alone says that the mesh is to be refined there.
+"""
+
+import numpy as np
+import pytest
+
+import erc_contact as ec
+from erc_contact.admissible.balance_parts import TooCoarse
+
+WEIGHT = 1e-3
+
+
+def pushed(share, top="top", contacts=None, corner=False, d=2):
+    """Push a body of width 1 by a share of the force that tips it."""
+    force = share * WEIGHT * 0.5
+    push = np.zeros(d)
+    push[: 2 if corner else 1] = force
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        loads=[
+            ec.BodyForce((*[0.0] * (d - 1), -WEIGHT)),
+            ec.Traction(top, tuple(push)),
+        ],
+        contacts=contacts or ec.Contact("bottom", friction=0.8),
+    )
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()], ids=["mark", "sizes"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_loop_refines_until_there_is_a_pair(degree, strategy):
+    """The resultant is 0.6% of the width away from the edge."""
+    block = ec.rectangle((0.0, 0.0), (1.0, 2.0), size=0.3)
+    history = ec.adapt(pushed(0.9875), block, accuracy=0.2, degree=degree, strategy=strategy)
+    assert history.reached
+    force = history.force("bottom")
+    assert force.force == pytest.approx([-0.9875e-3 / 2, 2e-3], rel=1e-8)
+
+
+@pytest.mark.parametrize("corner", [False, True], ids=["edge", "corner"])
+def test_in_space(corner):
+    """On an edge or on a corner."""
+    block = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 2.0), cells=(2, 2, 2))
+    scene = pushed(0.9, corner=corner, d=3)
+    history = ec.adapt(scene, block, accuracy=0.5)
+    wanted = [-0.45e-3, -0.45e-3 if corner else 0.0, 2e-3]
+    assert history.force("bottom").force == pytest.approx(wanted, rel=1e-8, abs=1e-14)
+
+
+@pytest.mark.serial
+def test_cells_that_press_are_named():
+    """They lie at the edge over which the block is about to tip."""
+    block = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(6, 12))
+    solution = ec.solve(pushed(0.97), block)
+    with pytest.raises(TooCoarse, match="refine the mesh at the contact") as failure:
+        ec.equilibrate(solution)
+    middles = solution.model.cell_corners()[failure.value.cells].mean(axis=1)
+    assert len(middles) > 0
+    assert (middles[:, 1] < 0.2).all()
+    assert (middles[:, 0] > 0.6).all()
+
+
+def test_stacks():
+    """The upper of two blocks is near tipping, the lower one is pressed at its edge."""
+    lower = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    upper = ec.rectangle((0.0, 1.0), (1.0, 2.0), cells=(4, 4))
+    bodies = ec.assembly({"a": lower, "b": upper}).joined("b bottom", "a top")
+    contacts = [
+        ec.Contact("a bottom", friction=0.8),
+        ec.Contact("b bottom", friction=0.8, against="a top"),
+    ]
+    history = ec.adapt(pushed(0.95, top="b top", contacts=contacts), bodies, accuracy=0.25)
+    force = history.force("b bottom").force
+    assert history.reached
+    assert force == pytest.approx([-0.95e-3 / 2, 1e-3], rel=1e-8)
