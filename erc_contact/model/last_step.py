@@ -35,6 +35,20 @@ each other on any two meshes.
 """
 
 
+@dataclass(frozen=True)
+class Greatest:
+    """Hold the sizes of a history so far. Their round-off is that of the next step.
+
+    Attributes:
+        displacement: The greatest component of the displacement [length].
+        load: The greatest sum of the sizes of all nodal forces of loads and given
+            strains [force].
+    """
+
+    displacement: float = 0.0
+    load: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class LastStep:
     """Hold the displacement of the contacts at the end of the last step.
@@ -44,10 +58,12 @@ class LastStep:
         contacts: By the name of each contact its facets (cell, local facet), ghosts
             included, shape (f, 2), and its displacement at their nodes [length], shape
             (f, m, d): between bodies the jump from the part that has this name.
+        greatest: The sizes of the history so far.
     """
 
     space: Space
     contacts: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    greatest: Greatest
 
     def on(
         self,

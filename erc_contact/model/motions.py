@@ -33,6 +33,20 @@ def rigid_motions(space: Space) -> np.ndarray:
     return np.concatenate(of_bodies, axis=2)
 
 
+def nearest_motion(space: Space, motions: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the factors of the motions whose sum is nearest to values; collective.
+
+    Args:
+        space: The mesh.
+        motions: The m motions, shape (nodes d, m).
+        values: A displacement at the nodes [length], shape (nodes d,).
+    """
+    owned = space.V.dofmap.index_map.size_local * space.d
+    both = np.column_stack([motions, values])[:owned]
+    products = space.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
+    return np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=FREE_SHARE)[0]
+
+
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """Number the bodies of the mesh, from 0 over all ranks; collective.
 

@@ -34,7 +34,11 @@ from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.rest import displacement_at_rest
+from erc_contact.newton.rest import (
+    REST_ROUND_OFF,
+    displacement_at_rest,
+    displacement_back_at_rest,
+)
 from erc_contact.scene.scene import Scene
 
 
@@ -51,8 +55,6 @@ class ElasticValues:
     elastic_stress: np.ndarray
 
 
-REST_ROUND_OFF = 1e-14
-"""Displacement over the size of a body that is round-off [-]."""
 SINGULAR = 1e-12
 """Least singular value of the scaled tangent below which it counts as singular [-]."""
 
@@ -162,9 +164,10 @@ class Solution:
 
         Then u is that of a body at rest, up to round-off.
         """
-        rest = displacement_at_rest(self.model, self.stiffness.load_vector())
+        loads = self.stiffness.load_vector()
+        rest = displacement_at_rest(self.model, loads)
         if rest is None:
-            return False
+            return displacement_back_at_rest(self.model, loads, self.u) is not None
         moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
         return bool(
             self.domain.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent

@@ -42,8 +42,8 @@ NOTE = (
     "Error, scene, forces and body are those at the end of the last step. In the table of "
     "steps, shear is that of the first contact over its pressure, dissipated is the energy "
     "that friction took so far, in_time is what the length of the steps leaves unknown of it, "
-    "and balance is what work, strain energy and work of the contacts leave, over the larger "
-    "energy."
+    "and balance is what work, strain energy and work of the contacts leave, over the greatest "
+    "energy so far. A step whose stress is round-off of the history ends at rest, with eps = 0."
 )
 """What the report says of the columns."""
 
