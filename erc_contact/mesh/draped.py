@@ -16,7 +16,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.behind import Region, regions_behind, surface, with_cells
-from erc_contact.mesh.closest import on_edges, on_triangles
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.filling import filled
 from erc_contact.mesh.loops import area_vectors, band, least_angle, loops, outer_edges
 from erc_contact.mesh.outlines import cut_edges
@@ -158,9 +158,9 @@ def _places(
     kept = contact.kept
     taken = contact.taken
     points = np.unique(taken.triangles)
-    facet, distance = on_triangles(x[points], x[kept.triangles])
+    facet, _, distance = closest(x[points], x[kept.triangles])
     to_outline = np.full(len(x), np.inf)
-    _, _, to_outline[points] = on_edges(x[points], x[outlines.inner])
+    _, _, to_outline[points] = closest(x[points], x[outlines.inner])
     none = SAME * min(kept.shortest, taken.shortest)
     # Points beside the other side are nearest to its outline.
     on_kept = distance < to_outline[points] - none

@@ -22,9 +22,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import in_space
-from erc_contact.model.last_step import nearest
 from erc_contact.output.gathered import Surface, mean_normal
 
 FADING = 3.0
@@ -202,7 +202,7 @@ def _recess(
     high = corners.max(axis=(0, 1)) + reach
     x = points[:, : pair.d]
     inside &= ((x > low) & (x < high)).all(axis=1)
-    facet, local, distance = nearest(x[inside], corners)
+    facet, local, distance = closest(x[inside], corners)
     feet = np.einsum("nv,nvi->ni", local, corners[facet])
     # Parts of a body beyond the other side are not behind the contact.
     direction = pair.traction.contact.direction[facet]
