@@ -28,6 +28,7 @@ from erc_contact.model.profile import (
     profile_points,
     profile_table,
     profile_traction,
+    slip_before_table,
 )
 from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.stress import stress_in_space, von_mises
@@ -234,6 +235,22 @@ class Solution:
             most = greatest_pressure(model, pressure)
             status = facet_status(where, pressure, shear, bound, most)
         return profile_table(model, where, self.u, r, bound, status)
+
+    def slip_before(self, contact: str) -> np.ndarray:
+        """Return the displacement s that friction counts from [length]; collective.
+
+        It is tangential, at the points of :meth:`profile` and the same on all ranks,
+        shape (points, d). On a contact between bodies it is that of this side relative
+        to the other one. It is zero without history, and without friction. In a step of
+        a history it is what the last solution ends with. But where Nitsche's method
+        lets a point stick it is s of the last step: so points that stick do not creep.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        where = self.model.contact(contact)
+        s = slip_before_table(self.model, where)
+        return s if contact == where.name else -s
 
     def maximum(self, quantity: str) -> Maximum:
         """Return the greatest value of a quantity and its place; collective.
