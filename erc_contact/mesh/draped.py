@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import enough
 from erc_contact.mesh.behind import Region, regions_behind, surface, with_cells
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.filling import filled
@@ -167,10 +168,11 @@ def _places(
     allowed = apart + allowance(taken, points, kept, facet)
     far = on_kept & (distance > allowed)
     if far.any():
+        needed = apart + float((distance - allowed)[far].max())
         raise InputError(
             f"joined: the parts are {distance[far].max():.3g} apart where they face each other, "
             "and a part is curved. Name the parts where the bodies touch, and give a clearance or "
-            "an interference by apart=, and by gap= of the contact."
+            f"an interference by apart= ({enough(needed)} is enough), and by gap= of the contact."
         )
     amid = np.zeros(len(x), dtype=bool)
     amid[points] = on_kept

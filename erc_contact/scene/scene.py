@@ -138,12 +138,22 @@ class Scene:
         elif fits(value):
             entries = (value,)
         else:
+            self._check_not_in_wrong_list(name, value)
             raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.")
         for entry in entries:
             if not fits(entry):
+                self._check_not_in_wrong_list(name, entry)
                 raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.")
         # The class is frozen: only here an attribute may change.
         object.__setattr__(self, name, entries)
+
+    def _check_not_in_wrong_list(self, name: str, entry: Any) -> None:
+        """Check that an entry which does not fit one list fits no other list either."""
+        for other, fits in LISTS.items():
+            if other != name and fits(entry):
+                raise InputError(
+                    f"Scene: {name} holds {entry!r}, which belongs to {other}; give {other}=."
+                )
 
     def _check_conflicts(self) -> None:
         """Check that no two entries prescribe different things at one place."""
@@ -292,3 +302,14 @@ def _is_strain(entry: Any) -> bool:
 def _is_contact(entry: Any) -> bool:
     """Tell whether an entry is a contact."""
     return isinstance(entry, Contact)
+
+
+LISTS: dict[str, Callable[[Any], bool]] = {
+    "supports": _is_support,
+    "contacts": _is_contact,
+    "springs": _is_spring,
+    "ties": _is_tie,
+    "strains": _is_strain,
+    "loads": _is_load,
+}
+"""Lists of a scene, and what tells their entries."""
