@@ -122,9 +122,12 @@ def shifts(
         pulled[behind] -= pull * in_space(mean_normal(pair)[None])
         if pair.gap.any():
             away = in_space(motion(points[behind, : pair.d]))
-            # A symmetry plane that moved would be no picture of the body.
-            if _keeps_still(away, body["still"][behind]):
-                shift[behind] -= factor * away
+            # A symmetry plane that turned would be no picture of the body. The least
+            # clearance is no deformation: body and supports are that far away. An
+            # interference deforms a body between supports.
+            if not _keeps_still(away, body["still"][behind]):
+                away = max(pair.gap.min(), 0.0) * in_space(mean_normal(pair)[None])
+            shift[behind] -= factor * away
     for pair in pairs:
         if pair.gap.any():
             shift += _recess(body, pairs, pair, _depth(pair, shift, factor))
