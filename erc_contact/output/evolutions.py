@@ -81,7 +81,8 @@ def plot_energies(
         left.set(xlabel="t", ylabel="energy [force length]")
         right.set(xlabel="t", ylabel="what the balance leaves [force length]")
         for panel in panels:
-            panel.legend(loc="best", frameon=False)
+            # above the axes, where it hides no curve
+            panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.04), frameon=False)
             panel.grid(color="0.9", lw=0.6)
         if ax is None:
             place(panels, np.tile(PANEL_SIZE, (2, 1)))
