@@ -124,9 +124,9 @@ class Contact:
         if not isinstance(law, type):
             if isinstance(law, float) and law == inf:
                 raise InputError(
-                    f"{what}: friction is infinite; what cannot slide is no contact: give "
-                    "Tied(part, other part) of two bodies, or a Displacement where a foundation "
-                    "holds the body."
+                    f"{what}: friction is infinite; give a number >= 0. What cannot slide is tied: "
+                    "give Tied(part, other part) of two bodies, or a Displacement where a "
+                    "foundation holds the body."
                 )
             if not hasattr(law, "friction_bound"):
                 check_value(f"{what}: friction", law, 0.0)

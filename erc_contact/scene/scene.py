@@ -138,22 +138,14 @@ class Scene:
         elif fits(value):
             entries = (value,)
         else:
-            self._check_not_in_wrong_list(name, value)
-            raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.")
+            told = _its_list(value)
+            raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.{told}")
         for entry in entries:
             if not fits(entry):
-                self._check_not_in_wrong_list(name, entry)
-                raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.")
+                told = _its_list(entry)
+                raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.{told}")
         # The class is frozen: only here an attribute may change.
         object.__setattr__(self, name, entries)
-
-    def _check_not_in_wrong_list(self, name: str, entry: Any) -> None:
-        """Check that an entry which does not fit one list fits no other list either."""
-        for other, fits in LISTS.items():
-            if other != name and fits(entry):
-                raise InputError(
-                    f"Scene: {name} holds {entry!r}, which belongs to {other}; give {other}=."
-                )
 
     def _check_conflicts(self) -> None:
         """Check that no two entries prescribe different things at one place."""
@@ -313,3 +305,11 @@ LISTS: dict[str, Callable[[Any], bool]] = {
     "loads": _is_load,
 }
 """Lists of a scene, and what tells their entries."""
+
+
+def _its_list(entry: Any) -> str:
+    """Say to which list of a scene an entry belongs; empty if to none."""
+    for name, fits in LISTS.items():
+        if fits(entry):
+            return f" It belongs to another list: give {name}=."
+    return ""
