@@ -5,8 +5,11 @@
 - the projection of each law is what its formula says, and idempotent; the Euclidean one
   does not expand distances;
 - the Taylor remainder of the residual is of second order in open, slip and stick states
-  (a wrong tangent would show).
+  (a wrong tangent would show);
+- closest points on facets are the closest of the feet on all their faces.
 """
+
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from scenes import block, common_block
 
 import erc_contact as ec
 from erc_contact.admissible.cones import Cones
+from erc_contact.mesh.closest import closest
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
@@ -173,3 +177,31 @@ def test_taylor_remainder(method, state):
         assert fine < 0.3 * coarse or coarse <= 1e-12 * max(
             linear / 1e-4, abs(r_0).max(initial=0.0)
         )
+
+
+@pytest.mark.parametrize(("d", "corner_count"), [(2, 2), (3, 2), (3, 3)])
+def test_closest_points_are_those_of_all_faces_of_all_facets(d, corner_count):
+    """Beside a flat triangle, clamped barycentric coordinates are up to 1.3 times too far."""
+    rng = np.random.default_rng(3)
+    corners = rng.normal(size=(30, corner_count, d))
+    x = 2.0 * rng.normal(size=(100, d))
+    facet, local, distance = closest(x, corners)
+    of_faces = []
+    for size in range(1, corner_count + 1):
+        for face in combinations(range(corner_count), size):
+            of_faces.append(feet_on_faces(x, corners[:, face]))
+    least = np.min(of_faces, axis=(0, 2))
+    assert abs(distance - least).max() <= 1e-13 * abs(x).max()
+    assert local.min() >= 0.0
+    feet = np.einsum("nm,nmi->ni", local, corners[facet])
+    assert abs(np.linalg.norm(feet - x, axis=1) - distance).max() <= 1e-13 * abs(x).max()
+
+
+def feet_on_faces(x, faces):
+    """Return distances of points (n, d) from feet on faces (f, k, d), inf off them."""
+    along = (faces[:, 1:] - faces[:, :1]).transpose(0, 2, 1)
+    offset = x[:, None] - faces[:, 0]
+    inner = np.einsum("fkd,nfd->nfk", np.linalg.pinv(along), offset)
+    is_on = np.all(inner >= 0, axis=2) & (inner.sum(axis=2) <= 1)
+    distance = np.linalg.norm(offset - np.einsum("fdk,nfk->nfd", along, inner), axis=2)
+    return np.where(is_on, distance, np.inf)

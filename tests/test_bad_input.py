@@ -1598,3 +1598,22 @@ def test_a_misspelled_argument_beside_a_new_mesh(ranks, tmp_path):
     assert text.count("refused") == 8 * ranks
     for word in ("degre", "tigthen", "acuracy", "off"):
         assert text.count(f"unexpected keyword argument '{word}'") == 2 * ranks
+
+
+def test_an_entry_in_the_wrong_list_is_told_its_list():
+    refused(lambda: ec.Scene(STEEL, loads=ec.ThermalStrain(1e-5, 10.0)), "loads", "give strains=")
+    refused(lambda: ec.Scene(STEEL, [ec.Contact("bottom")]), "supports", "give contacts=")
+    refused(lambda: ec.Contact("bottom", friction=math.inf), "infinite", "Tied")
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_distance_that_joined_tells_is_enough(d):
+    low, high, top = (0.0,) * d, (1.0,) * d, (1.0,) * (d - 1) + (2.0,)
+    apart = (0.0,) * (d - 1) + (1.03,)
+    make = ec.rectangle if d == 2 else ec.box
+    bodies = ec.assembly({"upper": make(apart, top, size=0.5), "lower": make(low, high, size=0.4)})
+    with pytest.raises(ec.InputError, match="is enough") as caught:
+        bodies.joined("upper bottom", "lower top")
+    told = float(str(caught.value).split("apart= (")[1].split()[0])
+    assert 0.03 <= told <= 0.04
+    assert bodies.joined("upper bottom", "lower top", apart=told).cells > 0

@@ -545,3 +545,51 @@ def test_what_is_no_history():
     with pytest.raises(ZeroDivisionError) as failure:
         run(at=fails)()
     assert len(failure.value.history.steps) == 1
+
+
+@pytest.mark.on_ranks("method0")
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
+def test_the_contact_part_of_e_follows_from_what_is_returned(method):
+    """Friction counts from ``slip_before``; with Nitsche's method that is not u of the last step."""
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
+    solution = None
+    differences = []
+    for turn in np.linspace(0.0, 2.0, 9):
+        way = 0.03 * float(np.sin(np.pi * turn))
+        support = ec.Displacement("top", (way, -0.05))
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=ec.Contact("bottom", friction=0.3))
+        last = solution
+        solution = ec.solve(scene, block, method, after=last)
+        error = ec.constitutive_error(ec.equilibrate(solution))
+        table = error.profile("bottom")
+        assert np.all(np.diff(table["x"]) >= 0)
+        points = np.column_stack([table["x"], table["y"]])
+        s = solution.slip_before("bottom")
+        assert s.shape == points.shape
+        assert not s[:, 1].any()  # the normal is along y
+        w = error.at(points).displacement
+        square = contact_square(table, w, s[:, 0])
+        assert square == pytest.approx(error.contact_error**2, rel=1e-3, abs=1e-12 * error.scale**2)
+        if last is not None:
+            of_last = last.at(points).displacement[:, 0]
+            differences.append(abs(of_last - s[:, 0]).max() / abs(of_last).max())
+    # a multiplier keeps sticking points to round-off
+    if method.multiplier:
+        assert max(differences) <= 1e-9
+    else:
+        assert max(differences) > 1e-3
+
+
+def contact_square(table, w, s):
+    """Compute the contact part of e^2 on a bottom without gap; degree 1, friction 0.3."""
+    places, weights = np.polynomial.legendre.leggauss(2000)
+    shape = np.column_stack([1.0 - places, 1.0 + places]) / 2
+
+    def on_facets(values):
+        return values.reshape(-1, 2) @ shape.T
+
+    pressure, shear = on_facets(table["pressure"]), on_facets(table["shear"])
+    slip, opening = on_facets(w[:, 0] - s), on_facets(-w[:, 1])
+    density = 0.3 * pressure * abs(slip) + shear * slip - pressure * opening
+    lengths = np.diff(table["x"].reshape(-1, 2))[:, 0]
+    return float(2 * lengths @ (density @ weights / 2))

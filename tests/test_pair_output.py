@@ -147,6 +147,21 @@ def test_a_side_at_rest_is_drawn_at_rest(d, drawn):
 
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
+def test_a_constant_clearance_is_no_kink(d, drawn):
+    """Between two clamped bodies it is drawn as a shift of one of them, with its support."""
+    ends = [ec.Displacement(side, (0.0,) * d) for side in ("top", "bottom")]
+    contact = ec.Contact("punch", against="block", gap=0.02)
+    push = ec.BodyForce((0.0,) * (d - 1) + (-0.01,))
+    error = error_of(ec.Scene(ec.Elastic(1.0, 0.3), ends, push, contacts=contact), d)
+    output.draw_deformed(error, factor=2.0)
+    if COMM.rank == 0:
+        _, x, _, _ = drawn[0]
+        height = error.domain.sides[d - 1]
+        assert np.ptp(x[:, d - 1]) == pytest.approx(height + 2.0 * 0.02, abs=1e-9)
+
+
+@pytest.mark.on_ranks("2")
+@pytest.mark.parametrize("d", [2, 3])
 def test_foundation_goes_with_its_body(d, drawn):
     """The block makes room for the gap, downward, and its foundation with it."""
     error = error_of(pressed(d, down=-0.15, gap=0.05, on_foundation=True), d)

@@ -564,3 +564,28 @@ def test_peaks_do_not_depend_on_the_ranks():
         assert together.values == pytest.approx(alone.values, rel=1e-6)
         assert together.sizes == pytest.approx(alone.sizes, rel=1e-9)
         assert together.grows is alone.grows
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("part", ["top", "bottom", "left", "right"])
+def test_profiles_run_along_ascending_coordinates(part):
+    """A user interpolates in them: ``np.interp(x, profile["x"], profile["pressure"])``."""
+    bodies = {"top": "bottom", "bottom": "top", "left": "right", "right": "left"}
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(6, 3))
+    axis = 0 if part in ("top", "bottom") else 1
+    inward = {"top": (0.01, -0.05), "bottom": (0.01, 0.05)}
+    inward |= {"left": (0.05, 0.01), "right": (-0.05, 0.01)}
+    # the opposite side pushes the body against the contact, and along it
+    push = tuple(-step if place != axis else step for place, step in enumerate(inward[part]))
+    support = ec.Displacement(bodies[part], push)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=ec.Contact(part, friction=0.1))
+    solution = ec.solve(scene, block)
+    error = ec.constitutive_error(ec.equilibrate(solution))
+    of_error = error.profile(part)
+    for table in (solution.profile(part), of_error):
+        assert np.all(np.diff(table["xy"[axis]]) >= 0)
+        assert np.all(np.diff(table["s"]) >= 0)
+    # the push is along the order, friction acts against it
+    force = error.force(part).force[axis]
+    assert force < 0
+    assert of_error["weight"] @ of_error["shear"] == pytest.approx(force, rel=1e-9)

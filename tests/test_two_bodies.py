@@ -19,7 +19,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible
-from erc_contact.output.evolutions import plot_loop
+from erc_contact.output.evolutions import moving_side, plot_loop, plot_zones
 from erc_contact.scene.material import mandel_basis
 
 import gmsh  # isort: skip - after erc_contact, as in all tests
@@ -306,6 +306,42 @@ def test_a_loop_is_drawn_over_what_moves(driven):
     assert np.ptp(axes.lines[0].get_xdata()) > 1e-4
     clamped = plot_loop(history, UPPER, part="lower outer")
     assert clamped.get_xlabel() == "mean displacement of lower outer [length]"
+
+
+@pytest.mark.serial
+def test_a_loop_is_not_drawn_over_a_roller_and_zones_begin_with_the_history():
+    """The roller on top follows what is pushed at the right."""
+
+    def scene_at(time: float) -> ec.Scene:
+        roller = ec.Displacement("top", (None, -0.03))
+        push = ec.Traction("right", (6e-3 * float(np.sin(time)), 0.0))
+        bottom = ec.Contact("bottom", friction=0.3)
+        return ec.Scene(ec.Elastic(1.0, 0.3), roller, push, contacts=bottom)
+
+    body = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(6, 3))
+    history = ec.evolve(scene_at, body, [0.0, 1.5, 3.0], 0.9)
+    axes = plot_loop(history, "bottom")
+    assert axes.get_xlabel() == "mean displacement of right [length]"
+    low, high = plot_zones(history, "bottom").get_xlim()
+    assert (low, high) == (0.0, 3.0)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("first", [UPPER, LOWER])
+def test_the_loop_of_a_report_is_that_of_the_side_that_moves(first):
+    """Its area is the energy that friction takes, whichever side the scene names first."""
+    pair = ec.Contact(first, against=LOWER if first == UPPER else UPPER, friction=0.3)
+
+    def scene_at(time: float) -> ec.Scene:
+        way = 0.05 * float(np.sin(0.5 * np.pi * time))
+        down = ec.Displacement("upper outer", vector(2, way, -0.05))
+        return ec.Scene(MATERIAL, [down, fixed(2)], [], [pair])
+
+    history = ec.evolve(scene_at, small_bricks(2), np.arange(6.0), 0.9)
+    side = moving_side(history, history.error.model.contact(first))
+    assert side == UPPER
+    way, shear = plot_loop(history, side).lines[0].get_data()
+    assert np.trapezoid(shear, way) > 0.3 * history.column("dissipated")[-1]
 
 
 def test_scenes_of_a_history_name_the_sides_alike():

@@ -52,7 +52,7 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     Where no support and no spring holds a rigid motion, r^ must balance the work of the
     other forces on this motion exactly. Where springs alone hold it, they take up what
     is left, at the cost of their error. The least change within the allowed tractions
-    gives the balance. A body at rest has none.
+    gives the balance.
 
     Args:
         model: The scene on a mesh.
@@ -62,8 +62,6 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     Raises:
         NotHeldError: If no allowed traction balances them on a free motion.
     """
-    if solution.at_rest:
-        return [_no_traction(model, contact) for contact in model.contacts]
     trials = [_trial(model, contact, solution) for contact in model.contacts]
     if not any(contact.sampled for contact in model.contacts):
         return _limited(model, trials, others, levels=False)
@@ -87,7 +85,7 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> Trial:
     return trial_of(model, contact, solution)
 
 
-def _no_traction(model: Model, contact: BoundContact) -> ContactTraction:
+def no_traction(model: Model, contact: BoundContact) -> ContactTraction:
     """Return the traction of a contact that transmits nothing; collective.
 
     Its friction bound is that of no pressure.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import comb
 from time import perf_counter
 
 import numpy as np
@@ -24,7 +25,7 @@ from erc_contact.admissible.cells import (
     signed,
     values_on,
 )
-from erc_contact.admissible.contact import admissible_tractions
+from erc_contact.admissible.contact import admissible_tractions, no_traction
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.facets import equilibrated_moments
@@ -96,6 +97,9 @@ def equilibrated(
     began = perf_counter()
     model = solution.model
     cells = cell_geometry(model)
+    if solution.at_rest:
+        pair = _at_rest(solution, cells)
+        return replace(pair, seconds=model.comm.allreduce(perf_counter() - began, MPI.MAX))
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported(model, cells)
@@ -112,6 +116,34 @@ def equilibrated(
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
+
+
+def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
+    """Return the pair of a body at rest, without stress and tractions; collective.
+
+    What loads it has are round-off of its history. Supports and gap allow u, also where
+    facets do not carry the gap.
+    """
+    model = solution.model
+    cell_count = len(cells.nodes)
+    moment = np.zeros((model.facet_count, len(model.facet_points), model.d))
+    fe_stress = np.zeros((cell_count, comb(model.degree - 1 + model.d, model.d), model.d, model.d))
+    forces = signed(cells, moment)
+    sigma = macro_stress(cells, model.domain.owned_cells, fe_stress, forces, None)
+    return Admissible(
+        solution=solution,
+        displacement=solution.u,
+        tractions=[no_traction(model, contact) for contact in model.contacts],
+        spring_tractions=chosen_tractions(model, moment, moment),
+        cell_geometry=cells,
+        fe_stress=fe_stress,
+        stress=sigma,
+        facet_moments=moment,
+        cell_forces=None,
+        tightening=0,
+        correction=None,
+        seconds=0.0,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,10 +249,8 @@ def _before_tightening(
         tractions = _of_owners(model, cells, tractions)
     # A support takes up the load on its components.
     boundary = np.where(fixed[:, None, :], 0.0, data.loads)
-    # The gap allows u at rest, also where facets do not carry the gap.
-    if not tractions or solution.at_rest:
-        hat = solution.u
-    else:
+    hat = solution.u
+    if tractions:
         hat = admissible_displacement(model, solution.u, tractions)
     for traction in tractions:
         of_contact = moments(traction.area, traction.values, model.degree)

@@ -67,7 +67,6 @@ class ContactTraction:
         r_n, r_t, _ = split(r, self.contact.trace.normals_at(points))
         return -r_n, r_t
 
-
     def in_law(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what the law compares: pressure, friction and its bound [force/area].
 

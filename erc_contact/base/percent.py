@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import floor, log10
+
 
 def percent(ratio: float, digits: int = 4) -> str:
     """Return a ratio in percent, with about so many significant digits.
@@ -22,3 +24,16 @@ def percent(ratio: float, digits: int = 4) -> str:
     is_round_off = size < 1e-9
     mantissa, power, exponent = f"{size:.{digits - 2 - is_round_off}e}".partition("e")
     return f"{mantissa}e{int(exponent)}%" if power else f"{mantissa}%"
+
+
+def enough(number: float) -> str:
+    """Write a number of two digits that is a little greater than a number >= 0.
+
+    Example:
+        >>> enough(0.0312), enough(2.0), enough(0.0)
+        ('0.032', '2.1', '0')
+    """
+    if number <= 0:
+        return "0"
+    digit = 10.0 ** (floor(log10(number)) - 1)
+    return f"{(floor(number / digit * (1 + 1e-9)) + 1) * digit:.2g}"

@@ -116,6 +116,8 @@ class ConstitutiveError:
         """Describe the error in a line; nothing is collective."""
         geometry = f", {percent(self.total)} with the geometry" if self.geometry_error > 0 else ""
         size = f"{self.domain.cells} cells of degree {self.degree}"
+        if self.scale == 0:
+            return f"<ConstitutiveError: no stress but round-off, eps = 0, e = 0, {size}>"
         eps = percent(self.relative)
         return f"<ConstitutiveError: eps = {eps}{geometry}, e = {self.absolute:.4g}, {size}>"
 
@@ -138,7 +140,7 @@ class ConstitutiveError:
 
     @property
     def relative(self) -> float:
-        """Return eps (17) [-]; 0 where nothing is loaded."""
+        """Return eps (17) [-]; 0 by convention without stress but round-off."""
         return self.absolute / self.scale if self.scale > 0 else 0.0
 
     @property
@@ -258,8 +260,9 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         admissible: An admissible pair.
 
     Returns:
-        e, eps, their parts and eps_E. If the solution is a rigid motion, e is that of
-        round-off, and what is relative is zero.
+        e, eps, their parts and eps_E. If the solution has no stress but round-off (at
+        rest, in a rigid motion, in a free expansion, back at rest in a history), e is
+        that of round-off, and what is relative is zero by convention.
 
     Raises:
         InputError: If the energy overflows or underflows double precision.
@@ -285,7 +288,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     floor_2, lost = round_off(admissible)
     raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
     # What is left of a motion without stress is round-off: no part of a scale.
-    if scale_2 <= RIGID_NOISE**2 * floor_2 and is_free(admissible, floor_2):
+    is_noise = scale_2 <= RIGID_NOISE**2 * floor_2
+    if admissible.solution.at_rest or (is_noise and is_free(admissible, floor_2)):
         cells_2[:] = 0.0
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0

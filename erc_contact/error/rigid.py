@@ -16,7 +16,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.error.contact import contact_parts
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
-from erc_contact.model.motions import rigid_motions
+from erc_contact.model.motions import nearest_motion, rigid_motions
 
 RESOLUTION = 1e-12
 """Accuracy of a displacement over its size, which is that of the solver [-]."""
@@ -131,22 +131,10 @@ def _nearest_motion(model: Model, u: np.ndarray) -> np.ndarray:
         model: The scene on a mesh.
         u: Nodal values of a displacement [length].
     """
-    owned = model.V.dofmap.index_map.size_local * model.d
     motions = rigid_motions(model).reshape(len(u), -1)
     columns = [motion.x.array for motion in model.free_motions]
     free = np.column_stack(columns or [np.zeros((len(u), 0))])
     fixed = model.held.ravel()
-
-    def nearest(motions: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return the combination of motions that is nearest to values; collective."""
-        total = np.zeros(motions.shape[1])
-        # The second time gets the digits that products of motions lose.
-        for _ in range(2):
-            both = np.column_stack([motions, values - motions @ total])[:owned]
-            products = model.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
-            total += np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=1e-10)[0]
-        return total
-
-    of_supports = nearest(motions * fixed[:, None], model.prescribed.x.array * fixed)
-    prescribed = motions @ of_supports
-    return prescribed + free @ nearest(free, u - prescribed)
+    held = motions * fixed[:, None]
+    prescribed = motions @ nearest_motion(model, held, model.prescribed.x.array * fixed)
+    return prescribed + free @ nearest_motion(model, free, u - prescribed)

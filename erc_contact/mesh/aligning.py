@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import enough
 from erc_contact.mesh.curve import Curve, curves, directed
 from erc_contact.mesh.cutting import cut
 from erc_contact.mesh.plain import PlainMesh
@@ -108,10 +109,18 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     if beyond.any():
         worst = np.flatnonzero(beyond)[np.argmax(apart[beyond])]
         x, y = plain.x[points[worst]].mean(axis=0)
+        # What is allowed decides which facets face each other, too.
+        excess = apart - _allowed(curve, facet, lengths)
+        needed = allowance
+        while np.any(beyond):
+            needed = float(excess[beyond].max())
+            beyond = against & (excess > needed) & (apart < shorter + needed)
+        clearance = enough(max(needed, apart[worst]))
         raise InputError(
             f"joined: the parts are {apart[worst]:.3g} apart near ({x:.4g}, {y:.4g}), where "
             f"facets have the length {shorter[worst]:.3g}. Give a clearance or an interference by "
-            "apart=, and by gap= of the contact; take smaller facets if the sides are curved."
+            f"apart= ({clearance} is enough), and by gap= of the contact; take smaller facets if "
+            "the sides are curved."
         )
     return _Facing(sides[near], points[near], places[near], lengths[near])
 

@@ -1,108 +1,129 @@
-"""Find the closest points on triangles and edges in space."""
+"""Find the closest points on edges and triangles, in the plane and in space.
+
+Symbols: n points, f facets, m corners of a facet (2 or 3), d dimension of space.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-PAIRS_AT_ONCE = 1_000_000
-"""Greatest number of pairs (point, triangle) that are looked at together."""
-CANDIDATES = 16
-"""Number of triangles near a point whose distances are computed at first."""
-CORNERS = np.array([[0, 1], [1, 2], [2, 0]])
+CLUSTER_SIZE = 64
+"""Number of points for which the closest facets are found together."""
+EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 """Corners of the edges of a triangle."""
 
 
-def on_edges(points: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the closest point of each point on any of several edges.
+def closest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the closest facet of each point, and the closest point on it.
+
+    Points that are near to each other are worked on together, with the facets that may
+    be the closest of one of them.
 
     Args:
-        points: Points [length], shape (n, 3).
-        ends: Ends of the edges [length], shape (m, 2, 3).
+        x: Points [length], shape (n, d).
+        corners: Corners of edges or triangles [length], shape (f, m, d).
 
     Returns:
-        The edge, the place on it between 0 and 1, and the distance [length], shape (n,)
-        each. Without edges the distance is infinite.
+        The numbers of the facets, shape (n,); barycentric coordinates of the closest
+        points on them, shape (n, m); the distances, shape (n,), infinite without
+        facets.
     """
-    edge = np.zeros(len(points), dtype=np.int64)
-    place = np.zeros(len(points))
-    distance = np.full(len(points), np.inf)
-    if not len(ends):
-        return edge, place, distance
-    step = max(1, PAIRS_AT_ONCE // len(ends))
-    for start in range(0, len(points), step):
-        chunk = slice(start, start + step)
-        share, apart = _to_edges(points[chunk, None], ends[None])
-        best = apart.argmin(axis=1)
-        row = np.arange(len(best))
-        edge[chunk] = best
-        place[chunk] = share[row, best]
-        distance[chunk] = apart[row, best]
-    return edge, place, distance
+    facet = np.zeros(len(x), dtype=np.int64)
+    local = np.zeros((len(x), corners.shape[1]))
+    distance = np.full(len(x), np.inf)
+    if not len(corners):
+        return facet, local, distance
+    middle = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+    for cluster in _clusters(x):
+        points = x[cluster]
+        centre = points.mean(axis=0)
+        spread = np.linalg.norm(points - centre, axis=1).max()
+        away = np.linalg.norm(middle - centre, axis=1)
+        # A facet is at least ``away - radius`` from the centre, and at most ``away``.
+        # At another point of the cluster each differs by the spread.
+        candidates = np.flatnonzero(away - radius <= away.min() + 2 * spread)
+        # The middle of a facet is a point of it, and its ball holds it.
+        to_middle = np.linalg.norm(points[:, None] - middle[candidates], axis=2)
+        least = to_middle.min(axis=1, keepdims=True)
+        # The pairs that may be closest, in the order of the points.
+        row, place = np.nonzero(to_middle - radius[candidates] <= least)
+        near = candidates[place]
+        shape, apart = _feet(points[row], corners[near])
+        order = np.lexsort((near, apart, row))
+        chosen = order[np.searchsorted(row, np.arange(len(cluster)))]
+        facet[cluster] = near[chosen]
+        local[cluster] = shape[chosen]
+        distance[cluster] = apart[chosen]
+    return facet, local, distance
 
 
-def on_triangles(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the closest triangle of each point.
-
-    Args:
-        points: Points [length], shape (n, 3).
-        corners: Corners of the triangles [length], shape (m, 3, 3).
+def _feet(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the closest point of each of p facets (p, m, d) to its point, (p, d).
 
     Returns:
-        The triangle and the distance from it [length], shape (n,) each.
+        Their barycentric coordinates (p, m), and the distances (p,).
     """
-    triangle = np.zeros(len(points), dtype=np.int64)
-    distance = np.zeros(len(points))
-    step = max(1, PAIRS_AT_ONCE // len(corners))
-    for start in range(0, len(points), step):
-        chunk = slice(start, start + step)
-        triangle[chunk], distance[chunk] = _closest(points[chunk], corners)
-    return triangle, distance
+    if corners.shape[-2] == 2:
+        return _feet_on_edges(points, corners)
+    # The closest point of a triangle is the foot in its plane, or on one of its edges.
+    shares, from_edges = _feet_on_edges(points[..., None, :], corners[:, EDGES])
+    edge = from_edges.argmin(axis=-1)[..., None]
+    of_edge = np.take_along_axis(shares, edge[..., None], axis=-2)[..., 0, :]
+    shape = np.zeros((*of_edge.shape[:-1], 3))
+    np.put_along_axis(shape, EDGES[edge[..., 0]], of_edge, axis=-1)
+    distance = np.take_along_axis(from_edges, edge, axis=-1)[..., 0]
+
+    sides = corners[..., 1:, :] - corners[..., :1, :]
+    offset = points - corners[..., 0, :]
+    aa, ab, bb = np.einsum("...id,...jd->...ij", sides, sides)[..., [0, 0, 1], [0, 1, 1]].T
+    pa, pb = np.einsum("...id,...d->...i", sides, offset).T
+    inner = np.stack([bb * pa - ab * pb, aa * pb - ab * pa], axis=-1)
+    # A triangle without area has no foot in its plane.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inner /= (aa * bb - ab**2)[..., None]
+    in_plane = np.concatenate([1 - inner.sum(axis=-1, keepdims=True), inner], axis=-1)
+    is_inside = np.all(in_plane >= 0, axis=-1)
+    return (
+        np.where(is_inside[..., None], in_plane, shape),
+        np.where(is_inside, _distance(points, corners, in_plane), distance),
+    )
 
 
-def _closest(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Do the work of :func:`on_triangles` for a few points."""
-    centre = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
-    # No point of a triangle is nearer than its ball.
-    bound = np.linalg.norm(points[:, None] - centre, axis=2) - radius
-    count = min(CANDIDATES, len(corners) - 1)
-    near = np.argpartition(bound, count, axis=1)[:, : count + 1]
-    row = np.arange(len(points))
-    distance = _to_triangles(points[:, None], corners[near])
-    best = distance.argmin(axis=1)
-    triangle = near[row, best]
-    distance = distance[row, best]
-    # The next ball bounds all triangles that were left out.
-    left_out = bound.copy()
-    left_out[row[:, None], near] = np.inf
-    open_rows = np.flatnonzero(left_out.min(axis=1) < distance)
-    every = _to_triangles(points[open_rows, None], corners[None])
-    triangle[open_rows] = every.argmin(axis=1)
-    distance[open_rows] = every.min(axis=1, initial=np.inf)
-    return triangle, distance
-
-
-def _to_edges(points: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return places and distances of points (..., 3) on edges (..., 2, 3)."""
-    start = ends[..., 0, :]
-    along = ends[..., 1, :] - start
-    offset = points - start
+def _feet_on_edges(points: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Do the work of :func:`_feet` for edges (..., 2, d)."""
+    along = ends[..., 1, :] - ends[..., 0, :]
+    offset = points - ends[..., 0, :]
     share = np.sum(offset * along, axis=-1) / np.sum(along * along, axis=-1)
     share = np.clip(share, 0.0, 1.0)
-    return share, np.linalg.norm(offset - share[..., None] * along, axis=-1)
+    shape = np.stack([1 - share, share], axis=-1)
+    return shape, _distance(points, ends, shape)
 
 
-def _to_triangles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Return the distances of points (..., 3) from triangles (..., 3, 3) [length]."""
-    ends = corners[..., CORNERS, :]
-    distance = _to_edges(points[..., None, :], ends)[1].min(axis=-1)
-    normal = np.cross(
-        ends[..., 0, 1, :] - ends[..., 0, 0, :], ends[..., 1, 1, :] - ends[..., 0, 0, :]
-    )
-    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-    # The foot in the plane counts if it lies on the inner side of all three edges.
-    offset = points[..., None, :] - ends[..., 0, :]
-    inward = np.cross(normal[..., None, :], ends[..., 1, :] - ends[..., 0, :])
-    above = np.all(np.sum(inward * offset, axis=-1) >= 0, axis=-1)
-    height = abs(np.sum(normal * offset[..., 0, :], axis=-1))
-    return np.where(above, np.minimum(height, distance), distance)
+def _distance(points: np.ndarray, corners: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Return the distances of points from those of barycentric coordinates."""
+    feet = np.sum(shape[..., None] * corners, axis=-2)
+    return np.asarray(np.linalg.norm(feet - points, axis=-1))
+
+
+def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
+    """Divide points (n, d) into clusters of near points.
+
+    A cluster is cut into halves along its longest axis.
+
+    Yields:
+        Numbers of at most :data:`CLUSTER_SIZE` points.
+    """
+    waiting = [np.arange(len(x))] if len(x) else []
+    while waiting:
+        cluster = waiting.pop()
+        if len(cluster) <= CLUSTER_SIZE:
+            yield cluster
+            continue
+        axis = np.ptp(x[cluster], axis=0).argmax()
+        half = len(cluster) // 2
+        order = np.argpartition(x[cluster, axis], half)
+        waiting.append(cluster[order[:half]])
+        waiting.append(cluster[order[half:]])

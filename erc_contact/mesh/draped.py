@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import enough
 from erc_contact.mesh.behind import Region, regions_behind, surface, with_cells
-from erc_contact.mesh.closest import on_edges, on_triangles
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.filling import filled
 from erc_contact.mesh.loops import area_vectors, band, least_angle, loops, outer_edges
 from erc_contact.mesh.outlines import cut_edges
@@ -158,19 +159,20 @@ def _places(
     kept = contact.kept
     taken = contact.taken
     points = np.unique(taken.triangles)
-    facet, distance = on_triangles(x[points], x[kept.triangles])
+    facet, _, distance = closest(x[points], x[kept.triangles])
     to_outline = np.full(len(x), np.inf)
-    _, _, to_outline[points] = on_edges(x[points], x[outlines.inner])
+    _, _, to_outline[points] = closest(x[points], x[outlines.inner])
     none = SAME * min(kept.shortest, taken.shortest)
     # Points beside the other side are nearest to its outline.
     on_kept = distance < to_outline[points] - none
     allowed = apart + allowance(taken, points, kept, facet)
     far = on_kept & (distance > allowed)
     if far.any():
+        needed = apart + float((distance - allowed)[far].max())
         raise InputError(
             f"joined: the parts are {distance[far].max():.3g} apart where they face each other, "
             "and a part is curved. Name the parts where the bodies touch, and give a clearance or "
-            "an interference by apart=, and by gap= of the contact."
+            f"an interference by apart= ({enough(needed)} is enough), and by gap= of the contact."
         )
     amid = np.zeros(len(x), dtype=bool)
     amid[points] = on_kept

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.closest import on_edges
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.graphs import order_along_curves
 
 PLACES = 2**40
@@ -93,8 +93,8 @@ def band(x: np.ndarray, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     edges = closed(inner)
     lengths = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
     places = np.concatenate([[0.0], np.cumsum(lengths)])
-    edge, share, _ = on_edges(x[outer], x[edges])
-    first = (places[edge] + share * lengths[edge]) / places[-1]
+    edge, shares, _ = closest(x[outer], x[edges])
+    first = (places[edge] + shares[:, 1] * lengths[edge]) / places[-1]
     places /= places[-1]
     # Going once around, the place rises by one.
     step = np.roll(first, -1) - first

@@ -19,7 +19,7 @@ from itertools import product
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.closest import on_edges, on_triangles
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.loops import area_vectors, outer_edges
 from erc_contact.mesh.plain import PlainMesh, row_numbers
 from erc_contact.mesh.side_contact import FACING, FacetSide, allowance, oriented
@@ -90,7 +90,7 @@ def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> Inp
     if not len(edges) or not len(others):
         return None
     points = np.unique(edges)
-    other, _, distance = on_edges(plain.x[points], plain.x[others])
+    other, _, distance = closest(plain.x[points], plain.x[others])
     sizes = np.maximum(first.edge_lengths[points], second.edge_lengths[others[other, 0]])
     # Where outlines cross, they are near each other at the crossing alone.
     worst = np.argmax(distance / sizes)
@@ -143,9 +143,9 @@ def _lie_on(side: FacetSide, other: FacetSide, apart: float, beside: float) -> n
     """Find the triangles of a side that lie on another one, shape (k,)."""
     x = side.x
     points = np.unique(side.triangles)
-    facet, distance = on_triangles(x[points], x[other.triangles])
+    facet, _, distance = closest(x[points], x[other.triangles])
     lies = distance <= apart + allowance(side, points, other, facet)
-    _, _, to_outline = on_edges(x[points], x[_outline_amid(other, side, apart)])
+    _, _, to_outline = closest(x[points], x[_outline_amid(other, side, apart)])
     lies &= to_outline >= beside * side.edge_lengths[points]
     of_points = np.zeros(len(x), dtype=bool)
     of_points[points] = lies
@@ -155,7 +155,7 @@ def _lie_on(side: FacetSide, other: FacetSide, apart: float, beside: float) -> n
 def _faces(side: FacetSide, other: FacetSide) -> np.ndarray:
     """Check which triangles face the nearest ones of another side, shape (k,)."""
     x = side.x
-    nearest, _ = on_triangles(x[side.triangles].mean(axis=1), x[other.triangles])
+    nearest, _, _ = closest(x[side.triangles].mean(axis=1), x[other.triangles])
     cosine = np.einsum("ij,ij->i", side.normals, other.normals[nearest])
     return cosine < -FACING
 
@@ -164,9 +164,9 @@ def _outline_amid(side: FacetSide, other: FacetSide, apart: float) -> np.ndarray
     """Return the edges of an outline that lie amid another side, shape (k, 2)."""
     x = side.x
     points = np.unique(side.outline)
-    facet, distance = on_triangles(x[points], x[other.triangles])
+    facet, _, distance = closest(x[points], x[other.triangles])
     allowed = apart + allowance(side, points, other, facet)
-    _, _, to_outline = on_edges(x[points], x[other.outline])
+    _, _, to_outline = closest(x[points], x[other.outline])
     amid = np.zeros(len(x), dtype=bool)
     amid[points] = (distance <= allowed) & (to_outline > allowed)
     return side.outline[amid[side.outline].any(axis=1)]
@@ -194,7 +194,7 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
         return 0.0
     points = np.matmul(PLACES, plain.x[rest.triangles]).reshape(-1, 3)
     of_point = np.repeat(np.arange(len(rest.triangles)), len(PLACES))
-    facet, distance = on_triangles(points, plain.x[other.triangles])
+    facet, _, distance = closest(points, plain.x[other.triangles])
     cosine = np.einsum("ij,ij->i", rest.normals[of_point], other.normals[facet])
     allowed = apart + rest.facet_heights[of_point] + other.facet_heights[facet]
     faces = (cosine < -FACING) & (distance <= allowed)

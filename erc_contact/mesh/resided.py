@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import enough
 from erc_contact.mesh.behind import (
     Region,
     at_other_parts,
@@ -168,8 +169,9 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
     if abs(distance) > flat + apart or highest > 2 * flat:
         raise InputError(
             f"joined: the parts are {abs(distance):.3g} apart, where edges have the length "
-            f"{shortest:.3g}. Give a clearance or an interference by apart=, and by gap= of the "
-            "contact."
+            f"{shortest:.3g}. Give a clearance or an interference by apart= "
+            f"({enough(abs(heights[1]).max())} is enough), and by gap= of "
+            "the contact."
         )
     # The first axis is that of space nearest to the plane; round-off must not turn it.
     nearest = np.eye(3)[np.argmin(np.round(abs(normal), DIGITS))]

@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.closest import on_edges, on_triangles
+from erc_contact.base.percent import enough
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.loops import area_vectors, closed, loops, outer_edges
 from erc_contact.mesh.plain import PlainMesh
 
@@ -161,19 +162,20 @@ def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact
     x = kept.x
     corners = x[taken.triangles]
     points = np.unique(kept.triangles)
-    facet, distance = on_triangles(x[points], corners)
+    facet, _, distance = closest(x[points], corners)
     allowed = np.zeros(len(x))
     allowed[points] = apart + allowance(kept, points, taken, facet)
     excess = distance - allowed[points]
     worst = np.argmax(excess)
     place = ", ".join(f"{coordinate:.4g}" for coordinate in x[points[worst]])
+    beyond = float(excess[worst])
     message = (
         f"joined: the parts are {distance[worst]:.3g} apart near ({place}), and a part is curved. "
         "Each facet of one of them must lie on the other one: name the parts where the bodies "
-        "touch, and give a clearance or an interference by apart=, and by gap= of the contact."
+        f"touch, and give a clearance or an interference by apart= ({enough(apart + beyond)} is "
+        "enough), and by gap= of the contact."
     )
-    beyond = float(excess[worst])
-    middles, _ = on_triangles(x[kept.triangles].mean(axis=1), corners)
+    middles, _, _ = closest(x[kept.triangles].mean(axis=1), corners)
     cosine = np.einsum("ij,ij->i", kept.normals, taken.normals[middles]).max()
     if beyond <= 0 and cosine > -FACING:
         beyond = np.inf
@@ -182,8 +184,8 @@ def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact
             f"normals is up to {cosine:.3g}, it must be near -1. Turn the bodies, or give other "
             "parts."
         )
-    closest = np.unique(np.concatenate([facet, middles]))
-    return SideContact(kept, taken, closest, allowed, beyond, message)
+    facing = np.unique(np.concatenate([facet, middles]))
+    return SideContact(kept, taken, facing, allowed, beyond, message)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +219,7 @@ def outlines_on(x: np.ndarray, contact: SideContact) -> Outlines:
     edges = np.concatenate([NO_EDGES, *[closed(loop) for loop in kept_loops]])
     outline = taken.outline
     points = edges[:, 0]
-    beside, _, distance = on_edges(x[points], x[outline])
+    beside, _, distance = closest(x[points], x[outline])
     along = np.zeros(len(x), dtype=bool)
     along[points] = distance <= allowed[points]
     common = np.all(along[edges], axis=1)
@@ -228,7 +230,7 @@ def outlines_on(x: np.ndarray, contact: SideContact) -> Outlines:
 
     # Points of the other outline move to the nearest ones, where both run together.
     others = np.unique(outline)
-    _, _, to_common = on_edges(x[others], x[edges[common]])
+    _, _, to_common = closest(x[others], x[edges[common]])
     apart = np.linalg.norm(x[others][:, None] - x[targets], axis=2)
     nearest = targets[apart.argmin(axis=1)]
     close = apart.min(axis=1) <= allowed[nearest] + CLOSE * taken.edge_lengths[others]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.mesh.closest import on_edges
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.plain import row_numbers
 
 NARROW = 0.05
@@ -119,7 +119,7 @@ def _limits(
     pairs = ((edges1, edges2, *lengths), (edges2, edges1, *lengths[::-1]))
     for own, others, own_lengths, other_lengths in pairs:
         every = np.unique(own[corners[own]])
-        nearest, _, distance = on_edges(y[every], y[others])
+        nearest, _, distance = closest(y[every], y[others])
         at_ends = np.full(len(y), np.inf)
         for end in own.T:
             np.minimum.at(at_ends, end, own_lengths)

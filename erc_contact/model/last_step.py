@@ -3,7 +3,7 @@
 Friction acts on the tangential displacement since the last step, ``w_t - s``. Here s is
 the tangential displacement at the end of that step, a polynomial of degree k on the
 contact facets of the mesh that computed it. A node of another mesh takes its value on
-the nearest of these facets. On the same mesh and on one that refines it s is then the
+the closest of these facets. On the same mesh and on one that refines it s is then the
 same field, up to round-off. On any other mesh s is interpolated, and what this loses is
 measured.
 
@@ -12,7 +12,7 @@ Symbols: d dimension, f facets, m nodes of a facet, n points.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +20,11 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 
-CLUSTER_SIZE = 64
-"""Number of points for which the nearest facets are found together."""
 INTERPOLATION_ROUND_OFF = 1e-12
 """Difference of interpolants that is round-off, over the greatest displacement [-]."""
 SAME_PLACE = 0.5
@@ -34,6 +33,20 @@ SAME_PLACE = 0.5
 It is over the longest edge of the facets. Flat facets of a curved body are nearer to
 each other on any two meshes.
 """
+
+
+@dataclass(frozen=True)
+class Greatest:
+    """Hold the sizes of a history so far. Their round-off is that of the next step.
+
+    Attributes:
+        displacement: The greatest component of the displacement [length].
+        load: The greatest sum of the sizes of all nodal forces of loads and given
+            strains [force].
+    """
+
+    displacement: float = 0.0
+    load: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +58,12 @@ class LastStep:
         contacts: By the name of each contact its facets (cell, local facet), ghosts
             included, shape (f, 2), and its displacement at their nodes [length], shape
             (f, m, d): between bodies the jump from the part that has this name.
+        greatest: The sizes of the history so far.
     """
 
     space: Space
     contacts: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    greatest: Greatest
 
     def on(
         self,
@@ -131,7 +146,7 @@ def gathered_facets(
 def interpolate(
     x: np.ndarray, corners: np.ndarray, values: np.ndarray, degree: int = 1
 ) -> np.ndarray:
-    """Evaluate interpolants on the nearest facets.
+    """Evaluate interpolants on the closest facets.
 
     Args:
         x: Points, shape (n, d).
@@ -142,76 +157,9 @@ def interpolate(
     Returns:
         Values at the points, shape (n, d).
     """
-    facet, local, _ = nearest(x, corners)
+    facet, local, _ = closest(x, corners)
     shape = lagrange(x.shape[1] - 1, degree, local[:, 1:])
     return np.einsum("nm,nmi->ni", shape, values[facet])
-
-
-def nearest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the nearest facets of points.
-
-    Points that are near to each other are worked on together, with the facets that may
-    be the nearest of one of them.
-
-    Args:
-        x: Points, shape (n, d).
-        corners: Corners of the facets, shape (f, d, d).
-
-    Returns:
-        The numbers of the facets, shape (n,); barycentric coordinates of the nearest
-        points on them, shape (n, d); the distances, shape (n,).
-    """
-    edges = corners[:, 1:] - corners[:, :1]
-    # Of each facet: the map from a point to its barycentric coordinates.
-    to_barycentric = np.linalg.inv(edges @ edges.transpose(0, 2, 1)) @ edges
-    middle = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
-    facet = np.empty(len(x), dtype=int)
-    local = np.empty_like(x)
-    distance = np.empty(len(x))
-    for cluster in _clusters(x):
-        points = x[cluster]
-        centre = points.mean(axis=0)
-        spread = np.linalg.norm(points - centre, axis=1).max()
-        away = np.linalg.norm(middle - centre, axis=1)
-        # A facet is at least ``away - radius`` from the centre, and at most
-        # ``away + radius``. At another point of the cluster each differs by the spread.
-        candidates = np.flatnonzero(away - radius <= (away + radius).min() + 2 * spread)
-        from_corner = points[:, None] - corners[candidates, 0]
-        inner = np.einsum("fki,nfi->nfk", to_barycentric[candidates], from_corner)
-        shape = np.concatenate([1 - inner.sum(axis=2, keepdims=True), inner], axis=2)
-        # A foot outside its facet is moved onto it.
-        shape = np.maximum(shape, 0.0)
-        shape /= shape.sum(axis=2, keepdims=True)
-        feet = np.einsum("nfm,fmi->nfi", shape, corners[candidates])
-        to_feet = np.linalg.norm(feet - points[:, None], axis=2)
-        row = np.arange(len(cluster))
-        chosen = to_feet.argmin(axis=1)
-        facet[cluster] = candidates[chosen]
-        local[cluster] = shape[row, chosen]
-        distance[cluster] = to_feet[row, chosen]
-    return facet, local, distance
-
-
-def _clusters(x: np.ndarray) -> Iterator[np.ndarray]:
-    """Divide points (n, d) into clusters of near points.
-
-    A cluster is cut into halves along its longest axis.
-
-    Yields:
-        Numbers of at most :data:`CLUSTER_SIZE` points.
-    """
-    waiting = [np.arange(len(x))] if len(x) else []
-    while waiting:
-        cluster = waiting.pop()
-        if len(cluster) <= CLUSTER_SIZE:
-            yield cluster
-            continue
-        axis = np.ptp(x[cluster], axis=0).argmax()
-        half = len(cluster) // 2
-        order = np.argpartition(x[cluster, axis], half)
-        waiting.append(cluster[order[:half]])
-        waiting.append(cluster[order[half:]])
 
 
 def _check_place(
@@ -238,7 +186,7 @@ def _check_place(
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     # The boxes around the contact are compared, too: it may have become smaller.
     old_points = corners.reshape(-1, space.d)
-    _, _, distance = nearest(x, corners)
+    _, _, distance = closest(x, corners)
     away = max(
         float(distance.max(initial=0.0)),
         float(abs(low - old_points.min(axis=0)).max()),

@@ -20,7 +20,7 @@ from erc_contact.model.elasticity import ElasticMatrix
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
-from erc_contact.model.last_step import LastStep
+from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
@@ -73,6 +73,7 @@ class Model(Space):
         bodies: Number of the body of each node of this rank, and number of bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
+        greatest_before: The sizes of the history before this step, 0 without one.
         gap_limits: Polynomials below the gap that were found [length], shape (f, c, m),
             contact -> coefficients.
 
@@ -89,6 +90,7 @@ class Model(Space):
     ) -> None:
         super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree)
         self.scene = scene
+        self.greatest_before = Greatest() if last is None else last.greatest
         check_dimension(scene, self.d)
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:

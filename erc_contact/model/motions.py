@@ -33,6 +33,24 @@ def rigid_motions(space: Space) -> np.ndarray:
     return np.concatenate(of_bodies, axis=2)
 
 
+def nearest_motion(space: Space, motions: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the factors of the motions whose sum is nearest to values; collective.
+
+    Args:
+        space: The mesh.
+        motions: The m motions, shape (nodes d, m).
+        values: A displacement at the nodes [length], shape (nodes d,).
+    """
+    owned = space.V.dofmap.index_map.size_local * space.d
+    total = np.zeros(motions.shape[1])
+    # The second time gets the digits that products of motions lose.
+    for _ in range(2):
+        both = np.column_stack([motions, values - motions @ total])[:owned]
+        products = space.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
+        total += np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=FREE_SHARE)[0]
+    return total
+
+
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """Number the bodies of the mesh, from 0 over all ranks; collective.
 

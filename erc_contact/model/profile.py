@@ -8,6 +8,7 @@ facet.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import factorial
 
 import numpy as np
@@ -15,7 +16,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.graphs import order_along_curves
+from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -36,6 +37,8 @@ ROUND_OFF_PRESSURE = 1e-10
 """Share of a contact's greatest pressure up to which a pressure is round-off [-]."""
 ROUND_OFF_SHEAR = 1e-6
 """Share of the friction bound by which the shear of slip may be below it [-]."""
+SAME_X = 1e-9
+"""Way along x over the extent of the body that counts as none [-]."""
 PLACE_DIGITS = 9
 """Digits of coordinates over the extent of the body that tell points apart [-]."""
 
@@ -164,11 +167,43 @@ def profile_table(
         of the other side, ``other_u_x``, ``other_u_y`` and ``other_u_z`` [length].
 
         In 2D the points are in order along the contact, and the first column ``s`` is
-        their arc length [length]. There ``slip`` and ``shear`` have a sign, which is
-        positive in this order. Each facet has points of its own, because tractions jump
-        from one facet to the next.
+        their arc length [length]. An open curve ends at a greater x than it begins, or
+        at a greater y where x is the same: where it is a graph over x, x ascends. A
+        closed curve begins at its lowest x and has the body on its left. ``slip`` and
+        ``shear`` have a sign in 2D, which is positive in this order. Each facet has
+        points of its own, because tractions jump from one facet to the next.
     """
-    columns = _columns(model, contact, u, r, bound, status)
+    return _in_order(model, contact, _columns(model, contact, u, r, bound, status))
+
+
+def slip_before_table(model: Model, contact: BoundContact) -> np.ndarray:
+    """Tabulate s along a contact [length], in the order of :func:`profile_table`.
+
+    Returns:
+        The tangential displacement that friction counts from, of the side that the
+        scene names first and relative to the other side, shape (points, d). Collective.
+    """
+    shape = lagrange(model.d - 1, model.degree, profile_points(model))
+    s = contact.sign * np.matmul(shape, contact.trace.slip_before)
+    columns = _places(model, contact)
+    names = [f"s_{letter}" for letter in columns]
+    columns |= {name: s[..., axis] for axis, name in enumerate(names)}
+    table = _in_order(model, contact, columns)
+    return np.stack([table[name] for name in names], axis=1)
+
+
+def _in_order(model: Model, contact: BoundContact, columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Gather columns of all facets, ordered as :func:`profile_table` says; collective.
+
+    Args:
+        model: The scene on a mesh.
+        contact: One of its contacts.
+        columns: Arrays that broadcast to (f, q), ghosts included, by their names. The
+            first ones are the position.
+
+    Returns:
+        A structured array, the same on all ranks.
+    """
     table = np.stack(np.broadcast_arrays(*columns.values()), axis=2)
     vertices = model.global_numbers(contact.trace.here.nodes[:, : model.d])
     if model.d == 2:
@@ -180,6 +215,8 @@ def profile_table(
     vertices = np.concatenate([part for _, part in of_ranks])
     names = list(columns)
     if model.d == 2:
+        signed = [place for place, name in enumerate(names) if name in ("slip", "shear")]
+        _let_ascend(table, vertices, signed, model.domain.extent)
         table = _along_curves(table, vertices)
         names = ["s", *names]
     else:
@@ -227,8 +264,7 @@ def _columns(
         tangent = _tangents(n)
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
-    x = evaluate(model.x, model.mesh, points, facets)
-    columns = {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
+    columns = _places(model, contact)
     columns["gap"] = gap - w_n
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
@@ -246,6 +282,12 @@ def _columns(
             for axis, letter in enumerate("xyz"[: model.d]):
                 columns[f"{name}_{letter}"] = displacement[..., axis]
     return columns
+
+
+def _places(model: Model, contact: BoundContact) -> dict[str, np.ndarray]:
+    """Return the coordinates of the profile points [length], (f, q), by their names."""
+    x = evaluate(model.x, model.mesh, profile_points(model), contact.facets)
+    return {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
 
 
 def _tangents(n: np.ndarray) -> np.ndarray:
@@ -266,6 +308,35 @@ def _turn_facets(table: np.ndarray, vertices: np.ndarray, tangents: np.ndarray) 
     backward = (chord * tangents).sum(axis=1) < 0
     table[backward] = table[backward, ::-1]
     vertices[backward] = vertices[backward, ::-1]
+
+
+def _let_ascend(
+    table: np.ndarray, vertices: np.ndarray, signed: Sequence[int], extent: float
+) -> None:
+    """Turn open curves in 2D that go to lower x, or straight to lower y, in place.
+
+    Args:
+        table: Rows of the points of each facet, which begin with x and y, shape
+            (f, q, c). All facets of a curve have its direction.
+        vertices: First and last vertex of each facet, shape (f, 2).
+        signed: Columns whose sign is that of the direction.
+        extent: Extent of the body [length].
+    """
+    successor = successors(*vertices.T)
+    count = len(successor)
+    _, last = to_chain_ends(successor, np.ones(count))
+    # The first facet of an open curve succeeds no other one; a closed curve has none.
+    first = np.setdiff1d(np.arange(count), successor[successor != np.arange(count)])
+    way = table[last[first], -1, :2] - table[first, 0, :2]
+    is_upright = abs(way[:, 0]) <= SAME_X * extent
+    descends = np.zeros(count, dtype=bool)
+    descends[last[first]] = np.where(is_upright, way[:, 1], way[:, 0]) < 0
+    turned = descends[last]
+    table[turned] = table[turned, ::-1]
+    vertices[turned] = vertices[turned, ::-1]
+    for column in signed:
+        # without a minus before zero
+        table[turned, :, column] = 0.0 - table[turned, :, column]
 
 
 def _along_curves(table: np.ndarray, vertices: np.ndarray) -> np.ndarray:

@@ -17,8 +17,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
-from erc_contact.model.last_step import LastStep
+from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.profile import STICK
+from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
@@ -87,7 +88,13 @@ def last_step(solution: Solution) -> LastStep:
             normal = (w * n).sum(axis=-1, keepdims=True) * n
             w = np.where(stuck, normal + trace.slip_before, w)
         contacts[contact.name] = contact.facets, contact.sign * w
-    return LastStep(model, contacts)
+    before = model.greatest_before
+    moved = float(abs(solution.u.x.array).max(initial=0.0))
+    greatest = Greatest(
+        max(model.comm.allreduce(moved, MPI.MAX), before.displacement),
+        max(load_size(model, solution.stiffness.load_vector()), before.load),
+    )
+    return LastStep(model, contacts, greatest)
 
 
 def _stuck(solution: Solution, contact: BoundContact) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from dolfinx import fem
@@ -13,7 +14,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.contact_solve import ContactSolve, Solver
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
-from erc_contact.newton.rest import displacement_at_rest
+from erc_contact.newton.rest import displacement_at_rest, displacement_back_at_rest
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.statics import mechanism
 
@@ -36,11 +37,16 @@ def solution_of(
         if rest is not None:
             return _at_rest(rest, model, method or DEFAULT, solver.elastic)
         _check_size(model, loads, solver.guess)
-        if solver.elastic.contact_size:
-            _check_statics(model, loads)
-            return ContactSolve(solver, method, tolerance).solve(start)
-        reason = "linear solve"
-        return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
+        if not solver.elastic.contact_size:
+            reason = "linear solve"
+            return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
+        _check_statics(model, loads)
+        solution = ContactSolve(solver, method, tolerance).solve(start)
+        rest = displacement_back_at_rest(model, loads, solution.u)
+        if rest is None:
+            return solution
+        back = _at_rest(rest, model, solution.method, solver.elastic)
+        return replace(back, newton_steps=solution.newton_steps)
     finally:
         solver.destroy()
         track_communicator(model.domain, model.mesh.comm)

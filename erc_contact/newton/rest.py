@@ -2,6 +2,10 @@
 
 A motion without strain and without contact forces is then exact. Newton's method finds
 round-off there, and what is measured of it later is round-off over round-off.
+
+In a history loads, supports and gaps that are round-off of the history so far are none.
+A body that has slid may come back to rest, or keep a stress that friction holds: which
+of the two it does is known when it is solved only.
 """
 
 from __future__ import annotations
@@ -15,10 +19,19 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.model import Model
+from erc_contact.model.motions import nearest_motion, rigid_motions
+from erc_contact.model.trace import split
 from erc_contact.model.values import DATA_DEGREE
 
-GAP_ROUND_OFF = 1e-14
-"""Gap over the size of a body that counts as none [-]."""
+REST_ROUND_OFF = 1e-14
+"""Gap or displacement over the size of a body that counts as none [-]."""
+HISTORY_ROUND_OFF = 1e-12
+"""Load or displacement over the greatest of a history that counts as none [-]."""
+SOLVED = 1e-10
+"""Distance from a rigid motion that a solve may leave, over the same [-].
+
+It is the accuracy of multigrid; a factor is better by orders.
+"""
 PARALLEL = 1e-12
 """Difference of two unit normals that counts as none [-]."""
 
@@ -38,9 +51,7 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
         The same vector at all nodes, as a new Function; None if the body is not known
         to be at rest.
     """
-    moves = bool(loads.x.array.any() or model.prescribed.x.array.any())
-    pushes = [_pushes(model, contact) for contact in model.contacts]
-    if model.comm.allreduce(moves or any(pushes), MPI.LOR):
+    if _is_loaded(model, loads) or _is_moved(model):
         return None
     slides = any(contact.trace.slip_before.any() for contact in model.contacts)
     rest = model.function()
@@ -51,7 +62,68 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
     return rest
 
 
-def _pushes(model: Model, contact: BoundContact) -> bool:
+def displacement_back_at_rest(
+    model: Model, loads: fem.Function, u: fem.Function
+) -> fem.Function | None:
+    """Return the displacement of a body that is back at rest [length]; collective.
+
+    It is the rigid motion nearest to a solution that differs from it by round-off of
+    the history. Nothing loads the body, and no friction without pressure acts on it.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+        u: The solution [length].
+
+    Returns:
+        A new Function; None if the body is not at rest, or without history.
+    """
+    greatest = model.greatest_before.displacement
+    if greatest == 0 or _is_loaded(model, loads):
+        return None
+    # Supports that move tell a small strain from a rigid motion to more digits.
+    round_off = (HISTORY_ROUND_OFF if _is_moved(model) else SOLVED) * greatest
+    motions = rigid_motions(model).reshape(len(u.x.array), -1)
+    rest = model.function()
+    rest.x.array[:] = motions @ nearest_motion(model, motions, u.x.array)
+    off = float(abs(rest.x.array - u.x.array).max(initial=0.0))
+    held = model.fixed.ravel()
+    rest.x.array[held] = model.prescribed.x.array[held]
+    for spring in model.springs:
+        _, stretched = spring.resisted(rest.x.array.reshape(-1, model.d, 1))
+        off = max(off, float(abs(stretched).max(initial=0.0)))
+    for contact in model.contacts:
+        if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:
+            _, slip, _ = split(contact.trace.since(rest.x.array), contact.direction[:, None, :])
+            off = max(off, float(abs(slip).max(initial=0.0)))
+    return rest if model.comm.allreduce(off, MPI.MAX) <= round_off else None
+
+
+def load_size(model: Model, loads: fem.Function) -> float:
+    """Return the sum of the sizes of nodal forces [force]; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: The forces, not yet summed over ranks.
+    """
+    return model.comm.allreduce(float(abs(loads.x.array).sum()), MPI.SUM)
+
+
+def _is_loaded(model: Model, loads: fem.Function) -> bool:
+    """Tell whether loads are more than round-off of the history; collective."""
+    return load_size(model, loads) > HISTORY_ROUND_OFF * model.greatest_before.load
+
+
+def _is_moved(model: Model) -> bool:
+    """Tell whether a support or a gap moves the body; collective."""
+    least = HISTORY_ROUND_OFF * model.greatest_before.displacement
+    moves = bool(abs(model.prescribed.x.array).max(initial=0.0) > least)
+    least_gap = max(least, REST_ROUND_OFF * model.domain.extent)
+    pushes = [_pushes(model, contact, least_gap) for contact in model.contacts]
+    return bool(model.comm.allreduce(moves or any(pushes), MPI.LOR))
+
+
+def _pushes(model: Model, contact: BoundContact, allowed: float) -> bool:
     """Tell whether the gap of a contact pushes the body, on this rank.
 
     It does so below zero, and anywhere if the contact is bilateral.
@@ -61,7 +133,6 @@ def _pushes(model: Model, contact: BoundContact) -> bool:
     # The nodes are among these points.
     points = lattice(model.d - 1, DATA_DEGREE)
     gap = evaluate(contact.gap, model.mesh, points, contact.facets)
-    allowed = GAP_ROUND_OFF * model.domain.extent
     if contact.bilateral:
         return bool((abs(gap) > allowed).any())
     return bool((gap < -allowed).any())

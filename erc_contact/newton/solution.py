@@ -28,13 +28,18 @@ from erc_contact.model.profile import (
     profile_points,
     profile_table,
     profile_traction,
+    slip_before_table,
 )
 from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.rest import displacement_at_rest
+from erc_contact.newton.rest import (
+    REST_ROUND_OFF,
+    displacement_at_rest,
+    displacement_back_at_rest,
+)
 from erc_contact.scene.scene import Scene
 
 
@@ -51,8 +56,6 @@ class ElasticValues:
     elastic_stress: np.ndarray
 
 
-REST_ROUND_OFF = 1e-14
-"""Displacement over the size of a body that is round-off [-]."""
 SINGULAR = 1e-12
 """Least singular value of the scaled tangent below which it counts as singular [-]."""
 
@@ -166,9 +169,10 @@ class Solution:
 
         Then u is that of a body at rest, up to round-off.
         """
-        rest = displacement_at_rest(self.model, self.stiffness.load_vector())
+        loads = self.stiffness.load_vector()
+        rest = displacement_at_rest(self.model, loads)
         if rest is None:
-            return False
+            return displacement_back_at_rest(self.model, loads, self.u) is not None
         moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
         return bool(
             self.domain.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent
@@ -235,6 +239,22 @@ class Solution:
             most = greatest_pressure(model, pressure)
             status = facet_status(where, pressure, shear, bound, most)
         return profile_table(model, where, self.u, r, bound, status)
+
+    def slip_before(self, contact: str) -> np.ndarray:
+        """Return the displacement s that friction counts from [length]; collective.
+
+        It is tangential, at the points of :meth:`profile` and the same on all ranks,
+        shape (points, d). On a contact between bodies it is that of this side relative
+        to the other one. It is zero without history, and without friction. In a step of
+        a history it is what the last solution ends with. But where Nitsche's method
+        lets a point stick it is s of the last step: so points that stick do not creep.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        where = self.model.contact(contact)
+        s = slip_before_table(self.model, where)
+        return s if contact == where.name else -s
 
     def maximum(self, quantity: str) -> Maximum:
         """Return the greatest value of a quantity and its place; collective.

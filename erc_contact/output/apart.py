@@ -22,9 +22,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import in_space
-from erc_contact.model.last_step import nearest
 from erc_contact.output.gathered import Surface, mean_normal
 
 FADING = 3.0
@@ -122,9 +122,12 @@ def shifts(
         pulled[behind] -= pull * in_space(mean_normal(pair)[None])
         if pair.gap.any():
             away = in_space(motion(points[behind, : pair.d]))
-            # A symmetry plane that moved would be no picture of the body.
-            if _keeps_still(away, body["still"][behind]):
-                shift[behind] -= factor * away
+            # A symmetry plane that turned would be no picture of the body. The least
+            # clearance is no deformation: body and supports are that far away. An
+            # interference deforms a body between supports.
+            if not _keeps_still(away, body["still"][behind]):
+                away = max(pair.gap.min(), 0.0) * in_space(mean_normal(pair)[None])
+            shift[behind] -= factor * away
     for pair in pairs:
         if pair.gap.any():
             shift += _recess(body, pairs, pair, _depth(pair, shift, factor))
@@ -202,7 +205,7 @@ def _recess(
     high = corners.max(axis=(0, 1)) + reach
     x = points[:, : pair.d]
     inside &= ((x > low) & (x < high)).all(axis=1)
-    facet, local, distance = nearest(x[inside], corners)
+    facet, local, distance = closest(x[inside], corners)
     feet = np.einsum("nv,nvi->ni", local, corners[facet])
     # Parts of a body beyond the other side are not behind the contact.
     direction = pair.traction.contact.direction[facet]

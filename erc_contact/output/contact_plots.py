@@ -123,7 +123,7 @@ def contact_curves(surface: Surface, ax: Any = None) -> Any:
         look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
         axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
     t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-    direction = words(t[0, 0]) if np.allclose(t, t[0, 0]) else "(-n₂, n₁)"
+    direction = words(t[0, 0]) if np.allclose(t, t[0, 0]) else "$(-n_2, n_1)$"
     pressure = -traction.normal_component
     shear = (traction.tangential_part * t).sum(axis=-1)
     _draw_traction(axes, line, pressure, PRESSURE, "pressure")

@@ -12,6 +12,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
+from erc_contact.model.foundation import BoundContact
 from erc_contact.output.deformed import draw_deformed, magnification
 from erc_contact.output.drawing import (
     COLOUR_CYCLE,
@@ -37,6 +38,8 @@ LOOP_SIZE = (4.4, 3.6)
 """Width and height of the axes of a loop [inches]."""
 STILL = 1e-3
 """Share of the way of the part that moves most, below which a part stands still [-]."""
+HELD_ALONG = 0.5
+"""Part of a unit vector that a support holds where it moves along it [-]."""
 ZONES_SIZE = (5.7, 3.2)
 """Width and height of the axes of zones [inches]."""
 LINE: dict[str, Any] = {"ms": 3, "lw": 1.2}
@@ -78,7 +81,8 @@ def plot_energies(
         left.set(xlabel="t", ylabel="energy [force length]")
         right.set(xlabel="t", ylabel="what the balance leaves [force length]")
         for panel in panels:
-            panel.legend(loc="best", frameon=False)
+            # above the axes, where it hides no curve
+            panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.04), frameon=False)
             panel.grid(color="0.9", lw=0.6)
         if ax is None:
             place(panels, np.tile(PANEL_SIZE, (2, 1)))
@@ -104,8 +108,9 @@ def plot_loop(
         history: The history.
         contact: Name of the contact.
         path: Picture file, or None.
-        part: Name of the boundary part; by default the first one with a support or a
-            load that moves, or else the contact.
+        part: Name of the boundary part; by default the first one that a support moves
+            along the shear, or the loaded one whose load changes most along it, or else
+            the contact.
         ax: Axes of matplotlib to draw on; by default those of a new figure.
 
     Returns:
@@ -126,7 +131,7 @@ def plot_loop(
     changes = np.ptp(force @ along.T, axis=0)
     direction = along[changes.argmax()]
     shear = force @ direction
-    where = _moved_part(history, contact, direction) if part is None else part
+    where = _driven_part(history, contact, direction) if part is None else part
     moved = _way(history, where, direction)
 
     def draw(ax: Any) -> Any:
@@ -181,9 +186,11 @@ def plot_zones(
         length = max(profile["s"].max() for profile in profiles)
         shares = (np.arange(ZONE_POINTS) + 0.5) / ZONE_POINTS
         status = np.array([_status_at(profile, shares) for profile in profiles])
-        # The first state has no step of its own; it gets the shortest of the others.
-        first = np.diff(time).min(initial=np.ptp(time) or 1.0)
-        times = np.append(time[0] - first, time)
+        # Each state is shown up to the middles between its time and the next ones.
+        middles = 0.5 * (time[1:] + time[:-1])
+        times = np.concatenate([time[:1], middles, time[-1:]])
+        if len(time) == 1:
+            times = time[0] + np.array([-0.5, 0.5])
         places = np.linspace(0, length, ZONE_POINTS + 1)
         axes = new_figure(*ZONES_SIZE).subplots() if ax is None else ax
         colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 2.5}
@@ -240,17 +247,44 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     on_root(comm, path, write)
 
 
-def _moved_part(history: LoadingHistory, contact: str, direction: np.ndarray) -> str:
-    """Return the first part with a support or load that moves, or else the contact.
+def moving_side(history: LoadingHistory, contact: BoundContact) -> str:
+    """Return the name of the side of a contact that moves more; collective.
 
-    Of two bodies one may be clamped, and its support named first.
+    A contact with a foundation has one side.
     """
+    ways = {}
+    for side in contact.side_names:
+        if side is not None:
+            means = [_mean_displacement(error, side) for error in history.errors]
+            ways[side] = np.linalg.norm(np.ptp(means, axis=0))
+    # round-off must not choose between sides that move alike
+    least = (1 - STILL) * max(ways.values())
+    return next(side for side, way in ways.items() if way >= least)
+
+
+def _driven_part(history: LoadingHistory, contact: str, direction: np.ndarray) -> str:
+    """Return the part that a support or a load moves along a direction; collective.
+
+    Of two bodies one may be clamped, and its support named first. A roller follows what
+    is moved elsewhere.
+    """
+    model = history.errors[0].model
     scene = history.errors[0].solution.scene
+    moved: list[str] = []
+    rollers: list[str] = []
+    for support, (_, components) in zip(scene.supports, model.fixed_facets, strict=True):
+        holds = np.linalg.norm(direction[components]) > HELD_ALONG
+        (moved if holds else rollers).append(support.facets)
     # A body force has no facets.
     loaded = [load.facets for load in scene.loads if load.facets is not None]
-    parts = [*(support.facets for support in scene.supports), *loaded]
+    changes = {}
+    for part in loaded:
+        forces = [error.force(part).force @ direction for error in history.errors]
+        changes[part] = np.ptp(forces)
+    loaded.sort(key=lambda part: -changes[part])
+    parts = [*moved, *loaded, *rollers]
     # Sides of a tied joint are no parts of its mesh.
-    if contact in history.errors[0].model.domain.names or not parts:
+    if contact in model.domain.names or not parts:
         parts.append(contact)
     ways = {part: np.ptp(_way(history, part, direction)) for part in parts}
     least = STILL * max(ways.values())

@@ -13,6 +13,11 @@ OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
 AT_REST = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
 """Outcome of a run whose body is at rest."""
+NO_STRESS = (
+    "The body has no stress but round-off: it moves as a rigid body or expands freely. Its "
+    "relative error is zero by convention."
+)
+"""Outcome of a run whose body has no stress."""
 NO_TRUE_SHAPE = (
     " The body is that of the mesh given, with its flat facets: no true shape of it is known."
 )

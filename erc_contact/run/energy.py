@@ -53,9 +53,9 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.works import friction_work, strain_energy
+from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.last_step import nearest
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.results.profile import contact_of
@@ -266,7 +266,7 @@ def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np
     # facets of the other mesh are on other ranks, so that each rank needs all of them
     gathered = model.comm.allgather(_facets(pair, part))
     corners, t, u = (np.concatenate(arrays) for arrays in zip(*gathered, strict=True))
-    number, local, _ = nearest(x.reshape(-1, d), corners)
+    number, local, _ = closest(x.reshape(-1, d), corners)
     shape_t = bernstein(d - 1, model.degree, local[:, 1:])
     shape_u = lagrange(d - 1, model.degree, local[:, 1:])
     t = np.einsum("nm,nmi->ni", shape_t, t[number])

@@ -18,7 +18,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.as_code import evolution_as_code
 from erc_contact.output.deformed import draw_deformed
-from erc_contact.output.evolutions import animate, plot_energies, plot_loop, plot_zones
+from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_record, write_report
@@ -42,8 +42,8 @@ NOTE = (
     "Error, scene, forces and body are those at the end of the last step. In the table of "
     "steps, shear is that of the first contact over its pressure, dissipated is the energy "
     "that friction took so far, in_time is what the length of the steps leaves unknown of it, "
-    "and balance is what work, strain energy and work of the contacts leave, over the larger "
-    "energy."
+    "and balance is what work, strain energy and work of the contacts leave, over the greatest "
+    "energy so far. A step whose stress is round-off of the history ends at rest, with eps = 0."
 )
 """What the report says of the columns."""
 
@@ -221,8 +221,10 @@ class Evolution(RunResult):
             if any(_slides(profile) for profile in profiles):
                 words = f"Shear of the contact {title}, over the displacement."
                 file = f"loop_{name}.png"
-                code = f'erc_contact.output.evolutions.plot_loop(evolution, "{name}", "{file}")'
-                gallery.add(file, words, code, partial(plot_loop, self, name))
+                # the shear that the moving body exerts takes energy on its way
+                side = moving_side(self, contact)
+                code = f'erc_contact.output.evolutions.plot_loop(evolution, "{side}", "{file}")'
+                gallery.add(file, words, code, partial(plot_loop, self, side))
             is_ever_closed = any(np.any(profile["status"] != OPEN) for profile in profiles)
             if self.error.domain.dim == 2 and is_ever_closed:
                 words = f"Open, slip and stick along the contact {title} in time."

@@ -26,7 +26,7 @@ from erc_contact.newton.methods import DEFAULT
 from erc_contact.newton.solve import solved
 from erc_contact.run.aiming import Aiming
 from erc_contact.run.checkpoint import Checkpoint
-from erc_contact.run.endings import AT_REST, NO_TRUE_SHAPE, ending, other_methods
+from erc_contact.run.endings import AT_REST, NO_STRESS, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
 from erc_contact.run.new_mesh import new_mesh
@@ -245,6 +245,8 @@ class Loop:
             self.outcome = AT_REST
         elif self.aim is not None and self.aim.reached:
             self.outcome = f"Reached: {self.aim.words}."
+        elif self.aim is None and error.scale == 0:
+            self.outcome = NO_STRESS
         elif self.aim is None and best.total <= plan.accuracy:
             self.outcome = f"Reached: {percent(best.total)} <= {percent(plan.accuracy)}."
         elif is_last:

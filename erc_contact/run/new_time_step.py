@@ -23,8 +23,14 @@ def new_time_step(
     energy = energies(error, last)
     # energies are sums from the first time on
     sums = dict.fromkeys(SUMS, 0.0)
+    greatest_energy = 0.0
     if before is not None:
         sums = {name: getattr(before, name) for name in SUMS}
+        greatest_energy = before.greatest_energy
+    dissipated = sums["dissipated"] + energy.dissipated
+    # without stress both energies of the step are round-off
+    if error.scale > 0:
+        greatest_energy = max(greatest_energy, energy.stored, dissipated)
     forces = {}
     moments = {}
     for joint in (*error.model.contacts, *error.model.ties):
@@ -45,10 +51,11 @@ def new_time_step(
         work=sums["work"] + energy.work,
         contact_work=sums["contact_work"] + energy.contact,
         friction_work=sums["friction_work"] + energy.friction,
-        dissipated=sums["dissipated"] + energy.dissipated,
+        dissipated=dissipated,
         stored=energy.stored,
         scale=error.scale,
         solve_seconds=sum(step.solve_seconds for step in history.steps),
         equilibrate_seconds=sum(step.equilibrate_seconds for step in history.steps),
         seconds=0.0,
+        greatest_energy=greatest_energy,
     )

@@ -12,7 +12,7 @@ HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  in_time 
 """Header of the table of a history.
 
 ``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over
-the larger energy.
+the greatest energy so far.
 """
 WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 8, 6)
 """Widths of the columns below it."""
@@ -70,6 +70,8 @@ class TimeStep:
         solve_seconds: Seconds of the contact solves of the step.
         equilibrate_seconds: Seconds of the admissible pairs of the step.
         seconds: Seconds from the start of the run.
+        greatest_energy: The greatest strain energy or dissipation so far [force
+            length], without those that are round-off.
 
     Example:
         >>> step = evolution.steps[-1]
@@ -96,6 +98,7 @@ class TimeStep:
     solve_seconds: float
     equilibrate_seconds: float
     seconds: float
+    greatest_energy: float = 0.0
 
     @property
     def imbalance(self) -> float:
@@ -121,7 +124,9 @@ class TimeStep:
 
 def shown(row: TimeStep) -> list[str]:
     """Return the entries of a step below :data:`SHOWN`."""
-    size = max(row.stored, row.dissipated, 1e-300)  # never divide by zero
+    balance = "-"
+    if row.greatest_energy > 0:
+        balance = f"{row.imbalance / row.greatest_energy:.0e}"
     ratio = "-"
     if row.force:
         force = np.array(next(iter(row.force.values())))
@@ -129,11 +134,11 @@ def shown(row: TimeStep) -> list[str]:
         axis = int(abs(force).argmax())
         pressure = abs(force[axis])
         shear = np.linalg.norm(np.delete(force, axis))
-        if pressure != 0:
+        if pressure != 0 and row.scale > 0:
             ratio = f"{shear / pressure:.4f}"
     counts = [str(row.cells), str(row.meshes), str(row.newton_steps)]
     errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
-    energies = [f"{row.dissipated:.4g}", f"{row.in_time:.1e}", f"{row.imbalance / size:.0e}"]
+    energies = [f"{row.dissipated:.4g}", f"{row.in_time:.1e}", balance]
     return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from erc_contact.base import checks
 from erc_contact.error.load_work import assembled
+from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.plan import Plan
@@ -77,22 +78,28 @@ def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> 
     """
     unknown = row.in_time - before.in_time
     of_mesh = (row.eps_contact * row.scale) ** 2
-    allowed = max(accuracy * (row.dissipated - before.dissipated), of_mesh)
+    round_off = ROUND_OFF * row.greatest_energy
+    allowed = max(accuracy * (row.dissipated - before.dissipated), of_mesh, round_off)
     if allowed > 0:
         return unknown / allowed
     return 0.0
 
 
-def difference_from_halves(plan: Plan, last: Solution, halves: Solution) -> float:
+def difference_from_halves(
+    plan: Plan, last: Solution, halves: Solution, greatest_energy: float
+) -> float:
     """Compute the relative difference of a step from its two halves [-]; collective.
 
-    It is that of the displacements at the end, in the energy norm.
+    It is that of the displacements at the end, in the energy norm. Where they are small
+    in the history, so that their difference may be round-off, it is relative to 1e-6 of
+    the greatest ones.
 
     Args:
         plan: What the step is asked for; its scene is that of the end.
         last: The solution at its beginning.
         halves: The solution at its end, after two halves; the step is made again on its
             mesh.
+        greatest_energy: The greatest energy of the history [force length].
     """
     whole = solve(
         plan.scene,
@@ -108,6 +115,7 @@ def difference_from_halves(plan: Plan, last: Solution, halves: Solution) -> floa
     model = halves.model
     square = assembled(model, model.stiffness(difference, difference))
     size = assembled(model, model.stiffness(halves.u, halves.u))
+    size = max(size, 2 * ROUND_OFF * greatest_energy)
     if size > 0:
         return float(np.sqrt(square / size))
     return 0.0

@@ -195,7 +195,7 @@ class Walk:
             error, row = ended[-1]
             last = self.errors[-1].solution
             plan = replace(self.plan, scene=self._scene(row.time, last))
-            difference = difference_from_halves(plan, last, error.solution)
+            difference = difference_from_halves(plan, last, error.solution, row.greatest_energy)
             ratios.append((difference / self.in_time.path, "differs from its halves"))
         if self.in_time.accuracy_in_time is not None:
             before = self.rows[-1]

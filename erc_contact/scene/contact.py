@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
@@ -121,6 +122,12 @@ class Contact:
         """Check that friction is a number, a callable, or a law."""
         law: Any = self.friction
         if not isinstance(law, type):
+            if isinstance(law, float) and law == inf:
+                raise InputError(
+                    f"{what}: friction is infinite; give a number >= 0. What cannot slide is tied: "
+                    "give Tied(part, other part) of two bodies, or a Displacement where a "
+                    "foundation holds the body."
+                )
             if not hasattr(law, "friction_bound"):
                 check_value(f"{what}: friction", law, 0.0)
                 return

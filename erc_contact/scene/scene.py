@@ -138,10 +138,12 @@ class Scene:
         elif fits(value):
             entries = (value,)
         else:
-            raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.")
+            told = _its_list(value)
+            raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.{told}")
         for entry in entries:
             if not fits(entry):
-                raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.")
+                told = _its_list(entry)
+                raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.{told}")
         # The class is frozen: only here an attribute may change.
         object.__setattr__(self, name, entries)
 
@@ -292,3 +294,22 @@ def _is_strain(entry: Any) -> bool:
 def _is_contact(entry: Any) -> bool:
     """Tell whether an entry is a contact."""
     return isinstance(entry, Contact)
+
+
+LISTS: dict[str, Callable[[Any], bool]] = {
+    "supports": _is_support,
+    "contacts": _is_contact,
+    "springs": _is_spring,
+    "ties": _is_tie,
+    "strains": _is_strain,
+    "loads": _is_load,
+}
+"""Lists of a scene, and what tells their entries."""
+
+
+def _its_list(entry: Any) -> str:
+    """Say to which list of a scene an entry belongs; empty if to none."""
+    for name, fits in LISTS.items():
+        if fits(entry):
+            return f" It belongs to another list: give {name}=."
+    return ""
