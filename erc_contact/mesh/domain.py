@@ -131,7 +131,8 @@ class Domain(Bodies):
         A rule is a function of points x, shape (3, n), that returns n truth values, as
         DOLFINx's ``locate_entities_boundary`` takes it; or a :class:`where`; or a list
         of these, of which one must hold. A part has the facets of the boundary at all
-        whose vertices its rule holds, a region the cells.
+        whose vertices its rule holds, a region the cells at whose vertices and midpoint
+        it does.
 
         Each facet has one name: what has another name takes the new one, and the older
         part keeps what remains. A name that the domain has is given anew. Sides of

@@ -105,6 +105,7 @@ def regions_named(
         return mesh.cell_tags, dict(mesh.regions)
     comm = mesh.comm
     nodes = mesh.mesh.geometry.dofmaps[0]
+    middles = mesh.mesh.geometry.x[nodes].mean(axis=1)
     owned = np.arange(len(nodes)) < mesh.owned_cells
     table = np.full(len(nodes), NO_TAG, dtype=np.int32)
     if mesh.cell_tags is not None:
@@ -113,8 +114,9 @@ def regions_named(
     for name, entries in rules.items():
         holds[name] = np.zeros(len(nodes), dtype=bool)
         for entry in entries:
-            at_nodes = _at_nodes(mesh, entry)
-            holds[name] |= at_nodes[nodes].all(axis=1)
+            at_corners = _at_points(mesh, entry, mesh.mesh.geometry.x)[nodes].all(axis=1)
+            # All corners of a cell beside a curved side may lie on it, on either side.
+            holds[name] |= at_corners & _at_points(mesh, entry, middles)
     _check_claims(mesh, holds, owned, "cell")
     used = [int(table.max(initial=0)), *mesh.regions.values()]
     last_tag = comm.allreduce(max(used), MPI.MAX)
@@ -210,10 +212,10 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     )
 
 
-def _at_nodes(mesh: NamedMesh, rule: where) -> np.ndarray:
-    """Return at which nodes of this rank a rule about places holds; collective."""
+def _at_points(mesh: NamedMesh, rule: where, points: np.ndarray) -> np.ndarray:
+    """Return at which of some points (n, 3) a rule about places holds; collective."""
     extents = np.append(mesh.sides, [0.0] * (3 - mesh.dim))
-    return together(mesh.comm, rule.at_points, mesh.mesh.geometry.x.T, extents)
+    return together(mesh.comm, rule.at_points, points.T, extents)
 
 
 def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
@@ -223,7 +225,7 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
         InputError: If the rule cannot be worked with.
     """
     comm = mesh.comm
-    holds = _at_nodes(mesh, rule)[sides.nodes].all(axis=1)
+    holds = _at_points(mesh, rule, mesh.mesh.geometry.x)[sides.nodes].all(axis=1)
     holds &= together(comm, rule.along_normal, sides.normal)
     if rule.region is not None:
         holds &= sides.region == together(comm, _region_tag, mesh, rule.region)
