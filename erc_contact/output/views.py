@@ -6,6 +6,7 @@ A part is a pair: data of pyvista, and the options with which they are drawn.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -105,8 +106,10 @@ def rendered(pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> list[np.n
     import pyvista  # noqa: PLC0415
 
     images = []
-    # Without a display VTK complains before it finds another way.
-    with pyvista.vtk_verbosity("off"):
+    # Without a display VTK complains before it finds another way. Old releases of pyvista
+    # cannot keep it from that.
+    quiet = pyvista.vtk_verbosity("off") if hasattr(pyvista, "vtk_verbosity") else nullcontext()
+    with quiet:
         plotter = pyvista.Plotter(off_screen=True)
         # Without a graphics card several samples of a pixel cost most of the time. The
         # image has more pixels than the picture, which smooths its lines.
