@@ -19,6 +19,9 @@ with sigterm_blocked():  # the threads that MPI starts block it, too
         import dolfinx_solver  # noqa: F401
     from mpi4py import MPI  # noqa: F401
 
+    # Old releases of other packages are refused before our modules miss a name in them.
+    from erc_contact.base import releases  # noqa: F401
+
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import ErcContactError, InputError, NotConverged, NotHeldError

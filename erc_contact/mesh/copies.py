@@ -20,6 +20,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import exchange, fetched
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
@@ -41,7 +42,7 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """
     comm = lasting(mesh.comm)
     d = mesh.topology.dim
-    nodes = mesh.geometry.dofmaps[0]
+    nodes = cell_nodes(mesh.geometry)
     index_map = mesh.topology.index_map(d)
     owned = index_map.size_local
     cells = index_map.local_to_global(np.arange(len(nodes), dtype=np.int32))
@@ -69,7 +70,7 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
 
     The groups of vertices that no owned cell has may be parts of the true ones.
     """
-    nodes = mesh.geometry.dofmaps[0]
+    nodes = cell_nodes(mesh.geometry)
     facets, cells = inner_facets(mesh)
     is_cut = is_cut[facets]
     # A vertex is a group of its own number, unless an interface touches it.
@@ -97,7 +98,7 @@ def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.
     """Return the nodes of facets, each of which belongs to a cell, shape (n, d)."""
     d = mesh.topology.dim
     local = np.argmax(facets_of_cells(mesh)[cells] == facets[:, None], axis=1)
-    nodes = mesh.geometry.dofmaps[0][cells]
+    nodes = cell_nodes(mesh.geometry)[cells]
     return np.take_along_axis(nodes, facet_vertices(d)[local], axis=1)
 
 

@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes, geometry_element
 from erc_contact.mesh.partition import coordinate_element, partitioner
 
 
@@ -41,8 +42,8 @@ def _with_usual_element(mesh: dmesh.Mesh) -> dmesh.Mesh:
     element = coordinate_element(mesh.geometry.dim)
     geometry = dmesh.create_geometry(
         mesh.geometry.index_map(),
-        mesh.geometry.dofmaps[0],
-        fem.coordinate_element(element.basix_element),
+        cell_nodes(mesh.geometry),
+        geometry_element(fem.coordinate_element(element.basix_element)),
         mesh.geometry.x[:, : mesh.geometry.dim].copy(),
         mesh.geometry.input_global_indices,
     )

@@ -15,6 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.naming import Rules
 from erc_contact.mesh.simplex import measures
 from erc_contact.mesh.size_field import Labels, SizeField, size_field
@@ -112,7 +113,7 @@ def measured(domain: Any, rules: Rules) -> dict[tuple[str, str], float]:
     for name in rules.regions:
         cells = domain.region(name)
         cells = cells[cells < domain.owned_cells]
-        corners = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][cells], : domain.dim]
+        corners = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cells], : domain.dim]
         volume = float(measures(corners).sum())
         result["region", name] = domain.comm.allreduce(volume, MPI.SUM)
     return result

@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.seams import Interface
@@ -104,7 +105,7 @@ def regions_named(
     if not rules:
         return mesh.cell_tags, dict(mesh.regions)
     comm = mesh.comm
-    nodes = mesh.mesh.geometry.dofmaps[0]
+    nodes = cell_nodes(mesh.mesh.geometry)
     middles = mesh.mesh.geometry.x[nodes].mean(axis=1)
     owned = np.arange(len(nodes)) < mesh.owned_cells
     table = np.full(len(nodes), NO_TAG, dtype=np.int32)
@@ -177,7 +178,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     topology = mesh.mesh.topology
     d = mesh.dim
     owned = topology.index_map(d - 1).size_local
-    region_of = np.full(len(mesh.mesh.geometry.dofmaps[0]), NO_TAG, dtype=np.int32)
+    region_of = np.full(len(cell_nodes(mesh.mesh.geometry)), NO_TAG, dtype=np.int32)
     if mesh.cell_tags is not None:
         region_of = tag_table(mesh.cell_tags)
     outer = dmesh.exterior_facet_indices(topology)
@@ -201,7 +202,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     facet = np.concatenate(facets)
     cell = np.concatenate(cells)
     local = np.concatenate(locals_)
-    corners = mesh.mesh.geometry.dofmaps[0][cell]
+    corners = cell_nodes(mesh.mesh.geometry)[cell]
     x = mesh.mesh.geometry.x[:, :d]
     return _Sides(
         facet,

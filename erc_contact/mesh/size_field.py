@@ -14,6 +14,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.simplex import barycentric, measures, rule
@@ -115,7 +116,7 @@ def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
         domain: The domain on the mesh that carries the sizes.
         sizes: h at the nodes of this rank [length], shape (n,).
     """
-    nodes = domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
+    nodes = cell_nodes(domain.mesh.geometry)[: domain.owned_cells]
     regions = np.full(domain.owned_cells, NO_TAG, dtype=np.int32)
     if domain.cell_tags is not None:
         regions = tag_table(domain.cell_tags)[: domain.owned_cells]

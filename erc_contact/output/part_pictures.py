@@ -15,6 +15,7 @@ import numpy as np
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.parts_table import NAMELESS, facets_of_parts
 from erc_contact.mesh.sides import boundary_sides
@@ -63,7 +64,7 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     d = domain.dim
     facets, part = facets_of_parts(domain)
     cell, local = boundary_sides(domain.mesh, facets)
-    of_cells = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][cell], :d]
+    of_cells = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cell], :d]
     corners = np.take_along_axis(of_cells, facet_vertices(d)[local][..., None], axis=1)
     table = gathered(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
     body = gathered(comm, **body_mesh(domain))

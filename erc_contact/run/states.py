@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.seams import Interface
@@ -81,7 +82,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     geometry = comm.bcast(described(domain.geometry))  # its text is on rank 0
     x = model.V.tabulate_dof_coordinates()
     # nodes at vertices have the coordinates of these to the last digit
-    x[model.vertices] = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]]
+    x[model.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
     u = _owned(error, solution.u)
     at_nodes = {}
     for number, multiplier in enumerate(solution.multipliers):
