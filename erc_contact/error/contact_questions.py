@@ -21,6 +21,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from ufl.domain import extract_unique_domain
 
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
@@ -247,6 +248,6 @@ def _along_facets(motion: VirtualMotion, t: float, x: Ufl) -> Ufl:
     value: Ufl = 0.0
     for i, unit in enumerate(np.eye(len(motion.translation))):
         component = motion.component(unit, t)
-        of_place = component(x) if callable(component) else component
+        of_place = field_of(component, x) if callable(component) else component
         value = value + n[i] * of_place
     return value
