@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import numpy as np
@@ -129,7 +130,7 @@ def _lower(d: int, cells: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     step = (np.array(high) - low) / cells
     inside = (x > np.array(low) + 1e-9) & (x < np.array(high) - 1e-9)
     move = np.random.default_rng(5).uniform(-0.2, 0.2, x.shape)
-    return x + np.where(inside, move * step, 0.0), mesh.geometry.dofmaps[0].astype(np.int64)
+    return x + np.where(inside, move * step, 0.0), cell_nodes(mesh.geometry).astype(np.int64)
 
 
 def _mirrored(x: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 
 from dolfinx.fem import Function, petsc  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
@@ -56,7 +57,7 @@ def problem(dim: int, n: int) -> tuple[ec.Scene, ec.Domain]:
 
 def cut(scene: ec.Scene, domain: ec.Domain) -> tuple[ec.Scene, ec.Domain]:
     """Cut a body at half of its height, with the contact there."""
-    x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]].mean(axis=1)
+    x = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)].mean(axis=1)
     height = x[:, domain.dim - 1]
     regions = np.where(height > 0.5 * domain.sides[-1], 1, 2).astype(np.int32)
     tags = tags_of(domain.mesh, domain.dim, np.arange(len(height)), regions)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
@@ -240,7 +241,7 @@ def sheared(accuracy: float) -> tuple[ec.Evolution, list[float]]:
     body = ec.rectangle((-10.0, 0.0), (10.0, 20.0), cells=(10, 10))
     size = 2.0
     while size > 0.02:
-        corners = body.mesh.geometry.dofmaps[0][: body.owned_cells]
+        corners = cell_nodes(body.mesh.geometry)[: body.owned_cells]
         x = body.mesh.geometry.x[corners].mean(axis=1)
         near = (abs(x[:, 0]) < max(0.55, 3 * size)) & (x[:, 1] < 3 * size)
         body = body.refined(np.flatnonzero(near).astype(np.int32))

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import numpy as np
@@ -101,7 +102,7 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
     if domain.glued is not None and domain.seams is not None:
         return _nested_bodies(domain.glued, domain.seams, levels)
     mesh, d = domain.mesh, domain.dim
-    x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
+    x, cells = mesh.geometry.x[:, :d], cell_nodes(mesh.geometry)
     points = np.vstack([x, x[cells].mean(axis=1)])
     parts = np.repeat(cells.astype(np.int64)[:, None], d + 1, axis=1)
     parts[:, range(d + 1), range(d + 1)] = len(x) + np.arange(len(cells))[:, None]

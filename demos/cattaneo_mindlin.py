@@ -41,6 +41,8 @@ import numpy as np
 
 import erc_contact as ec
 
+from dolfinx.mesh import compute_midpoints  # isort: skip - MPI first
+
 FOLDER = Path("results/cattaneo_mindlin")
 E, NU, MU, R = 1.0, 0.4999, 0.3, 10.0
 
@@ -65,9 +67,8 @@ def finer_at_the_contact(domain, size):
     """The mesh refined towards the contact, until its cells there have this size."""
     now = 2.0
     while now > size:
-        x = domain.mesh.geometry.x[
-            domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
-        ].mean(axis=1)
+        cells = np.arange(domain.owned_cells, dtype=np.int32)
+        x = compute_midpoints(domain.mesh, domain.dim, cells)
         near = (abs(x[:, 0]) < max(0.55, 3 * now)) & (x[:, 1] < 3 * now)
         domain, now = domain.refined(np.flatnonzero(near).astype(np.int32)), now / 2
     return domain

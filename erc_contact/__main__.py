@@ -13,10 +13,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.admissible.equilibrate import equilibrate
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.versions import versions
 from erc_contact.error.constitutive import constitutive_error
+from erc_contact.mesh.gmsh_session import has_netgen, session
 from erc_contact.mesh.sources import rectangle
 from erc_contact.newton.solve import solve
+from erc_contact.output.views import lack_of_window
 from erc_contact.run.adapt import adapt
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.material import Elastic
@@ -64,6 +67,27 @@ def self_check() -> dict[str, bool]:
     }
 
 
+def _netgen() -> str:
+    """Tell whether gmsh has Netgen, on rank 0."""
+    words = []
+    try:
+        with session(MPI.COMM_SELF, lambda gmsh: words.append(has_netgen(gmsh)), "gmsh"):
+            return "yes" if words[0] else "no; take the wheel of gmsh: pip install gmsh"
+    except InputError as reason:
+        return f"no; {reason}"
+
+
+def _pictures() -> str:
+    """Tell whether bodies in space can be drawn, on rank 0."""
+    try:
+        import pyvista  # noqa: F401, PLC0415
+
+        lack = lack_of_window()
+    except ImportError as reason:
+        lack = f"{reason}; pip install pyvista"
+    return f"no, {lack}" if lack else "yes"
+
+
 def main() -> int:
     """Print all on rank 0, and return 0 if every check passes, 1 otherwise."""
     comm = MPI.COMM_WORLD
@@ -73,6 +97,8 @@ def main() -> int:
         available = "yes" if PETSc.Sys.hasExternalPackage(name) else "no"
         lines.append(f"{use}: {available}")
     if comm.rank == 0:
+        lines.append(f"Netgen in gmsh (bodies meshed apart, in space): {_netgen()}")
+        lines.append(f"pictures of bodies in space: {_pictures()}")
         print(*lines, sep="\n", flush=True)
     start = perf_counter()
     checks = self_check()

@@ -39,6 +39,7 @@ import pytest
 from dolfinx import jit
 from mpi4py import MPI
 
+from erc_contact.base.releases import cell_nodes
 from erc_contact.output import views
 
 COMM = MPI.COMM_WORLD
@@ -225,7 +226,7 @@ class Measures:
     @staticmethod
     def vertices(domain):
         """Vertex coordinates of each local cell, shape (cells, d+1, d)."""
-        return domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0], : domain.dim]
+        return domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry), : domain.dim]
 
     def part(self, domain, name):
         """Measure of a boundary part over all ranks."""

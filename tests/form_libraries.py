@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import basix.ufl
-import ffcx.compiler
 from dolfinx import jit as dolfinx_jit
 from ffcx.codegeneration import jit
 from processes import OPTIONS
 
+from erc_contact.base.releases import c_code
 from erc_contact.base.runtime.form_library import FormLibrary, form_library
 
 
@@ -44,10 +44,7 @@ def compiled(
     """Do what FFCx's ``_compile_objects`` does."""
 
     def code() -> str:
-        (_, body), _ = ffcx.compiler.compile_ufl_objects(
-            sources, options=options, namespace=library
-        )
-        return body
+        return c_code(list(sources), library, options)
 
     form_library(_path(folder, library), flags, code)
 

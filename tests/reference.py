@@ -15,6 +15,7 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import given_strains, moduli, strains
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
 
 
@@ -79,7 +80,7 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
 def nested(domain: ec.Domain, levels: int) -> ec.Domain:
     """The mesh cut at the barycentres of its cells, as sigma^ is, and refined uniformly (serial)."""
     mesh, d, tags = domain.mesh, domain.dim, domain.facet_tags
-    x, cells = mesh.geometry.x[:, :d], mesh.geometry.dofmaps[0]
+    x, cells = mesh.geometry.x[:, :d], cell_nodes(mesh.geometry)
     parts = np.repeat(cells.astype(np.int64)[:, None], d + 1, axis=1)
     parts[:, range(d + 1), range(d + 1)] = len(x) + np.arange(len(cells))[:, None]
     element = ufl.Mesh(basix.ufl.element("Lagrange", mesh.basix_cell(), 1, shape=(d,)))

@@ -31,6 +31,7 @@ from processes import output, started, told
 from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.output.paraview import write_fields
@@ -164,7 +165,7 @@ def test_a_domain_comes_back_from_its_tables(measures, shared_tmp_path):
     """
     for problem in (of_regions, of_curves):
         domain = problem()[1].refined()
-        x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0][: domain.owned_cells]
+        x, cells = domain.mesh.geometry.x, cell_nodes(domain.mesh.geometry)[: domain.owned_cells]
         numbers = (
             domain.mesh.geometry.index_map().local_to_global(cells.ravel()).reshape(cells.shape)
         )

@@ -17,6 +17,7 @@ from mpi4py import MPI
 from scenes import two_materials
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes, coordinate_map
 from erc_contact.mesh.partition import patches_complete
 
 COMM = MPI.COMM_WORLD
@@ -125,7 +126,7 @@ def test_meshes_of_gmsh_need_no_forms_of_their_own():
     regular = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).mesh
     irregular = ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).mesh
     elements = [mesh.ufl_domain().ufl_coordinate_element() for mesh in (regular, irregular)]
-    numbers = [mesh.geometry.cmaps[0].hash() for mesh in (regular, irregular)]
+    numbers = [coordinate_map(mesh.geometry).hash() for mesh in (regular, irregular)]
     assert elements[0] == elements[1]
     assert numbers[0] == numbers[1]
 
@@ -190,7 +191,7 @@ def refined_polygon(domain):
     own = facets[facets[:, 0] < domain.owned_cells]
     ends = np.array([[1, 2], [0, 2], [0, 1]])[own[:, 1]]
     x = domain.mesh.geometry.x[
-        np.take_along_axis(domain.mesh.geometry.dofmaps[0][own[:, 0]], ends, axis=1)
+        np.take_along_axis(cell_nodes(domain.mesh.geometry)[own[:, 0]], ends, axis=1)
     ]
     chord = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
     angle = 2 * np.arcsin(chord / 0.5)
@@ -580,7 +581,7 @@ def test_refined_coordinates_are_exact(dim, scale):
     make = ec.rectangle if dim == 2 else ec.box
     domain = make(low, high, cells=(3, 2, 2)[:dim])
     for step in range(4):
-        x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0]
+        x, cells = domain.mesh.geometry.x, cell_nodes(domain.mesh.geometry)
         i, j = np.triu_indices(dim + 1)
         means = 0.5 * (x[cells[:, i].ravel()] + x[cells[:, j].ravel()])
         means = {row.tobytes() for row in np.concatenate(COMM.allgather(means)) + 0.0}
@@ -597,7 +598,7 @@ def assert_sides_exact(domain):
     for name, axis, at in domain.geometry.sides():
         facets = domain.facets(name)
         nodes = np.take_along_axis(
-            domain.mesh.geometry.dofmaps[0][facets[:, 0]], sides[facets[:, 1]], axis=1
+            cell_nodes(domain.mesh.geometry)[facets[:, 0]], sides[facets[:, 1]], axis=1
         )
         assert set(domain.mesh.geometry.x[nodes.ravel(), axis]) <= {at}, name
 

@@ -11,6 +11,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.partition import distributed
 
 COMM = MPI.COMM_WORLD
@@ -21,7 +22,7 @@ def bricks(d: int, places: list[tuple[int, ...]]) -> ec.Domain:
     brick = ec.rectangle if d == 2 else ec.box
     unit = brick((0.0,) * d, (1.0,) * d, cells=(2,) * d, comm=MPI.COMM_SELF)
     x = unit.mesh.geometry.x[:, :d]
-    cells = unit.mesh.geometry.dofmaps[0]
+    cells = cell_nodes(unit.mesh.geometry)
     points = np.concatenate([x + np.array(place) for place in places])
     all_cells = np.concatenate([cells + len(x) * i for i in range(len(places))])
     points, number = np.unique(points.round(6), axis=0, return_inverse=True)

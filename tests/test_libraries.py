@@ -28,6 +28,7 @@ from erc_contact.newton.linear import mumps
 PACKAGE = Path(ec.__file__).parent
 
 PRIVATE = {
+    "base/releases.py": {"_cpp_object"},
     "base/runtime/compiled.py": {
         "_counter",
         "_cache",
@@ -50,7 +51,7 @@ UNPROMISED = {
     "dolfinx.jit.ffcx_jit": "base/runtime/compiled.py",
     "dolfinx.jit.mpi_jit_decorator": "base/runtime/form_library.py",
     "dolfinx.jit.get_options": "base/runtime/form_library.py",
-    "ffcx.compiler.compile_ufl_objects": "base/runtime/form_library.py",
+    "ffcx.compiler.compile_ufl_objects": "base/releases.py",
     "ffcx.codegeneration.jit.UFC_FORM_DECL": "base/runtime/form_library.py",
     "ffcx.naming.compute_signature": "base/runtime/form_library.py",
     "ufl.algorithms.apply_derivatives.GenericDerivativeRuleset": "base/ufl_tables.py",

@@ -16,6 +16,7 @@ from mpi4py import MPI
 from scenes import block, random_scene
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 
 pytestmark = pytest.mark.ranks
 
@@ -64,7 +65,7 @@ def test_rank_independence(run):
     mid = []
     for history in (alone, together):
         domain = history.meshes[-1][0]
-        x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells]].mean(
+        x = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[: domain.owned_cells]].mean(
             axis=1
         )
         every = np.concatenate(domain.mesh.comm.allgather(x))

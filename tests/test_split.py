@@ -13,6 +13,7 @@ from mpi4py import MPI
 from test_domain import assert_closed, assert_distributed_well, close, near
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import patches_complete
 from erc_contact.mesh.tags import tags_of
@@ -22,7 +23,7 @@ SIDES = {"punch": "upper", "block": "lower"}
 
 
 def cells_of(domain):
-    return domain.mesh.geometry.dofmaps[0]
+    return cell_nodes(domain.mesh.geometry)
 
 
 def tagged(domain, region_at, regions, inner=None, parts=()):

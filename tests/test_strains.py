@@ -21,6 +21,7 @@ from reference import true_errors
 from scenes import mostly_serial
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 from erc_contact.scene.words import in_words
 
 from dolfinx import mesh as dmesh  # isort: skip - after erc_contact, which loads MPI first
@@ -42,7 +43,7 @@ def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
 def two_metals(whole: ec.Domain) -> ec.Domain:
     """Steel below brass in a plate."""
     cells = np.arange(whole.mesh.topology.index_map(2).size_local, dtype=np.int32)
-    corners = whole.mesh.geometry.x[whole.mesh.geometry.dofmaps[0][cells]]
+    corners = whole.mesh.geometry.x[cell_nodes(whole.mesh.geometry)[cells]]
     tags = np.where(corners.mean(axis=1)[:, 1] > 0.5, 2, 1).astype(np.int32)
     regions = dmesh.meshtags(whole.mesh, 2, cells, tags)
     names = {"steel": 1, "brass": 2}

@@ -18,6 +18,7 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.simplex import bernstein, facet_vertices
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
@@ -65,7 +66,7 @@ def off_surface(domain, part, centre):
     """Greatest distance of the vertices of a part from the circle or sphere of radius 1, over all ranks."""
     sides = domain.facets(part)
     nodes = np.unique(
-        domain.mesh.geometry.dofmaps[0][sides[:, :1], facet_vertices(domain.dim)[sides[:, 1]]]
+        cell_nodes(domain.mesh.geometry)[sides[:, :1], facet_vertices(domain.dim)[sides[:, 1]]]
     )
     distance = np.linalg.norm(domain.mesh.geometry.x[nodes] - centre, axis=1) - 1
     return COMM.allreduce(float(abs(distance).max(initial=0.0)), MPI.MAX)
@@ -77,7 +78,7 @@ def test_refined_half_disc_is_on_the_circle(measures):
         assert off_surface(domain, "arc", (0.0, 1.0, 0.0)) < 1e-12
         missing.append(np.pi / 2 - measures.region(domain))
         low = (
-            domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][: domain.owned_cells], 1].min(
+            domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[: domain.owned_cells], 1].min(
                 axis=1
             )
             < 0.5

@@ -23,6 +23,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.simplex import bernstein, nodes
 from erc_contact.model.over_ranks import sums_of_cells
 from erc_contact.model.promises import bind
@@ -46,7 +47,7 @@ def touching_boxes(d: int) -> ec.Domain:
     make = dmesh.create_rectangle if d == 2 else dmesh.create_box
     left = make(MPI.COMM_SELF, [(0.0,) * d, (1.0,) * d], [N] * d)
     x = left.geometry.x[:, :d]
-    cells = left.geometry.dofmaps[0].astype(np.int64)
+    cells = cell_nodes(left.geometry).astype(np.int64)
     mirrored = np.column_stack([2.0 - x[:, 0], x[:, 1:]])
     both = np.vstack([cells, cells[:, ::-1] + len(x)])
     owner = np.tile(np.arange(len(cells)) * COMM.size // len(cells), 2)

@@ -19,6 +19,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible
+from erc_contact.base.releases import cell_nodes
 from erc_contact.output.evolutions import moving_side, plot_loop, plot_zones
 from erc_contact.scene.material import mandel_basis
 
@@ -374,7 +375,7 @@ def corners_of(domain: ec.Domain, facets: np.ndarray) -> np.ndarray:
     d = domain.dim
     geometry = domain.mesh.geometry
     corner = np.array([np.delete(np.arange(d + 1), local) for _, local in facets], dtype=int)
-    nodes = np.take_along_axis(geometry.dofmaps[0][facets[:, 0]], corner.reshape(-1, d), axis=1)
+    nodes = np.take_along_axis(cell_nodes(geometry)[facets[:, 0]], corner.reshape(-1, d), axis=1)
     return geometry.x[nodes][..., :d]
 
 

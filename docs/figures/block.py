@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
 
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5)
 scene = ec.Scene(
@@ -26,7 +27,7 @@ fig = plt.figure(figsize=(8, 3.9), layout="constrained")
 *bodies, side = fig.subplots(1, 3, width_ratios=[1, 1, 2.6])
 for ax, number in zip(bodies, (0, 3), strict=True):
     domain, eps = history.meshes[number]
-    x, cells = domain.mesh.geometry.x, domain.mesh.geometry.dofmaps[0]
+    x, cells = domain.mesh.geometry.x, cell_nodes(domain.mesh.geometry)
     ax.tripcolor(x[:, 0], x[:, 1], cells, np.log10(eps), cmap="viridis", edgecolors="k", lw=0.2)
     ax.set(
         aspect="equal",

@@ -10,7 +10,7 @@ from importlib import metadata
 import dolfinx
 from petsc4py import PETSc
 
-OTHER_PACKAGES = ("gmsh", "pyvista", "matplotlib", "meshio", "h5py", "numpy")
+OTHER_PACKAGES = ("gmsh", "pyvista", "vtk", "matplotlib", "meshio", "h5py", "cffi", "numpy")
 """Packages whose versions count beside those of DOLFINx and PETSc."""
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
@@ -245,6 +246,6 @@ def _along_normals(contact: BoundContact, motion: VirtualMotion, t: float, x: Uf
     value: Ufl = 0.0
     for i, unit in enumerate(np.eye(len(motion.translation))):
         component = motion.component(unit, t)
-        of_place = component(x) if callable(component) else component
+        of_place = field_of(component, x) if callable(component) else component
         value = value + n[i] * of_place
     return value

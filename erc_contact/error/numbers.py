@@ -33,6 +33,8 @@ class Bounds:
         >>> bounds = ec.potential_energy(error)
         >>> f"{bounds.low:.3f} <= J(u) <= {bounds.high:.3f}"
         '0.119 <= J(u) <= 0.126'
+        >>> print(bounds)
+        0.12..., between 0.11... and 0.12... (...)
     """
 
     value: float
@@ -40,6 +42,24 @@ class Bounds:
     high: float
     guaranteed: bool
     weighted: bool = False
+
+    def __post_init__(self) -> None:
+        """Make the numbers plain ones of Python, which print as people write them."""
+        for name in ("value", "low", "high"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        for name in ("guaranteed", "weighted"):
+            object.__setattr__(self, name, bool(getattr(self, name)))
+
+    def __str__(self) -> str:
+        """Write the interval with as many digits as tell its ends apart."""
+        digits = 4
+        width = self.high - self.low
+        size = max(abs(self.low), abs(self.high))
+        if 0.0 < width < size < np.inf:
+            digits = min(max(4, 3 - int(np.floor(np.log10(width / size)))), 15)
+        kind = "proved" if self.guaranteed else "estimated"
+        low, high, value = (f"{end:.{digits}g}" for end in (self.low, self.high, self.value))
+        return f"{value}, between {low} and {high} ({kind})"
 
     def narrowed(self, other: Bounds) -> Bounds:
         """Return what both intervals hold; the narrower one if one alone is proved."""

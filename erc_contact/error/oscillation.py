@@ -26,6 +26,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.loads import traction_moments
+from erc_contact.base.traced import field_of
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, from_means
 from erc_contact.model.expressions import Everywhere
@@ -137,7 +138,7 @@ def of_supports(model: Model) -> float:
             # u^ interpolates the support at the nodes.
             nodal = prescribed[model.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
-            data = Everywhere(component(model.x), model.mesh)
+            data = Everywhere(field_of(component, model.x), model.mesh)
             square = _on_facets(model, data, facets, interpolated)
             modulus = model.at_middles(model.modulus, facets[:, 0])
             total += float(np.sum(square * modulus / facet_sizes(model, facets)))

@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
+from erc_contact.base.releases import cell_nodes
 from erc_contact.model.model import Model
 
 LARGE = 0.2
@@ -61,7 +62,7 @@ def _edges_at_cells(model: Model, count: int) -> tuple[np.ndarray, np.ndarray]:
         count: Number of cells, the first ones.
     """
     corners = model.cell_corners()
-    vertices = model.mesh.geometry.dofmaps[0][: len(corners)]
+    vertices = cell_nodes(model.mesh.geometry)[: len(corners)]
     first, second = np.triu_indices(model.d + 1, 1)
     edges = np.linalg.norm(corners[:, first] - corners[:, second], axis=2)
     nodes = len(model.mesh.geometry.x)

@@ -11,6 +11,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.model import Model
 from erc_contact.model.rigid_faces import bind_rigid
@@ -117,6 +118,6 @@ def shifted(value: Any, shift: Shift) -> Any:
 
 def _sum_at(value: Any, shift: Any, x: Ufl) -> Ufl:
     """Return the sum of a value and a shift at a position."""
-    of_value = value(x) if callable(value) else value
-    of_shift = shift(x) if callable(shift) else shift
+    of_value = field_of(value, x) if callable(value) else value
+    of_shift = field_of(shift, x) if callable(shift) else shift
     return of_value + of_shift

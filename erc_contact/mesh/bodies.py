@@ -179,9 +179,14 @@ class Bodies(NamedMesh):
         Raises:
             InputError: If the parts are no pair.
         """
-        if self.seams is None:
-            raise InputError(
-                f"facing: {here!r} and {there!r} do not face each other; this domain has no pairs, "
-                "make them by split."
-            )
-        return self.seams.between(here, there)
+        if self.seams is not None and (here, there) in self.seams.facing:
+            return self.seams.facing[here, there]
+        for name in (here, there):
+            self.tag(name)
+        known = ", ".join(" and ".join(map(repr, pair)) for pair in self.pairs)
+        raise InputError(
+            f"facing: {here!r} and {there!r} do not face each other facet by facet; this domain "
+            f"has {'the pairs ' + known if known else 'no pairs'}. If they lie against each other, "
+            f"whether their facets match or not, domain = domain.joined({here!r}, {there!r}) makes "
+            "a pair of them; split makes one of two regions with common nodes."
+        )

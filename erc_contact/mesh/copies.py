@@ -21,6 +21,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.ranks import exchange, fetched
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
 from erc_contact.mesh.sides import facets_of_cells, inner_facets, outer_facets
@@ -42,7 +43,7 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray | None = None) -> tuple[np.nda
     """
     comm = lasting(mesh.comm)
     d = mesh.topology.dim
-    nodes = mesh.geometry.dofmaps[0]
+    nodes = cell_nodes(mesh.geometry)
     index_map = mesh.topology.index_map(d)
     owned = index_map.size_local
     cells = index_map.local_to_global(np.arange(len(nodes), dtype=np.int32))
@@ -70,7 +71,7 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:
 
     The groups of vertices that no owned cell has may be parts of the true ones.
     """
-    nodes = mesh.geometry.dofmaps[0]
+    nodes = cell_nodes(mesh.geometry)
     # A vertex is a group of its own number, unless it is on an interface or on the
     # boundary, as all vertices are at which cells meet without a common facet.
     touched = np.zeros(len(mesh.geometry.x), dtype=bool)
@@ -104,7 +105,7 @@ def is_pinched(mesh: dmesh.Mesh) -> bool:
     Then :func:`numbered` without interfaces tears the mesh there.
     """
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
-    nodes = mesh.geometry.dofmaps[0]
+    nodes = cell_nodes(mesh.geometry)
     group = _groups(mesh, None)
     # Around other vertices not all cells need be on this rank.
     known = np.zeros(len(mesh.geometry.x), dtype=bool)
@@ -119,7 +120,7 @@ def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.
     """Return the nodes of facets, each of which belongs to a cell, shape (n, d)."""
     d = mesh.topology.dim
     local = np.argmax(facets_of_cells(mesh)[cells] == facets[:, None], axis=1)
-    nodes = mesh.geometry.dofmaps[0][cells]
+    nodes = cell_nodes(mesh.geometry)[cells]
     return np.take_along_axis(nodes, facet_vertices(d)[local], axis=1)
 
 

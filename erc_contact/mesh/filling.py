@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.gmsh_session import FIELD, session
+from erc_contact.mesh.gmsh_session import FIELD, has_netgen, session
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import in_space
 
@@ -127,6 +127,21 @@ def triangulated(
         x, triangles = _simplices(model, TRIANGLE)
     new, triangles = _renumbered(x[:, :2], triangles, given, used, len(y))
     return np.concatenate([y, unit.lengths(new)]), triangles
+
+
+def _improve(gmsh: Any) -> None:
+    """Improve the tetrahedra of gmsh's model by Netgen's optimizer.
+
+    Raises:
+        InputError: If gmsh was built without it, as Debian's is.
+    """
+    if not has_netgen(gmsh):
+        raise InputError(
+            "joined: the cells behind the contact need Netgen's optimizer, and this gmsh was built "
+            "without it; take the wheel of gmsh (pip install gmsh), or mesh both sides with the "
+            "same facets."
+        )
+    gmsh.model.mesh.optimize("Netgen")
 
 
 def _set_field(gmsh: Any, *, extend: bool) -> None:
@@ -262,7 +277,7 @@ def filled(
         cells, _ = gmsh.model.mesh.getElementsByType(TETRAHEDRON)
         poorest = gmsh.model.mesh.getElementQualities(cells, "gamma").min(initial=1.0)
         if optimize or poorest < POOR:
-            gmsh.model.mesh.optimize("Netgen")
+            _improve(gmsh)
 
     subject = "joined: a body behind the contact, meshed anew,"
     with session(MPI.COMM_SELF, build, subject) as model:

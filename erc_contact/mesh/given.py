@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import fetched
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.tags import tags_of
@@ -29,7 +30,7 @@ class GivenCells:
         """Number of the given cell of each cell on this rank, with ghosts."""
         # DOLFINx may give the corners of a cell another order.
         geometry = mesh.geometry
-        numbers_here = geometry.input_global_indices[geometry.dofmaps[0]]
+        numbers_here = geometry.input_global_indices[cell_nodes(geometry)]
         order = self.of_cells(numbers)[:, None, :] == numbers_here[:, :, None]
         self._order = np.argmax(order, axis=2)
 

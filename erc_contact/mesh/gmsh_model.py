@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes, geometry_element
 from erc_contact.mesh.partition import coordinate_element, partitioner
 
 
@@ -41,8 +42,8 @@ def _with_usual_element(mesh: dmesh.Mesh) -> dmesh.Mesh:
     element = coordinate_element(mesh.geometry.dim)
     geometry = dmesh.create_geometry(
         mesh.geometry.index_map(),
-        mesh.geometry.dofmaps[0],
-        fem.coordinate_element(element.basix_element),
+        cell_nodes(mesh.geometry),
+        geometry_element(fem.coordinate_element(element.basix_element)),
         mesh.geometry.x[:, : mesh.geometry.dim].copy(),
         mesh.geometry.input_global_indices,
     )
@@ -159,8 +160,12 @@ def marked_facets(
     return dmesh.meshtags_from_entities(mesh, d - 1, facets, local_values)
 
 
-def prepare(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
+def prepare(model: Any, *, has_rules: bool) -> tuple[int, dict[str, int], dict[str, int]]:
     """Mesh a model if needed, check it, and number its nodes as DOLFINx expects.
+
+    Args:
+        model: gmsh's model.
+        has_rules: Whether rules name parts, which then need no physical group.
 
     Returns:
         Its dimension, and the tags of boundary parts and of regions by name.
@@ -177,11 +182,12 @@ def prepare(model: Any) -> tuple[int, dict[str, int], dict[str, int]]:
         model.mesh.generate(dim)
     _check_cells(model, dim)
     groups = {d: model.getPhysicalGroups(d) for d in (dim - 1, dim)}
-    if not groups[dim - 1]:
+    if not groups[dim - 1] and not has_rules:
         kind = "Curve" if dim == 2 else "Surface"
         raise InputError(
             "The mesh has no groups of facets: name the parts of the boundary by physical groups "
-            f'of dimension {dim - 1} in gmsh, e.g. Physical {kind}("bottom") = {{1}};'
+            f'of dimension {dim - 1} in gmsh, e.g. Physical {kind}("bottom") = {{1}}; or by '
+            'rules: parts={"bottom": ec.where(y=0.0)}.'
         )
     if not groups[dim]:
         model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)], name="body")

@@ -28,6 +28,12 @@ The algorithms are Frontal-Delaunay in 2D and Delaunay in 3D.
 """
 
 
+def has_netgen(gmsh: Any) -> bool:
+    """Tell whether gmsh was built with Netgen; a session must be open."""
+    options = gmsh.option.getString("General.BuildOptions").split()
+    return any(option.partition("[")[0] == "Netgen" for option in options)
+
+
 def as_input_error(reason: Exception, subject: str) -> InputError:
     """Return an error of gmsh's, or of ours, as an :class:`InputError`."""
     if isinstance(reason, InputError):

@@ -18,8 +18,13 @@ TAG_KEYS = ("gmsh:physical", "medit:ref", "cell_tags")
 """Names of the cell data of meshio that hold tags, the preferred one first."""
 
 
-def open_mesh_file(gmsh: Any, path: Path) -> None:
+def open_mesh_file(gmsh: Any, path: Path, *, has_rules: bool) -> None:
     """Open a mesh file in gmsh's current session.
+
+    Args:
+        gmsh: The module gmsh.
+        path: The file.
+        has_rules: Whether rules name its parts, which then need no tags.
 
     Raises:
         InputError: If the file is missing, unreadable, a drawing, or without tags.
@@ -42,21 +47,24 @@ def open_mesh_file(gmsh: Any, path: Path) -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         converted = Path(folder) / "mesh.msh"
-        _convert(path, converted)
+        _convert(path, converted, has_rules=has_rules)
         gmsh.open(str(converted))
 
 
-def _convert(path: Path, target: Path) -> None:
+def _convert(path: Path, target: Path, *, has_rules: bool) -> None:
     """Convert what meshio reads to a .msh file with physical groups."""
     import meshio  # noqa: PLC0415 - paid for only by those who read other formats
 
     mesh = _read(path)
     tags, names = _tags_of_cells(mesh)
-    if tags is None:
+    if tags is None and not has_rules:
         raise InputError(
             f"The mesh file {str(path)!r} has no groups of facets; write integer cell data for "
-            "the boundary cells, or convert to .msh with physical groups."
+            "the boundary cells, convert to .msh with physical groups, or name parts by rules: "
+            'parts={"bottom": ec.where(y=0.0)}.'
         )
+    if tags is None:
+        tags = [np.zeros(len(block.data), dtype=int) for block in mesh.cells]
     body_dim = max(block.dim for block in mesh.cells)
     blocks = []
     groups = []

@@ -7,6 +7,7 @@ from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import measures
@@ -32,7 +33,7 @@ class NodalMesh:
         self.domain = domain
         self.comm = lasting(mesh.comm)
         self._vector = la.vector(mesh.geometry.index_map(), dtype=np.float64)
-        self.nodes = mesh.geometry.dofmaps[0][: domain.owned_cells]
+        self.nodes = cell_nodes(mesh.geometry)[: domain.owned_cells]
         self.volume = measures(x[self.nodes])
         self.size = (FILL[dim] * self.volume) ** (1 / dim)
         mesh.topology.create_entities(1)

@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.ranks import exchange
+from erc_contact.base.releases import cell_nodes, cell_partitioner, coordinate_map
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import destinations
 from erc_contact.mesh.sides import boundary_sides
@@ -55,7 +56,7 @@ def vertex_patch_partitioner(
         Adjacency list cell -> ranks, the owner first (the C++ object that DOLFINx
         expects).
     """
-    stock = dmesh.create_cell_partitioner(dmesh.GhostMode.none, 2)(comm, parts, cell_types, cells)
+    stock = cell_partitioner()(comm, parts, cell_types, cells)
     owner = np.asarray(stock.array, dtype=np.int64)
     vertices_per_cell = {"triangle": 3, "tetrahedron": 4}[cell_types[0].name]
     vertex = np.asarray(cells[0], dtype=np.int64)
@@ -171,7 +172,7 @@ def redistributed(
     nodes = mesh.geometry.index_map()
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
     owned = mesh.topology.index_map(tdim).size_local
-    local_cells = mesh.geometry.dofmaps[0][:owned]
+    local_cells = cell_nodes(mesh.geometry)[:owned]
     cells = nodes.local_to_global(local_cells.ravel()).reshape(owned, tdim + 1)
     new = distributed(lasting(mesh.comm), cells, x)
     new_tags = []
@@ -204,7 +205,7 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
     """
     cell = mesh.topology.cell_type.name
     gdim = mesh.geometry.dim
-    degree = mesh.geometry.cmaps[0].degree
+    degree = coordinate_map(mesh.geometry).degree
     error = None
     if (cell, gdim) not in (("triangle", 2), ("tetrahedron", 3)):
         error = InputError(
@@ -241,7 +242,7 @@ def check_shape(mesh: dmesh.Mesh) -> None:
             "come from."
         )
     owned = mesh.topology.index_map(tdim).size_local
-    cells = x[mesh.geometry.dofmaps[0]]
+    cells = x[cell_nodes(mesh.geometry)]
     facets = dmesh.exterior_facet_indices(mesh.topology)
     # Facet i of a cell is opposite to its vertex i.
     cell, opposite = boundary_sides(mesh, facets)

@@ -9,6 +9,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import fetched
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.tags import NO_TAG, tag_table, tags_of
 
@@ -108,7 +109,7 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
     cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     outer = np.take_along_axis(cell_to_facet[parent_cell], np.maximum(local, 0), axis=1)
     refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1))
-    _set_coordinates(refinement, x[mesh.geometry.dofmaps[0][parent_cell]], shear)
+    _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
     return refinement
 
 
@@ -124,7 +125,7 @@ def _set_coordinates(refinement: Refinement, corners: np.ndarray, shear: np.ndar
         shear: The shear.
     """
     geometry = refinement.mesh.geometry
-    nodes = geometry.dofmaps[0]
+    nodes = cell_nodes(geometry)
     vertices = nodes.shape[1]
     # One cell for each node, the first in which it is.
     _, first = np.unique(nodes, return_index=True)

@@ -75,23 +75,6 @@ class Seams:
             words.append(f"{'/'.join(interface.names)} of {count}{kind} facets")
         return ", ".join(words)
 
-    def between(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the sides of two parts that face each other.
-
-        See :meth:`Domain.facing`.
-
-        Raises:
-            InputError: If they are no pair.
-        """
-        if (here, there) not in self.facing:
-            names = [interface.names for interface in self.interfaces]
-            pairs = ", ".join(f"{one!r} and {other!r}" for one, other in names)
-            raise InputError(
-                f"facing: {here!r} and {there!r} do not face each other; this domain has the "
-                f"pairs {pairs}."
-            )
-        return self.facing[here, there]
-
     def least(self, values: np.ndarray) -> np.ndarray:
         """Return the least of the values at the copies of each node of the glued mesh.
 

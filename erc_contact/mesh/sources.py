@@ -24,6 +24,7 @@ from erc_contact.mesh.mesh_files import open_mesh_file
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
+from erc_contact.mesh.where import Rule
 
 NEAR_SIDE = 1e-6
 """Distance from a side that counts as none, as a share of the cell size [-]."""
@@ -180,28 +181,42 @@ def _near_plane(
     return near
 
 
-def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
+def from_gmsh(
+    model: Any,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    rank: int = 0,
+    *,
+    parts: Mapping[str, Rule] | None = None,
+    regions: Mapping[str, Rule] | None = None,
+) -> Domain:
     """Make a domain from a gmsh model in memory; collective.
 
     The model is meshed if it has no mesh yet. A physical group on the boundary becomes
     a part with the same name, and a physical group of cells becomes a region. Without
-    groups of cells the whole body is one region.
+    groups of cells the whole body is one region. Rules name parts and regions without
+    physical groups, see :meth:`Domain.named`.
 
     Args:
         model: ``gmsh.model`` on ``rank``; elsewhere it may be None.
         comm: Communicator that shares the mesh.
         rank: Rank that holds the model.
+        parts: Name of each part -> a rule that says where it is.
+        regions: Name of each region -> the same.
 
     Raises:
-        InputError: If the mesh has no physical group on its boundary, an entity is in
-            two groups, a part of the body is in none, or the mesh is not of
-            straight-sided simplices.
+        InputError: If the mesh has no physical group on its boundary and there are no
+            rules, an entity is in two groups, a part of the body is in none, or the
+            mesh is not of straight-sided simplices.
 
     Example:
         >>> ec.from_gmsh(gmsh.model)  # a square with groups "body", "top" and "bottom"
         <Domain in 2D: ... cells, boundary parts bottom, top...>
+        >>> ec.from_gmsh(gmsh.model, parts={"left": ec.where(x=0.0)})
+        <Domain in 2D: ... cells, boundary parts bottom, top, left...>
     """
-    return _from_model(model, comm, rank)
+    has_rules = parts is not None or regions is not None
+    domain = _from_model(model, comm, rank, has_rules=has_rules)
+    return domain.named(parts, regions=regions) if has_rules else domain
 
 
 def read_mesh(
@@ -209,6 +224,8 @@ def read_mesh(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     names: Mapping[int | tuple[int, int], str] | None = None,
+    parts: Mapping[str, Rule] | None = None,
+    regions: Mapping[str, Rule] | None = None,
 ) -> Domain:
     """Read a mesh file; collective.
 
@@ -226,11 +243,14 @@ def read_mesh(
         names: Names of boundary parts and regions by their tags. A tag that both a
             boundary part and a region have is told apart by its dimension:
             ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
+        parts: Name of each part -> a rule that says where it is, see
+            :meth:`Domain.named`. The file needs no groups of facets then.
+        regions: Name of each region -> the same.
 
     Raises:
-        InputError: If the file is missing or unreadable, has no groups of facets, or is
-            not of straight-sided simplices; or if the file does not have a tag of
-            ``names``, or a name is given twice.
+        InputError: If the file is missing or unreadable, has no groups of facets and
+            there are no rules, or is not of straight-sided simplices; or if the file
+            does not have a tag of ``names``, or a name is given twice.
 
     Example:
         >>> ec.read_mesh("square.msh")  # a square with groups "body", "top", "bottom"
@@ -239,27 +259,37 @@ def read_mesh(
     if not isinstance(path, str | Path):
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
+    has_rules = parts is not None or regions is not None
 
     def build(gmsh: Any) -> None:
-        open_mesh_file(gmsh, path)
+        open_mesh_file(gmsh, path, has_rules=has_rules)
         if names is not None:
             name_groups(gmsh.model, names)
 
     with session(comm, build, f"The mesh file {str(path)!r}") as model:
-        return from_gmsh(model, comm)
+        domain = _from_model(model, comm, 0, has_rules=has_rules)
+    return domain.named(parts, regions=regions) if has_rules else domain
 
 
-def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = None) -> Domain:
+def _from_model(
+    model: Any,
+    comm: MPI.Comm,
+    rank: int,
+    geometry: Brick | None = None,
+    *,
+    has_rules: bool = False,
+) -> Domain:
     """Make the domain of a gmsh model on a rank; collective.
 
-    It keeps the geometry that is given, else the drawing of the model.
+    It keeps the geometry that is given, else the drawing of the model. If rules name
+    parts, it needs no groups of facets.
     """
     error: Exception | None = None
     prepared = None
     drawing = None
     if comm.rank == rank:
         try:
-            prepared = prepare(model)
+            prepared = prepare(model, has_rules=has_rules)
             drawing = None if geometry else drawing_of(model)
         except Exception as reason:  # every rank must learn of it
             error = as_input_error(reason, "The gmsh model")

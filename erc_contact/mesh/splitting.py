@@ -21,6 +21,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.hinges import told, touching
@@ -85,7 +86,7 @@ def _hinges(mesh: dmesh.Mesh, tags: np.ndarray, interface: Interface) -> str:
     """
     first, second = (np.isin(tags, region) for region in interface.regions)
     cells = np.flatnonzero(first | second)
-    nodes = mesh.geometry.dofmaps[0][cells]
+    nodes = cell_nodes(mesh.geometry)[cells]
     x = mesh.geometry.x[nodes.ravel(), : mesh.topology.dim]
     group = np.repeat(second[cells], nodes.shape[1])
     points, _ = touching(lasting(mesh.comm), x, group)
@@ -197,10 +198,10 @@ class Carried:
     def _nodes(self) -> np.ndarray:
         """Return the node of the glued mesh of each node of the split mesh."""
         index_map = self.glued.geometry.index_map()
-        nodes = self.glued.geometry.dofmaps[0]
+        nodes = cell_nodes(self.glued.geometry)
         global_nodes = index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
         result = np.empty(len(self.mesh.geometry.x), dtype=np.int64)
-        result[self.mesh.geometry.dofmaps[0]] = self.of_sides(global_nodes)
+        result[cell_nodes(self.mesh.geometry)] = self.of_sides(global_nodes)
         return index_map.global_to_local(result)
 
 

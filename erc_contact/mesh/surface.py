@@ -20,6 +20,7 @@ from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.simplex import facet_vertices, lagrange, rule
 
@@ -100,7 +101,7 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
     """
     geometry = mesh.geometry
     d = mesh.topology.dim
-    cells = geometry.dofmaps[0]
+    cells = cell_nodes(geometry)
     x = geometry.x[:, :d].copy()
     cell, local = pairs(mesh, marks.indices).T
     nodes = cells[cell[:, None], facet_vertices(d)[local]]

@@ -21,8 +21,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.named_shape import NamedShape
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.simplex import node_between, node_vertices
@@ -58,7 +60,7 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
     cells = domain.seams.cells[: domain.owned_cells]
     corners = _glued_corners(domain)[: domain.owned_cells]
     geometry = domain.glued.mesh.geometry
-    nodes = geometry.dofmaps[0][cells]
+    nodes = cell_nodes(geometry)[cells]
     numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
     tables = {"glued": np.take_along_axis(numbers, corners, axis=1)}
     for name, table in tag_tables(domain.glued).items():
@@ -73,8 +75,8 @@ def _glued_corners(domain: Domain) -> np.ndarray:
     """Return the place of each corner of the split cells in the glued ones."""
     assert domain.glued is not None
     assert domain.seams is not None
-    in_glued = domain.glued.mesh.geometry.dofmaps[0][domain.seams.cells]
-    here = domain.seams.nodes[domain.mesh.geometry.dofmaps[0]]
+    in_glued = cell_nodes(domain.glued.mesh.geometry)[domain.seams.cells]
+    here = domain.seams.nodes[cell_nodes(domain.mesh.geometry)]
     return np.argmax(in_glued[:, None, :] == here[:, :, None], axis=2)
 
 
@@ -97,11 +99,16 @@ def glued_mesh(
 def described(geometry: Geometry | None) -> dict[str, Any] | None:
     """Return the true shape in plain data; its text is that of rank 0.
 
+    Of a shape whose parts are named by rules, these are left out: they may be
+    functions. A run that goes on has them from its first mesh.
+
     Raises:
         InputError: If the shape is an object of a class of the user's.
     """
     if geometry is None:
         return None
+    if isinstance(geometry, NamedShape):
+        return described(geometry.shape)
     if isinstance(geometry, Assembled):
         members = []
         for member in geometry.members:
@@ -171,7 +178,7 @@ class CellRows:
         self._rows_of_ranks = comm.gather(self._rows)
         # Position in the table of each vertex of each cell here, see the module.
         geometry = self.mesh.geometry
-        numbers_here = geometry.input_global_indices[geometry.dofmaps[0]]
+        numbers_here = geometry.input_global_indices[cell_nodes(geometry)]
         in_table = self.of_cells(vertices)
         self.order = np.argmax(in_table[:, None, :] == numbers_here[:, :, None], axis=2)
 

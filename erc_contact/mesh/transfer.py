@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.partition import distributed
@@ -23,7 +24,7 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     geometry = mesh.mesh.geometry
     d = mesh.dim
     count = mesh.owned_cells
-    nodes = geometry.dofmaps[0][:count]
+    nodes = cell_nodes(geometry)[:count]
     numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
     regions = np.full(count, NO_TAG, dtype=np.int32)
     if mesh.cell_tags is not None:

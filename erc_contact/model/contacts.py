@@ -11,6 +11,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
@@ -249,7 +250,7 @@ def _given_normal(space: Space, contact: Contact, surface: Ufl, sign: float) -> 
     what = f"Contact({contact.facets!r})"
     if contact.normal == "gap":
         # Not :func:`number`: a table on a mesh has no slope.
-        gap = call_of_user(space.comm, what, lambda: scalar(what, contact.gap(space.x)))  # type: ignore[operator]
+        gap = call_of_user(space.comm, what, lambda: scalar(what, field_of(contact.gap, space.x)))  # type: ignore[arg-type]
         with method_caches_off():
             slope = ufl.algorithms.expand_derivatives(-ufl.grad(gap))
         expression = ufl.replace(slope, {space.x: surface})

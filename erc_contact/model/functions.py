@@ -13,6 +13,7 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.code import arguments
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.scene.scene import Scene
@@ -71,7 +72,7 @@ def _has_function(value: Any, x: Ufl) -> bool:
     A callable that fails is reported when the scene meets its mesh.
     """
     try:
-        result = value(x)
+        result = field_of(value, x)
         parts = result if isinstance(result, list | tuple) else [result]
         terminals = []
         for part in parts:

@@ -13,6 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import (
@@ -207,7 +208,7 @@ def _hinges(space: Space, body: np.ndarray, loose: np.ndarray) -> str:
     nodes = space.vertices[: domain.owned_cells]
     alone = ~facing[nodes]
     geometry = space.mesh.geometry
-    x = geometry.x[geometry.dofmaps[0][: domain.owned_cells][alone], : space.d]
+    x = geometry.x[cell_nodes(geometry)[: domain.owned_cells][alone], : space.d]
     points, bodies = touching(space.comm, x, body[nodes[alone]])
     points = points[np.isin(bodies, loose)]
     if len(points) == 0:

@@ -13,6 +13,7 @@ from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import barycentric, in_space
 from erc_contact.model.model import Model
@@ -92,7 +93,7 @@ def _places(model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     owned = candidates.array < model.domain.owned_cells
     point = np.repeat(np.arange(len(x)), np.diff(candidates.offsets))[owned]
     cell = candidates.array[owned]
-    corners = mesh.geometry.x[mesh.geometry.dofmaps[0][cell], :d]
+    corners = mesh.geometry.x[cell_nodes(mesh.geometry)[cell], :d]
     edges = corners[:, 1:] - corners[:, :1]
     offset = x[point] - corners[:, 0]
     to_local = np.linalg.inv(edges)

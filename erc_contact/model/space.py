@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.partition import check_shape
@@ -218,7 +219,7 @@ class Space:
         Returns:
             Positions, shape (n, d, d).
         """
-        of_cells = self.mesh.geometry.dofmaps[0][facets[:, 0]]
+        of_cells = cell_nodes(self.mesh.geometry)[facets[:, 0]]
         vertices = self.local_vertices(facets)
         points = np.take_along_axis(of_cells, vertices, axis=1)
         return self.mesh.geometry.x[points, : self.d]
@@ -240,7 +241,7 @@ class Space:
 
     def cell_corners(self) -> np.ndarray:
         """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
-        return self.mesh.geometry.x[self.mesh.geometry.dofmaps[0], : self.d]
+        return self.mesh.geometry.x[cell_nodes(self.mesh.geometry), : self.d]
 
     def outward_normals(self, facets: np.ndarray) -> np.ndarray:
         """Compute the outward unit normals of facets (cell, local facet), (n, d)."""
@@ -285,11 +286,11 @@ class Space:
         Returns:
             Shape (cells, d+1, d); other facets keep the order of the cell.
         """
-        facets = np.concatenate(
-            [*(self.domain.facets(name) for name in self.domain.outer), *self.domain.tied_sides]
-        )
+        none = np.empty((0, 2), dtype=np.int32)
+        of_parts = [self.domain.facets(name) for name in self.domain.outer]
+        facets = np.concatenate([none, *of_parts, *self.domain.tied_sides])
         vertices = self._local_facets[facets[:, 1]]
-        local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
+        local = np.take_along_axis(cell_nodes(self.mesh.geometry)[facets[:, 0]], vertices, axis=1)
         places = self.mesh.geometry.x[local][:, None, :, : self.d]
         # The position at a vertex of the reference facet tells which vertex it is.
         reference_places = evaluate(self.x, self.mesh, nodes(self.d - 1, 1), facets)

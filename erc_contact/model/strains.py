@@ -21,6 +21,7 @@ import ufl
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import Everywhere, evaluate
@@ -185,7 +186,7 @@ def _of_callable(space: Space, value: Callable[[Any], Any], what: str) -> Ufl:
     """Return what a callable of x returns, a scalar or rows, as UFL; collective."""
 
     def call() -> Ufl:
-        returned = value(space.x)
+        returned = field_of(value, space.x)
         if isinstance(returned, Sequence | np.ndarray):
             return ufl.as_tensor([list(row) for row in returned])
         return ufl.as_ufl(returned)

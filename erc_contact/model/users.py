@@ -27,9 +27,10 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, strain
 
 IN_UFL = (
-    "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) instead of np.sin or math.sin,"
-    " ufl.conditional(ufl.lt(x[0], 1), a, b) instead of if, ufl.max_value and ufl.min_value"
-    " instead of max and min, and ec.table(points, values) instead of np.interp."
+    "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) or np.sin(x[0]) instead of"
+    " math.sin, np.where(x[0] < 1, a, b) or ufl.conditional instead of if, np.maximum and"
+    " np.minimum instead of max and min, and ec.table(points, values) instead of np.interp or"
+    " scipy."
 )
 """Advice to a user whose code does not work with UFL."""
 NESTING_LIMIT = 120

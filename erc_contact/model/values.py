@@ -17,6 +17,7 @@ from mpi4py import MPI
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate
@@ -60,7 +61,7 @@ def number(space: Space, value: Any, what: str, x: Ufl = None, *, of_material: b
             raise InputError(f"{what} is {description(value)}; give a number, or a callable of x.")
         return compiled.constant(space.mesh, float(value))
     place = space.x if x is None else x
-    expression = call_of_user(space.comm, what, lambda: scalar(what, value(place)))
+    expression = call_of_user(space.comm, what, lambda: scalar(what, field_of(value, place)))
     return without_plain_numbers(expression, space.mesh, of_material=of_material)
 
 
@@ -76,7 +77,7 @@ def components(space: Space, value: Any, what: str, x: Ufl = None) -> Ufl:
         expression = ufl.as_vector([number(space, component, what) for component in value])
     else:
         place = space.x if x is None else x
-        returned = call_of_user(space.comm, what, lambda: vector(value(place)))
+        returned = call_of_user(space.comm, what, lambda: vector(field_of(value, place)))
         expression = without_plain_numbers(returned, space.mesh)
     shape = expression.ufl_shape
     if shape != (space.d,):
@@ -96,7 +97,7 @@ def value_of(space: Space, value: Any, what: str) -> Ufl:
         return number(space, value, what)
 
     def attempt() -> Ufl:
-        returned = value(space.x)
+        returned = field_of(value, space.x)
         if isinstance(returned, ufl.core.expr.Expr):
             shape = returned.ufl_shape
         else:

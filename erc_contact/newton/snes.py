@@ -15,6 +15,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.progress import at
+from erc_contact.base.releases import not_a_number
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.foundation import BoundContact
@@ -207,7 +208,7 @@ class _StoppingTest:
         reasons = PETSc.SNES.ConvergedReason
         norm = norms[2]
         if not np.isfinite(norm):
-            return reasons.DIVERGED_FUNCTION_NANORINF
+            return not_a_number()
         x = snes.getSolution()
         _, atol, *_ = snes.getTolerances()
         comm = lasting(x.comm.tompi4py())

@@ -93,8 +93,7 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
     """
     k = degree_of(cells, d)
     # VTK finds the surface of straight cells; their other nodes follow from the edges.
-    straight_cells = grid_of(points, cells[:, : d + 1], d)
-    surface = straight_cells.extract_surface(algorithm="dataset_surface")
+    surface = _surface(grid_of(points, cells[:, : d + 1], d))
     cell = surface.cell_data["vtkOriginalCellIds"]
     corners = surface.point_data["vtkOriginalPointIds"][surface.regular_faces]
     local = (cells[cell, None, : d + 1] == corners[:, :, None]).argmax(axis=2)
@@ -110,6 +109,22 @@ def skin_of(points: np.ndarray, cells: np.ndarray, d: int) -> Skin:
     first, second = np.sort(lines[:, :2], axis=1).T
     _, once = np.unique(first * len(points) + second, return_index=True)
     return Skin(points, triangles, cell, lines[once])
+
+
+def _surface(grid: Any) -> Any:
+    """Return the triangles of the surface of a grid, with numbers of cells and points.
+
+    pyvista's own function has other arguments and other defaults in each release.
+    """
+    import pyvista  # noqa: PLC0415
+    from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter  # noqa: PLC0415
+
+    surface = vtkDataSetSurfaceFilter()
+    surface.SetInputData(grid)
+    surface.PassThroughPointIdsOn()
+    surface.PassThroughCellIdsOn()
+    surface.Update()
+    return pyvista.wrap(surface.GetOutput())
 
 
 def outline(body: Mapping[str, np.ndarray], d: int) -> list[tuple[Any, dict[str, Any]]]:

@@ -33,13 +33,14 @@ The first one is the edge of a line, and the first three are those of a triangle
 """
 VTK_KINDS = {1: (3, 5, 10), 2: (21, 22, 24)}
 """VTK's numbers of line, triangle and tetrahedron, by degree."""
+POLYLINE = 4
+"""VTK's number of a polyline."""
 PARTS = 24
 """Number of straight parts of a facet in 2D with quadratic fields, drawn or written."""
 CHUNK_ROWS = 1000
 """Number of rows in a block of a file.
 
-VTK's default is blocks of 25 000 rows, which are written in full even if a mesh is
-small: 133 triangles then take 5.7 MB.
+A reader unpacks a whole block for one row of it.
 """
 COMPRESSION = 4
 """Level of compression of a block."""
@@ -154,24 +155,46 @@ def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
     import pyvista  # noqa: PLC0415
 
     if d == 1 and cells.shape[1] > 3:
-        return pyvista.UnstructuredGrid({pyvista.CellType.POLY_LINE: cells}, points)
-    kind, nodes = vtk_cells(cells, d)
-    return pyvista.UnstructuredGrid({kind: nodes}, points)
+        kind, nodes = POLYLINE, cells
+    else:
+        kind, nodes = vtk_cells(cells, d)
+    # Before the nodes of a cell VTK wants their number.
+    counted = np.insert(nodes, 0, nodes.shape[1], axis=1)
+    kinds = np.full(len(nodes), kind, dtype=np.uint8)
+    return pyvista.UnstructuredGrid(counted.ravel(), kinds, points)
 
 
 def save_grid(grid: Any, path: Path) -> None:
-    """Write a VTKHDF file.
+    """Write a VTKHDF file by h5py, which needs no HDF writer of VTK.
 
     Raises:
-        OSError: If the file cannot be written. VTK alone would write nothing and say
-            nothing.
+        OSError: If the file cannot be written.
     """
-    import pyvista  # noqa: PLC0415
+    import h5py  # noqa: PLC0415
 
+    nodes = grid.cell_connectivity
+    # All cells are of one kind.
+    corners = len(nodes) // grid.n_cells
+    tables = {
+        "Points": grid.points,
+        "Connectivity": nodes,
+        "Offsets": np.arange(0, len(nodes) + 1, corners),
+        "Types": grid.celltypes,
+        "NumberOfPoints": np.array([grid.n_points]),
+        "NumberOfCells": np.array([grid.n_cells]),
+        "NumberOfConnectivityIds": np.array([len(nodes)]),
+    }
+    for kind, data in (("PointData", grid.point_data), ("CellData", grid.cell_data)):
+        for name, values in data.items():
+            tables[f"{kind}/{name}"] = values
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.open("wb").close()
-    writer = pyvista.HDFWriter(path, grid).writer
-    writer.SetChunkSize(CHUNK_ROWS)
-    writer.SetCompressionLevel(COMPRESSION)
-    if not writer.Write():
-        raise OSError(f"{path} could not be written.")
+    with h5py.File(path, "w") as file:
+        vtk = file.create_group("VTKHDF")
+        vtk.attrs["Version"] = (2, 0)
+        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+        for name, table in tables.items():
+            array = np.asarray(table)
+            chunks = (min(CHUNK_ROWS, len(array)), *array.shape[1:])
+            vtk.create_dataset(
+                name, data=array, chunks=chunks, compression="gzip", compression_opts=COMPRESSION
+            )

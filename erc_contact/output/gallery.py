@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 
+from erc_contact.base.exceptions import InputError
+from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.files import on_root
@@ -99,7 +101,11 @@ class Gallery:
             return
         at(self._comm, file)
         began = perf_counter()
-        draw(path)
+        try:
+            draw(path)
+        except InputError as reason:  # the libraries of this machine cannot draw it
+            log_of(self._comm).warning("%s is left out. %s", file, reason)
+            return
         self.drawn[file] = words
         # The next picture has a machine that is as slow.
         if not unloaded:

@@ -15,6 +15,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
@@ -174,7 +175,7 @@ def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
         cell, shape (m, d+1). All cells are positively oriented.
     """
     geometry = domain.mesh.geometry
-    cells = geometry.dofmaps[0][: domain.owned_cells]
+    cells = cell_nodes(geometry)[: domain.owned_cells]
     return _numbered(geometry.x, cells, geometry.index_map(), domain.dim)
 
 

@@ -5,12 +5,15 @@ A part is a pair: data of pyvista, and the options with which they are drawn.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
+from erc_contact.base.exceptions import InputError
 from erc_contact.output.flat import draw_flat, limits
 
 Part = tuple[Any, dict[str, Any]]
@@ -23,6 +26,8 @@ SPACE = 5.5
 """
 WORDS = 1.1
 """Width in a figure of the labels of a view in 3D [inches]."""
+OFF_SCREEN = (9, 4)
+"""The first release of VTK that draws without a display."""
 LIFT = 1e-3
 """Shift of lines towards the eye, as a share of the size of the picture [-]."""
 INTERVALS = 4
@@ -104,9 +109,14 @@ def rendered(pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> list[np.n
     """
     import pyvista  # noqa: PLC0415
 
+    lack = lack_of_window()
+    if lack:
+        raise InputError(f"Bodies in space cannot be drawn: {lack}.")
     images = []
-    # Without a display VTK complains before it finds another way.
-    with pyvista.vtk_verbosity("off"):
+    # Without a display VTK complains before it finds another way, which old releases of
+    # pyvista cannot keep it from.
+    quiet = pyvista.vtk_verbosity("off") if hasattr(pyvista, "vtk_verbosity") else nullcontext()
+    with quiet:
         plotter = pyvista.Plotter(off_screen=True)
         # Without a graphics card several samples of a pixel cost most of the time. The
         # image has more pixels than the picture, which smooths its lines.
@@ -118,6 +128,25 @@ def rendered(pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> list[np.n
             images.append(_image(plotter, actors, parts, view))
         plotter.close()
     return images
+
+
+def lack_of_window() -> str:
+    """Return what VTK lacks to draw without a display, "" if nothing.
+
+    Old releases would end Python then.
+    """
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401, PLC0415 - a window is of its kind then
+    from vtkmodules.vtkCommonCore import vtkVersion  # noqa: PLC0415
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow  # noqa: PLC0415
+
+    version = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion())
+    needs_display = version < OFF_SCREEN and "XOpenGL" in type(vtkRenderWindow()).__name__
+    if not needs_display or os.environ.get("DISPLAY"):
+        return ""
+    return (
+        f"without a display this needs VTK 9.4 or newer, and this is {version[0]}.{version[1]}; "
+        "pip install 'vtk>=9.4', or start Python by xvfb-run"
+    )
 
 
 def _image(

@@ -30,6 +30,7 @@ from erc_contact.base.code import literal
 from erc_contact.base.exceptions import together
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.compiled import constants_with_ten_digits
+from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
@@ -171,7 +172,7 @@ def _in_words(value: Any, x: Ufl) -> str | None:
         return f"{{{', '.join(entries)}}}"
     if callable(value) and not isinstance(value, type):
         # a callable may return rows of a tensor; one that is no field has only its name
-        words = _in_ufl(lambda: value(x)) or _in_ufl(lambda: _value(value, x))
+        words = _in_ufl(lambda: field_of(value, x)) or _in_ufl(lambda: _value(value, x))
         return words or getattr(value, "__qualname__", type(value).__qualname__)
     return None
 
@@ -219,7 +220,7 @@ def _value(value: Any, x: Ufl) -> Ufl:
     """Evaluate a parameter at x: a number, a vector, a tensor, or a callable of x."""
     # UFL is callable, too.
     if callable(value) and not isinstance(value, ufl.core.expr.Expr):
-        value = value(x)
+        value = field_of(value, x)
     if isinstance(value, tuple | list | np.ndarray):
         return ufl.as_tensor([_value(component, x) for component in value])
     return ufl.as_ufl(value)

@@ -21,8 +21,9 @@ from mpi4py import MPI
 
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.tables import CellRows, described, geometry_of, glued_mesh, tag_tables
 from erc_contact.model.model import Model
@@ -81,7 +82,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     geometry = comm.bcast(described(domain.geometry))  # its text is on rank 0
     x = model.V.tabulate_dof_coordinates()
     # nodes at vertices have the coordinates of these to the last digit
-    x[model.vertices] = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0]]
+    x[model.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
     u = _owned(error, solution.u)
     at_nodes = {}
     for number, multiplier in enumerate(solution.multipliers):
@@ -148,14 +149,22 @@ class Restored:
         level: What the file holds; tables are needed on rank 0 only.
         before: Another level of the run, whose domain this one shares if their meshes
             are the same.
+        shape: The true shape; None takes what the level keeps of it.
 
     Attributes:
         domain: The mesh with names.
         indicators: eps_E of the owned cells [-].
     """
 
-    def __init__(self, comm: MPI.Comm, level: Level, before: Restored | None = None) -> None:
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        level: Level,
+        before: Restored | None = None,
+        shape: Geometry | None = None,
+    ) -> None:
         self.about = level.about
+        self._shape = shape
         self._tables = level.tables
         table = level.tables.get  # None on the other ranks
         if before is not None and comm.bcast(_same_mesh(level, before)):
@@ -271,7 +280,7 @@ class Restored:
             about["names"],
             cells,
             about["regions"],
-            geometry_of(about["geometry"]),
+            self._shape or geometry_of(about["geometry"]),
             curved,
         )
 

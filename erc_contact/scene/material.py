@@ -14,7 +14,7 @@ so the compliance stays bounded as nu -> 1/2 (b -> infinity) and no digit is los
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from math import sqrt
 from numbers import Real
@@ -75,6 +75,46 @@ def scale_parts(tensor: Ufl, deviator: Ufl, sphere: Ufl) -> Ufl:
     d = tensor.ufl_shape[0]
     sph = ufl.tr(tensor) / d * ufl.Identity(d)
     return deviator * (tensor - sph) + sphere * sph
+
+
+def of_regions(materials: Mapping[str, Any]) -> Any:
+    """Return materials of regions as one material, whose parameters differ by region.
+
+    Args:
+        materials: Name of each region -> its material.
+
+    Raises:
+        InputError: If these are not materials of one class that differ in their
+            parameters only.
+    """
+    example = '{"upper": ec.Elastic(210e3, 0.3), "lower": ec.Elastic(70e3, 0.33)}'
+    kinds = {type(material) for material in materials.values()}
+    first = next(iter(materials.values()), None)
+    is_one_kind = len(kinds) == 1 and is_dataclass(first) and not isinstance(first, type)
+    if not is_one_kind or not hasattr(first, "parameters"):
+        raise InputError(
+            f"Scene: material is {materials!r}; give a material for each region, all of one class, "
+            f"e.g. {example}."
+        )
+    known: Any = first
+    values: dict[str, dict[str, Any]] = {name: {} for name in known.parameters}
+    for region, material in materials.items():
+        for entry in fields(material):
+            value = getattr(material, entry.name)
+            if entry.name not in values:
+                if value != getattr(known, entry.name):
+                    raise InputError(
+                        f"Scene: {entry.name} of the material of {region!r} is {value!r}, that of "
+                        f"another region {getattr(known, entry.name)!r}; it must be the same."
+                    )
+            elif isinstance(value, Mapping):
+                raise InputError(
+                    f"Scene: {entry.name} of the material of {region!r} is a mapping; give "
+                    "a number or a callable, as the region is known."
+                )
+            else:
+                values[entry.name][region] = value
+    return replace(known, **values)
 
 
 class Material(Protocol):

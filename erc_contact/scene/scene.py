@@ -8,7 +8,7 @@ callables of x (UFL in, UFL out), so a scene survives every new mesh.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -18,7 +18,7 @@ from erc_contact.base.html import table
 from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Load
-from erc_contact.scene.material import Material
+from erc_contact.scene.material import Material, of_regions
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
@@ -39,7 +39,8 @@ class Scene:
     """Declare elastic bodies with all that acts on them.
 
     Args:
-        material: :class:`Elastic`, or a class of the user's with the same methods.
+        material: :class:`Elastic`, or a class of the user's with the same methods; or a
+            mapping of regions to such materials, which differ in numbers only.
         supports: Prescribed displacements, and planes of symmetry.
         loads: Tractions and body forces; several on one part add up.
         contacts: Contacts with rigid foundations, or between bodies.
@@ -72,6 +73,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Check the entries and their names, and make tuples of them."""
+        if isinstance(self.material, Mapping):
+            object.__setattr__(self, "material", of_regions(self.material))
         missing = [name for name in MATERIAL_MEMBERS if not hasattr(self.material, name)]
         if missing or isinstance(self.material, type):
             raise InputError(

@@ -41,6 +41,7 @@ from dolfinx import jit as dolfinx_jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.releases import c_code, other_domains
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.form_library import compiled_objects
 from erc_contact.base.runtime.parts import renumbered
@@ -101,7 +102,7 @@ def _remembered(
     key = _key(source, form_compiler_options, jit_options)
     ranks = lasting(comm)
     if not _all_known(ranks, [key]):
-        (compiled,), module = compiled_objects(ranks, [source], form_compiler_options)
+        (compiled,), module = compiled_objects(ranks, [source], form_compiler_options, c_code)
         _known[key] = compiled, module, (None, None)
     return _known[key]
 
@@ -129,7 +130,7 @@ def compile_together(
     if _all_known(comm, list(by_key)):
         return
     with method_caches_off():
-        objects, module = compiled_objects(comm, list(by_key.values()), options)
+        objects, module = compiled_objects(comm, list(by_key.values()), options, c_code)
     for key, compiled_object in zip(by_key, objects, strict=True):
         _known[key] = compiled_object, module, (None, None)
 
@@ -196,7 +197,7 @@ def _structure(roots: Sequence[Ufl], integrals: Sequence[Ufl]) -> Any:
 def _measure(integral: Ufl, numbers: _Numbers) -> tuple[Any, ...]:
     """Return how an integral is made: its domains, their parts, and its metadata."""
     extra = []
-    for mesh, kind in integral.extra_domain_integral_type_map().items():
+    for mesh, kind in other_domains(integral).items():
         extra.append((mesh._ufl_signature_data_(numbers), kind))
     domain = integral.ufl_domain()._ufl_signature_data_(numbers)
     own = (domain, integral.integral_type(), integral.subdomain_id())

@@ -26,7 +26,6 @@ from typing import Any
 
 import cffi
 import ffcx
-import ffcx.compiler
 import ufl
 from dolfinx import jit as dolfinx_jit
 from ffcx import naming
@@ -59,7 +58,9 @@ class FormLibrary:
 
 
 @dolfinx_jit.mpi_jit_decorator
-def compiled_objects(sources: list[Any], options: dict[str, Any]) -> tuple[list[Any], FormLibrary]:
+def compiled_objects(
+    sources: list[Any], options: dict[str, Any], c_code: Callable[..., str]
+) -> tuple[list[Any], FormLibrary]:
     """Return FFCx's objects for forms and expressions, and their library; collective.
 
     The decorator adds the communicator as first argument of a call. Rank 0 compiles,
@@ -68,6 +69,7 @@ def compiled_objects(sources: list[Any], options: dict[str, Any]) -> tuple[list[
     Args:
         sources: Forms, and pairs of an expression and its reference points.
         options: Options of FFCx.
+        c_code: Writes the code, see :func:`erc_contact.base.releases.c_code`.
 
     Raises:
         RuntimeError: If the C compiler fails.
@@ -91,10 +93,7 @@ def compiled_objects(sources: list[Any], options: dict[str, Any]) -> tuple[list[
         order.append(name)
 
     def code() -> str:
-        (_, body), _ = ffcx.compiler.compile_ufl_objects(
-            list(different.values()), namespace=library_name, options=ffcx_options
-        )
-        return str(body)
+        return c_code(list(different.values()), library_name, ffcx_options)
 
     path = Path(settings["cache_dir"]) / f"{library_name}.so"
     library = form_library(path, flags, code)

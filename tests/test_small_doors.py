@@ -1,0 +1,164 @@
+"""What people write, and expect to work.
+
+- A function of numpy is the same data as one of UFL, with its derivatives.
+- Materials by region are one material whose moduli differ by region.
+- Intervals print as people write them; parts that are no pair tell how they become one.
+"""
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+import erc_contact as ec
+from erc_contact.base.traced import field_of
+
+COMM = MPI.COMM_WORLD
+TWINS = {
+    "sine": (lambda x: np.sin(3 * x[0]) * x[1], lambda x: ufl.sin(3 * x[0]) * x[1]),
+    "radius": (
+        lambda x: np.hypot(x[0] - 0.2, x[1]) + np.linalg.norm(x),
+        lambda x: ufl.sqrt((x[0] - 0.2) ** 2 + x[1] ** 2) + ufl.sqrt(ufl.dot(x, x)),
+    ),
+    "pieces": (
+        lambda x: np.where((x[0] > 0.3) & (x[1] < 0.6), np.exp(-x[0]), 2.0),
+        lambda x: ufl.conditional(
+            ufl.And(ufl.gt(x[0], 0.3), ufl.lt(x[1], 0.6)), ufl.exp(-x[0]), 2.0
+        ),
+    ),
+    "limits": (
+        lambda x: np.clip(x[0], 0.2, 0.7) + np.maximum(x[1], 0.5) - np.minimum(x[1], x[0]),
+        lambda x: (
+            ufl.min_value(ufl.max_value(x[0], 0.2), 0.7)
+            + ufl.max_value(x[1], 0.5)
+            - ufl.min_value(x[1], x[0])
+        ),
+    ),
+    "bump": (
+        lambda x: np.exp(-np.sum(np.square(x))) * (x[0] > 0.5),
+        lambda x: ufl.exp(-ufl.dot(x, x)) * ufl.conditional(ufl.gt(x[0], 0.5), 1.0, 0.0),
+    ),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", TWINS)
+def test_functions_of_numpy_are_those_of_ufl(name, block):
+    x = ufl.SpatialCoordinate(block.mesh)
+    numeric, symbolic = (field_of(function, x) for function in TWINS[name])
+    difference = (numeric - symbolic) ** 2 + (numeric.dx(0) - symbolic.dx(0)) ** 2
+    dx = ufl.dx(metadata={"quadrature_degree": 4})
+    size = fem.assemble_scalar(fem.form(symbolic**2 * dx))
+    assert size > 1e-3
+    assert fem.assemble_scalar(fem.form(difference * dx)) < 1e-24 * size
+
+
+def scene(gap, density, E, top):
+    return ec.Scene(
+        ec.Elastic(E, 0.3),
+        [ec.Displacement("top", top)],
+        [ec.BodyForce(density)],
+        ec.Contact("bottom", 0.2, gap=gap),
+    )
+
+
+def test_scenes_take_functions_of_numpy(block):
+    numeric = scene(
+        lambda x: 0.001 * np.sin(x[0]) ** 2,
+        lambda x: np.array([0.0, -0.01 * np.exp(x[1])]),
+        lambda x: np.where(x[1] > 0.5, 2.0, 1.0),
+        (lambda x: 0.001 * np.cos(x[0]), -0.01),
+    )
+    symbolic = scene(
+        lambda x: 0.001 * ufl.sin(x[0]) ** 2,
+        lambda x: ufl.as_vector([0.0, -0.01 * ufl.exp(x[1])]),
+        lambda x: ufl.conditional(ufl.gt(x[1], 0.5), 2.0, 1.0),
+        (lambda x: 0.001 * ufl.cos(x[0]), -0.01),
+    )
+    errors = [
+        ec.constitutive_error(ec.equilibrate(ec.solve(s, block))) for s in (numeric, symbolic)
+    ]
+    assert errors[0].absolute == pytest.approx(errors[1].absolute, rel=1e-12)
+
+
+@pytest.mark.serial
+def test_what_numpy_cannot_hand_on_is_refused(block):
+    x = ufl.SpatialCoordinate(block.mesh)
+    for function in (
+        lambda x: np.sin(x[0]) if x[0] > 0.5 else 0.0,
+        lambda x: max(np.sin(x[0]), 0.0),
+        lambda x: np.interp(np.sin(x[0]), [0, 1], [0, 1]),
+        lambda x: float(np.sin(x[0])),
+    ):
+        with pytest.raises((TypeError, ValueError)):
+            field_of(function, x)
+
+
+def test_materials_by_region(block):
+    domain = block.named(
+        regions={"upper": ec.where(y=(0.5, None)), "lower": ec.where(y=(None, 0.5))}
+    )
+    supports = [ec.Displacement("bottom", (0.0, 0.0)), ec.Displacement("top", (0.0, -0.01))]
+    by_region = ec.Scene({"upper": ec.Elastic(2.0, 0.2), "lower": ec.Elastic(1.0, 0.3)}, supports)
+    by_moduli = ec.Scene(
+        ec.Elastic({"upper": 2.0, "lower": 1.0}, {"upper": 0.2, "lower": 0.3}), supports
+    )
+    assert by_region == by_moduli
+    u, v = (ec.solve(s, domain).u.x.array for s in (by_region, by_moduli))
+    assert np.array_equal(u, v)
+
+
+BAD_MATERIALS = {
+    "nothing": ({}, "a material for each region"),
+    "numbers": ({"upper": 210e3}, "a material for each region"),
+    "two hypotheses": (
+        {"a": ec.Elastic(1.0, 0.3), "b": ec.Elastic(1.0, 0.3, "plane stress")},
+        "hypothesis of the material of 'b' is 'plane stress'.* must be the same",
+    ),
+    "mappings inside": (
+        {"a": ec.Elastic({"a": 1.0}, 0.3)},
+        "E of the material of 'a' is a mapping",
+    ),
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("case", BAD_MATERIALS)
+def test_materials_that_are_no_material(case):
+    material, words = BAD_MATERIALS[case]
+    with pytest.raises(ec.InputError, match=words):
+        ec.Scene(material)
+
+
+@pytest.mark.serial
+def test_intervals_print_as_people_write_them():
+    bounds = ec.Bounds(np.float64(0.12345), np.float64(0.12344), np.float64(0.12346), np.True_)
+    assert "np." not in repr(bounds)
+    assert str(bounds) == "0.12345, between 0.12344 and 0.12346 (proved)"
+    assert str(ec.Bounds(1.0, 1.0, 1.0, guaranteed=False)) == "1, between 1 and 1 (estimated)"
+    assert (
+        str(ec.Bounds(0.0, -np.inf, np.inf, guaranteed=True)) == "0, between -inf and inf (proved)"
+    )
+
+
+def test_parts_that_lie_against_each_other_tell_the_line():
+    a = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3))
+    b = ec.rectangle((0.0, -1.0), (1.0, 0.0), cells=(2, 2))
+    both = ec.assembly({"a": a, "b": b})
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("a top", (0.0, -0.01)), ec.Displacement("b bottom", (0.0, 0.0))],
+        contacts=ec.Contact("a bottom", against="b top"),
+    )
+    with pytest.raises(ec.InputError) as refused:
+        ec.solve(scene, both)
+    line = "domain = domain.joined('a bottom', 'b top')"
+    assert line in str(refused.value)
+    names = {"domain": both}
+    exec(line, names)
+    ec.solve(scene, names["domain"])
+    with pytest.raises(ec.InputError, match=r"the pairs 'a bottom' and 'b top'.*joined"):
+        names["domain"].facing("a left", "b left")
+    with pytest.raises(ec.InputError, match="No boundary part is called 'c'"):
+        both.facing("a bottom", "c")
