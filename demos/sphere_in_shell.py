@@ -24,8 +24,9 @@ Both together have moved by :math:`\delta`, so the fit stores the energy
 :math:`2 \pi R^2 p\, \delta`.
 
 One eighth is enough, with rollers on the three planes of symmetry. The facets are flat,
-and the normals of the contact turn along them as on the sphere. What the flat facets cost is in the column geom, and it is the largest part of the error
-here. Lengths are in mm, stresses in MPa.
+and the normals of the contact turn along them as on the sphere. What the flat facets
+cost is in the column geom, and it is the largest part of the error here. Lengths are in
+mm, stresses in MPa.
 """
 
 from pathlib import Path

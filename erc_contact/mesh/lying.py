@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.mesh.closest import on_edges, on_triangles
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.closest import closest
 
 CLEARANCE = 0.15
 """Greatest distance of a facet from what lies against it, over its size [-].
@@ -101,16 +100,11 @@ def _points_near(points: np.ndarray, facets: Facets, others: Facets) -> np.ndarr
         facets: The facets.
         others: The facets of the surface.
     """
-    d = points.shape[1]
-    corners = in_space(others.corners.reshape(-1, d)).reshape(-1, d, 3)
-    if d == 2:
-        closest, _, distance = on_edges(in_space(points), corners)
-    else:
-        closest, distance = on_triangles(in_space(points), corners)
-    normals = others.normals[closest]
-    above = ((points - others.corners[closest, 0]) * normals).sum(axis=1)
+    facet, _, distance = closest(points, others.corners)
+    normals = others.normals[facet]
+    above = ((points - others.corners[facet, 0]) * normals).sum(axis=1)
     beside = np.sqrt(np.maximum(distance**2 - above**2, 0.0))
-    size = np.maximum(facets.sizes, others.sizes[closest])
+    size = np.maximum(facets.sizes, others.sizes[facet])
     is_close = (abs(above) <= CLEARANCE * size) & (beside <= BESIDE * size)
     cosine = (facets.normals * normals).sum(axis=1)
     return is_close & (cosine <= OPPOSITE)
