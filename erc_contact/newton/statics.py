@@ -10,10 +10,11 @@ friction. The programme is
     over      r_i in the cones,  sum_i r_i.w_k(x_i) = -f_k.
 
 Any traction in the cones has such forces, its moments against the linear shape
-functions. So where no forces fulfil the equations, the scene has no solution. The
-multipliers are a motion q that the loads want most, ``max f.q``, of those on whose jump
-no force of a cone does more work than on gap and slip: bodies fall until contacts stop
-them, and stick where friction holds them.
+functions. Where normals turn along a facet, each vertex has the cones of all of them.
+So where no forces fulfil the equations, the scene has no solution. The multipliers are
+a motion q that the loads want most, ``max f.q``, of those on whose jump no force of a
+cone does more work than on gap and slip: bodies fall until contacts stop them, and
+stick where friction holds them.
 
 Where there is no solution, a second programme minimises what is left of the equations.
 Its multipliers are the motion by which the bodies go.
@@ -198,7 +199,6 @@ def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
     owned = trace.here.owned
     jumps = [trace.of(motion)[owned, vertices] for motion in motions.T]
     w = np.stack(jumps, axis=-1)
-    n = np.broadcast_to(contact.direction[owned, None, :], w.shape[:3])
     gap = np.zeros(w.shape[:2])
     if contact.gap is not None:
         points = model.facet_points[vertices]
@@ -220,17 +220,31 @@ def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
         upper = np.broadcast_to(most, gap.shape).ravel()
         columns.append(Forces(work, cost.ravel(), lower, upper))
 
-    tangents = _tangents(n)
-    if slope.any() and not is_free:
-        round_circle = slope[..., None] / np.cos(np.pi / DIRECTIONS) if d == 3 else slope[..., None]
-        for along in _polygon(tangents):
-            add(round_circle * along - n, 1.0, 0.0, np.inf)
-    else:
-        add(-n, 1.0, normal_least, np.inf)
-    if limit.any():
-        for tangent in tangents:
-            add(tangent, 0.0, -limit, limit)
+    for direction in _normals(contact):
+        n = np.broadcast_to(direction[owned, None, :], w.shape[:3])
+        tangents = _tangents(n)
+        if slope.any() and not is_free:
+            around = np.cos(np.pi / DIRECTIONS) if d == 3 else 1.0
+            for along in _polygon(tangents):
+                add(slope[..., None] / around * along - n, 1.0, 0.0, np.inf)
+        else:
+            add(-n, 1.0, normal_least, np.inf)
+        if limit.any():
+            for tangent in tangents:
+                add(tangent, 0.0, -limit, limit)
     return _joined(columns)
+
+
+def _normals(contact: BoundContact) -> list[np.ndarray]:
+    """Return normals of facets whose cones together hold all tractions, (f, d) each.
+
+    The cone about a sum of normals lies in the sum of the cones about them, so where
+    normals turn along a facet, those of its vertices do.
+    """
+    of_corners = contact.trace.corner_normals
+    if of_corners is None:
+        return [contact.direction]
+    return list(of_corners.swapaxes(0, 1))
 
 
 def _friction(model: Model, contact: BoundContact) -> tuple[np.ndarray, np.ndarray, bool]:
