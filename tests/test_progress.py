@@ -83,7 +83,7 @@ def test_lines_of_a_long_mesh_in_a_file(console, monkeypatch, shared_tmp_path):
     if COMM.rank == 0:
         mesh = f"... mesh 2, {history.column('cells')[1]} cells: "
         assert f"{mesh}solving with the direct solver" in told
-        assert f"{mesh}equilibrium, tightening 1 of at most 50" in told
+        assert f"{mesh}equilibrium, tightening 1 of at most 600" in told
         assert "... saving, fields" in told
 
 
@@ -126,4 +126,4 @@ def test_iterations_are_told(console, monkeypatch):
     run()
     told = text.getvalue()
     assert "solving with the direct solver, Newton step 1" in told
-    assert "equilibrium, tightening 1 of at most 50" in told
+    assert "equilibrium, tightening 1 of at most 600" in told

@@ -239,7 +239,7 @@ def test_a_mapping_that_does_not_fit_the_regions():
         "No cell region is called 'core'; this domain has": {"steel": 0.1, "core": 0.1},
         "two of .*'iron', 'steel'": {"steel": 0.1, "iron": 0.1},
         "Eigenstrain in 'steel' has shape": {"steel": ((0.0,) * 3,) * 3},
-        "Eigenstrain in 'brass' failed": {"brass": lambda x: np.sin(x[0])},
+        "Eigenstrain in 'brass' failed": {"brass": lambda x: np.floor(x[0])},
     }
     for words, value in wrong.items():
         with pytest.raises(ec.InputError, match=words):
@@ -271,7 +271,7 @@ BAD = {
         "needs a scalar or the shape .* 2 rows of 2 components, which acts in plane",
     ),
     "math": (
-        lambda: ec.solve(walled(ec.ThermalStrain(1.0, lambda x: np.sin(x[0]))), plate()),
+        lambda: ec.solve(walled(ec.ThermalStrain(1.0, lambda x: np.floor(x[0]))), plate()),
         "ufl.sin",
     ),
     "infinite": (

@@ -180,7 +180,7 @@ def test_a_friction_law_may_be_a_table_of_the_pressure():
     ("bound", "said"),
     [
         (lambda p: np.interp(p, [0.0, 1.0], [0.0, 0.3]), "ec.table.* instead of np.interp"),
-        (lambda p: 0.1 * math.sqrt(p), "instead of np.sin or math.sin"),
+        (lambda p: 0.1 * math.sqrt(p), "write ufl.sin"),
         (ec.table(np.linspace(0.0, 1.0, 60), np.sqrt(np.linspace(0.0, 1.0, 60))), "at most 50"),
         (ec.table([0.0, 0.1, 0.2], [0.0, 0.01, 0.1]), "not concave"),
     ],

@@ -142,6 +142,7 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
         cell_forces=None,
         tightening=0,
         correction=None,
+        imbalance=0.0,
         seconds=0.0,
     )
 

@@ -21,9 +21,10 @@ They are compared with the greatest force that the stress of the same body has o
 facet, ``max |sigma^| |F|``. This is the size of what cancels in each of them, and also
 of the nodal forces that are balanced before: round-off is a multiple of it, in any
 units, with tiny loads as with large ones, and for each body alone. Where nothing is
-loaded, sigma^ is zero, and so must be what is missing. Two sizes may be greater: the
-last digit of the greatest force on any body, as one solve is for all, and, where a body
-moves far, the last digit of ``C eps(u)``.
+loaded, sigma^ is zero, and so must be what is missing. Three sizes may be greater: the
+last digit of the greatest force on any body, as one solve is for all; where a body
+moves far, the last digit of ``C eps(u)``; and where a cell is flat, the last digit of a
+stress that is mapped to it.
 
 Symbols: d dimension, k degree, n cells, m coefficients of a facet, N_k those of a cell,
 s Mandel components.
@@ -121,8 +122,11 @@ def proved_imbalance(
     worst = _worst(model, cells, found, greatest)
     if worst.ratio > UNBALANCED:
         digits = strain_digits(cells, u, len(size)) * greatest_moduli(model, cells, len(size))
-        of_digits = _by_body(model, cells, digits * _greatest_areas(cells, len(size)))
-        worst = _worst(model, cells, found, np.maximum(greatest, of_digits / UNBALANCED))
+        area = _greatest_areas(cells, len(size))
+        of_digits = _by_body(model, cells, digits * area)
+        of_shapes = _by_body(model, cells, size * _shape_digits(cells, area))
+        digits_of_body = np.maximum(of_digits, of_shapes) / UNBALANCED
+        worst = _worst(model, cells, found, np.maximum(greatest, digits_of_body))
     if worst.ratio > UNBALANCED:
         raise NotBalanced(str(worst))
     return worst.ratio
@@ -140,6 +144,20 @@ def _by_body(model: Model, cells: CellGeometry, forces: np.ndarray) -> np.ndarra
 def _greatest_areas(cells: CellGeometry, count: int) -> np.ndarray:
     """Return the area of the greatest facet of each cell, shape (count,)."""
     return np.asarray(np.linalg.norm(cells.area[:count], axis=2).max(axis=1, initial=0.0))
+
+
+def _shape_digits(cells: CellGeometry, area: np.ndarray) -> np.ndarray:
+    """Return the last digit of a stress that is mapped to each cell [-].
+
+    A cell of size h and least height a is mapped by numbers up to h/a, twice.
+
+    Args:
+        cells: Geometry.
+        area: Area of the greatest facet of the first cells [length^(d-1)].
+    """
+    d = cells.d
+    height = d * cells.volume[: len(area)] / area
+    return np.asarray(np.finfo(float).eps * (area ** (1 / (d - 1)) / height) ** 2)
 
 
 def _worst(model: Model, cells: CellGeometry, found: list[Found], scales: np.ndarray) -> _Worst:
