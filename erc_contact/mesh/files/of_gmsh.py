@@ -115,6 +115,14 @@ def grouped(model: Any) -> Iterator[None]:
             model.removePhysicalGroups(added)
 
 
+def in_two_groups(model: Any) -> bool:
+    """Tell whether an entity is in two physical groups."""
+    owned = []
+    for d, tag in model.getPhysicalGroups():
+        owned += [(d, int(entity)) for entity in model.getEntitiesForPhysicalGroup(d, tag)]
+    return len(set(owned)) < len(owned)
+
+
 def _groups(model: Any, d: int) -> list[tuple[str, int, list[int]]]:
     """Return name, tag and entities of each physical group of a dimension."""
     groups = []

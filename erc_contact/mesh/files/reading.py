@@ -9,10 +9,13 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.abaqus_cards import is_abaqus
 from erc_contact.mesh.files.file_mesh import FileMesh
 from erc_contact.mesh.files.of_abaqus import mesh_of_abaqus
-from erc_contact.mesh.files.of_gmsh import grouped, mesh_of_model
+from erc_contact.mesh.files.of_getfem import is_getfem, mesh_of_getfem
+from erc_contact.mesh.files.of_gmsh import grouped, in_two_groups, mesh_of_model
+from erc_contact.mesh.files.of_kratos import mesh_of_kratos
 from erc_contact.mesh.files.of_med import mesh_of_med
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 from erc_contact.mesh.files.of_vtk import mesh_of_exodus, mesh_of_vtk
+from erc_contact.mesh.files.of_xdmf import mesh_of_xdmf
 from erc_contact.mesh.gmsh_session import new_model
 
 
@@ -21,6 +24,10 @@ def mesh_of_gmsh(path: Path) -> FileMesh:
     with new_model() as gmsh:
         gmsh.merge(str(path))
         with grouped(gmsh.model):
+            of_second_version = path.read_bytes()[:30].split()[:2] in ([b"$MeshFormat", b"2.2"],)
+            if of_second_version and in_two_groups(gmsh.model):
+                # There each element has its groups, but gmsh gives them to whole entities.
+                return mesh_of_meshio(path, "gmsh")
             return mesh_of_model(gmsh.model)
 
 
@@ -29,6 +36,8 @@ READERS: dict[str, Callable[[Path], FileMesh]] = {
     **dict.fromkeys((".bdf", ".nas", ".p3d", ".ir3"), mesh_of_gmsh),
     **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), mesh_of_vtk),
     ".med": mesh_of_med,
+    ".mdpa": mesh_of_kratos,
+    **dict.fromkeys((".xdmf", ".xmf"), mesh_of_xdmf),
     **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), mesh_of_exodus),
 }
 """Reader by the ending of the file; meshio gets the other files."""
@@ -46,5 +55,7 @@ def read(path: Path) -> FileMesh:
         )
     if is_abaqus(path):
         return mesh_of_abaqus(path)
+    if is_getfem(path):
+        return mesh_of_getfem(path)
     reader = READERS.get(path.suffix.lower(), mesh_of_meshio)
     return reader(path)
