@@ -45,18 +45,19 @@ def check_tags(
     """
     tdim = mesh.topology.dim
     error: Exception | None = None
-    if not names:
-        error = InputError(
-            "The mesh has no named boundary part; give facet tags and names, "
-            "e.g. names={'bottom': 1} (in gmsh: physical groups of the boundary)."
-        )
-    elif facet_tags is None:
+    if facet_tags is None:
         error = InputError(
             f"The mesh has no tagged facet, but the names {listed(names)}; tag their facets."
         )
     elif facet_tags.dim != tdim - 1:
         error = InputError(
             f"The facet tags have dimension {facet_tags.dim}; facets have {tdim - 1}."
+        )
+    elif not names and len(facet_tags.values):
+        error = InputError(
+            "The mesh has tagged facets, but no named boundary part; give names of the tags, e.g. "
+            "names={'bottom': 1}, or leave both out and name parts by rules: Domain(mesh)"
+            ".named({'bottom': ec.where(y=0.0)})."
         )
     elif regions and (cell_tags is None or cell_tags.dim != tdim):
         error = InputError(f"The regions {listed(regions)} need cell tags of dimension {tdim}.")

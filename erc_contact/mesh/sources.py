@@ -28,6 +28,7 @@ from erc_contact.mesh.mesh_files import DRAWINGS, open_drawing
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
+from erc_contact.mesh.where import Rule
 
 NEAR_SIDE = 1e-6
 """Distance from a side that counts as none, as a share of the cell size [-]."""
@@ -184,28 +185,42 @@ def _near_plane(
     return near
 
 
-def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
+def from_gmsh(
+    model: Any,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    rank: int = 0,
+    *,
+    parts: Mapping[str, Rule] | None = None,
+    regions: Mapping[str, Rule] | None = None,
+) -> Domain:
     """Make a domain from a gmsh model in memory; collective.
 
     The model is meshed if it has no mesh yet. A physical group on the boundary becomes
     a part with the same name, and a physical group of cells becomes a region. Without
-    groups of cells the whole body is one region.
+    groups of cells the whole body is one region. Rules name parts and regions without
+    physical groups, see :meth:`Domain.named`.
 
     Args:
         model: ``gmsh.model`` on ``rank``; elsewhere it may be None.
         comm: Communicator that shares the mesh.
         rank: Rank that holds the model.
+        parts: Name of each part -> a rule that says where it is.
+        regions: Name of each region -> the same.
 
     Raises:
-        InputError: If the mesh has no physical group on its boundary, an entity is in
-            two groups, a part of the body is in none, or the mesh is not of
-            straight-sided simplices.
+        InputError: If the mesh has no physical group on its boundary and there are no
+            rules, an entity is in two groups, a part of the body is in none, or the
+            mesh is not of straight-sided simplices.
 
     Example:
         >>> ec.from_gmsh(gmsh.model)  # a square with groups "body", "top" and "bottom"
         <Domain in 2D: ... cells, boundary parts bottom, top...>
+        >>> ec.from_gmsh(gmsh.model, parts={"left": ec.where(x=0.0)})
+        <Domain in 2D: ... cells, boundary parts bottom, top, left...>
     """
-    return _from_model(model, comm, rank)
+    has_rules = parts is not None or regions is not None
+    domain = _from_model(model, comm, rank, has_rules=has_rules)
+    return domain.named(parts, regions=regions) if has_rules else domain
 
 
 def read_mesh(
@@ -213,6 +228,8 @@ def read_mesh(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     names: Mapping[int | tuple[int, int], str] | None = None,
+    parts: Mapping[str, Rule] | None = None,
+    regions: Mapping[str, Rule] | None = None,
 ) -> Domain:
     """Read a mesh file; collective.
 
@@ -230,11 +247,14 @@ def read_mesh(
         names: Names of boundary parts and regions by their tags. A tag that both a
             boundary part and a region have is told apart by its dimension:
             ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
+        parts: Name of each part -> a rule that says where it is, see
+            :meth:`Domain.named`. The file needs no groups of facets then.
+        regions: Name of each region -> the same.
 
     Raises:
-        InputError: If the file is missing or unreadable, has no groups of facets, or is
-            not of straight-sided simplices; or if the file does not have a tag of
-            ``names``, or a name is given twice.
+        InputError: If the file is missing or unreadable, has no groups of facets and
+            there are no rules, or is not of straight-sided simplices; or if the file
+            does not have a tag of ``names``, or a name is given twice.
 
     Example:
         >>> ec.read_mesh("square.msh")  # a square with groups "body", "top", "bottom"
@@ -243,16 +263,19 @@ def read_mesh(
     if not isinstance(path, str | Path):
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
+    has_rules = parts is not None or regions is not None
     subject = f"The mesh file {str(path)!r}"
     if path.suffix.lower() in DRAWINGS:
         with session(comm, lambda gmsh: open_drawing(gmsh, path), subject) as model:
-            return _from_model(model, comm, 0, names=names)
+            domain = _from_model(model, comm, 0, names=names, has_rules=has_rules)
+    else:
 
-    def make() -> Built:
-        mesh = read(path)
-        return built(mesh if names is None else renamed(mesh, names))
+        def make() -> Built:
+            mesh = read(path, numbered=not has_rules)
+            return built(mesh if names is None else renamed(mesh, names), numbered=not has_rules)
 
-    return _domain_of(spread_from(comm, 0, make, subject))
+        domain = _domain_of(spread_from(comm, 0, make, subject))
+    return domain.named(parts, regions=regions) if has_rules else domain
 
 
 def _from_model(
@@ -261,15 +284,18 @@ def _from_model(
     rank: int,
     geometry: Brick | None = None,
     names: Mapping[int | tuple[int, int], str] | None = None,
+    *,
+    has_rules: bool = False,
 ) -> Domain:
     """Make the domain of a gmsh model on a rank; collective.
 
-    It keeps the geometry that is given, else the drawing of the model.
+    It keeps the geometry that is given, else the drawing of the model. If rules name
+    parts, what is in no group gets no name.
     """
     drawing: list[tuple[str, str, frozenset[int]]] = []
 
     def make() -> Built:
-        with grouped(model):
+        with grouped(model, numbered=not has_rules):
             marks: list[FacetSet] = []
             found = None if geometry else drawing_of(model)
             if found is not None:
@@ -278,7 +304,8 @@ def _from_model(
                 facets = model.getEntities(model.getDimension() - 1)
                 marks = marked_entities(model, {int(tag): int(tag) for _, tag in facets if curved})
             mesh = mesh_of_model(model)
-            return built(mesh if names is None else renamed(mesh, names), marks)
+            mesh = mesh if names is None else renamed(mesh, names)
+            return built(mesh, marks, numbered=not has_rules)
 
     spread = spread_from(comm, rank, make, "The gmsh model")
     shape: Geometry | None = geometry

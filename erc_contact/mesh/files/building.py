@@ -48,12 +48,13 @@ class Built:
     notes: tuple[str, ...]
 
 
-def built(mesh: FileMesh, marks: Sequence[FacetSet] = ()) -> Built:
+def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = True) -> Built:
     """Make simplices with parts and regions of the mesh of a file.
 
     Args:
         mesh: The mesh.
         marks: Sets of facets with marks as their tags, which name nothing.
+        numbered: Whether a mesh without parts gets one, :data:`BOUNDARY`.
 
     Raises:
         InputError: If it has no body, or its cells cannot be worked with.
@@ -74,9 +75,8 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = ()) -> Built:
 
     found, said = _parts(mesh, body, faces)
     notes += said
-    outer = np.unique(faces.number[faces.outer])
-    if not any(len(part.members) for part in found):
-        found = [Named(BOUNDARY, None, outer)]
+    if numbered and not found:
+        found = [Named(BOUNDARY, None, np.unique(faces.number[faces.outer]))]
     face_tags, names, said = disjoint(found, len(faces.count), "part")
     notes += said
     tags = _side_tags(simplices, faces, face_tags)

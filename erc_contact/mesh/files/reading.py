@@ -19,11 +19,11 @@ from erc_contact.mesh.files.of_xdmf import mesh_of_xdmf
 from erc_contact.mesh.gmsh_session import new_model
 
 
-def mesh_of_gmsh(path: Path) -> FileMesh:
-    """Read a file by gmsh, whose sets are its physical groups."""
+def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
+    """Read a file by gmsh, whose sets are its groups; see :func:`grouped`."""
     with new_model() as gmsh:
         gmsh.merge(str(path))
-        with grouped(gmsh.model):
+        with grouped(gmsh.model, numbered=numbered):
             of_second_version = path.read_bytes()[:30].split()[:2] in ([b"$MeshFormat", b"2.2"],)
             if of_second_version and in_two_groups(gmsh.model):
                 # There each element has its groups, but gmsh gives them to whole entities.
@@ -31,20 +31,25 @@ def mesh_of_gmsh(path: Path) -> FileMesh:
             return mesh_of_model(gmsh.model)
 
 
+OF_GMSH = (".msh", ".unv", ".cgns", ".mesh", ".meshb", ".bdf", ".nas", ".p3d", ".ir3")
+"""Endings of files that gmsh reads."""
 READERS: dict[str, Callable[[Path], FileMesh]] = {
-    **dict.fromkeys((".msh", ".unv", ".cgns", ".mesh", ".meshb"), mesh_of_gmsh),
-    **dict.fromkeys((".bdf", ".nas", ".p3d", ".ir3"), mesh_of_gmsh),
     **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), mesh_of_vtk),
     ".med": mesh_of_med,
     ".mdpa": mesh_of_kratos,
     **dict.fromkeys((".xdmf", ".xmf"), mesh_of_xdmf),
     **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), mesh_of_exodus),
 }
-"""Reader by the ending of the file; meshio gets the other files."""
+"""Reader of other files by their ending; meshio gets those that are not here."""
 
 
-def read(path: Path) -> FileMesh:
+def read(path: Path, *, numbered: bool) -> FileMesh:
     """Read a mesh file, on this rank.
+
+    Args:
+        path: The file.
+        numbered: Whether surfaces and volumes of files of gmsh that are in no group are
+            called by their numbers.
 
     Raises:
         InputError: If the file is missing, unreadable or has no mesh of a known format.
@@ -57,5 +62,7 @@ def read(path: Path) -> FileMesh:
         return mesh_of_abaqus(path)
     if is_getfem(path):
         return mesh_of_getfem(path)
-    reader = READERS.get(path.suffix.lower(), mesh_of_meshio)
-    return reader(path)
+    suffix = path.suffix.lower()
+    if suffix in OF_GMSH:
+        return mesh_of_gmsh(path, numbered=numbered)
+    return READERS.get(suffix, mesh_of_meshio)(path)
