@@ -97,7 +97,10 @@ def facets(kind, cells, x, up):
             on = rows[np.all(abs(x[rows][..., up] - height) < 1e-9, axis=1)]
             if len(on):
                 found.setdefault(shape, []).append((on, np.full(len(on), tag)))
-    return {shape: tuple(map(np.concatenate, zip(*parts))) for shape, parts in found.items()}
+    return {
+        shape: tuple(map(np.concatenate, zip(*parts, strict=True)))
+        for shape, parts in found.items()
+    }
 
 
 def arrays(kind, n=2):
@@ -480,7 +483,7 @@ def inp_with_includes(folder):
 
 def inp_with_instances(folder):
     """A cube as a part of Abaqus, in two places of the assembly, beside a rigid shell."""
-    text, x, rows, _ = inp_text("hexahedron")
+    _, x, rows, _ = inp_text("hexahedron")
     inside = rows[x[rows][..., 0].mean(axis=1) < 1]
     used = np.unique(inside)
     nodes = [f"{i + 1}, {x[i, 0]}, {x[i, 1]}, {x[i, 2]}" for i in used]
@@ -539,7 +542,7 @@ def by_kratos(kind):
     def make(folder):
         x, cells = arrays(kind)
         rows, half = cells[kind]
-        facet, (sides, tags) = next((k, v) for k, v in cells.items() if k != kind)
+        sides, tags = next(table for name, table in cells.items() if name != kind)
         d = 2 if kind == "triangle" else 3
         lines = [
             "Begin ModelPartData",
@@ -710,11 +713,9 @@ def by_exodus(kind, ending=".e", named=True):
         attributes |= {"floating_point_word_size": ("i4", [8]), "file_size": ("i4", [1])}
 
         def names(*texts):
-            return b"".join(text.encode().ljust(33, b"\0") for text in texts)
+            shown = texts if named else [""] * len(texts)
+            return b"".join(text.encode().ljust(33, b"\0") for text in shown)
 
-        call = (
-            (lambda *texts: names(*texts)) if named else (lambda *texts: names(*[""] * len(texts)))
-        )
         ids = {"name": ("S", "ID")}
         variables = {
             "coordx": ("f8", ["num_nodes"], x[:, 0], {}),
@@ -722,13 +723,13 @@ def by_exodus(kind, ending=".e", named=True):
             "coordz": ("f8", ["num_nodes"], x[:, 2], {}),
             "eb_status": ("i4", ["num_el_blk"], [1, 1], {}),
             "eb_prop1": ("i4", ["num_el_blk"], [7, 8], ids),
-            "eb_names": ("S", ["num_el_blk", "len_name"], call("left", "right"), {}),
+            "eb_names": ("S", ["num_el_blk", "len_name"], names("left", "right"), {}),
             "ss_status": ("i4", ["num_side_sets"], [1], {}),
             "ss_prop1": ("i4", ["num_side_sets"], [1], ids),
-            "ss_names": ("S", ["num_side_sets", "len_name"], call("foot"), {}),
+            "ss_names": ("S", ["num_side_sets", "len_name"], names("foot"), {}),
             "ns_status": ("i4", ["num_node_sets"], [1], {}),
             "ns_prop1": ("i4", ["num_node_sets"], [2], ids),
-            "ns_names": ("S", ["num_node_sets", "len_name"], call("roof"), {}),
+            "ns_names": ("S", ["num_node_sets", "len_name"], names("roof"), {}),
             "elem_ss1": ("i4", ["num_side_ss1"], [e for e, _ in sides], {}),
             "side_ss1": ("i4", ["num_side_ss1"], [s for _, s in sides], {}),
             "node_ns1": ("i4", ["num_nod_ns1"], roof, {}),

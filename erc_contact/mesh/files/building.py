@@ -12,6 +12,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.files.cleaning import Body, body_of
+from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
 from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
 from erc_contact.mesh.files.sets import Named, disjoint
@@ -62,7 +63,7 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = Tr
     body = body_of(mesh)
     faces = faces_of(body.cells, body.x)
     simplices = split(body, faces)
-    notes = list(body.notes)
+    notes = [*body.notes, *note_of_curves(mesh, body)]
 
     cell_sets = []
     for element_set in mesh.element_sets:

@@ -24,11 +24,16 @@ def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
     with new_model() as gmsh:
         gmsh.merge(str(path))
         with grouped(gmsh.model, numbered=numbered):
-            of_second_version = path.read_bytes()[:30].split()[:2] in ([b"$MeshFormat", b"2.2"],)
-            if of_second_version and in_two_groups(gmsh.model):
-                # There each element has its groups, but gmsh gives them to whole entities.
+            # In version 2 each element has groups; gmsh gives them to whole entities.
+            if in_two_groups(gmsh.model) and _is_of_second_version(path):
                 return mesh_of_meshio(path, "gmsh")
             return mesh_of_model(gmsh.model)
+
+
+def _is_of_second_version(path: Path) -> bool:
+    """Tell whether a file of gmsh is of version 2."""
+    with path.open("rb") as file:
+        return file.read(40).split()[:2] in ([b"$MeshFormat", b"2.2"], [b"$MeshFormat", b"2"])
 
 
 OF_GMSH = (".msh", ".unv", ".cgns", ".mesh", ".meshb", ".bdf", ".nas", ".p3d", ".ir3")
@@ -63,6 +68,8 @@ def read(path: Path, *, numbered: bool) -> FileMesh:
     if is_getfem(path):
         return mesh_of_getfem(path)
     suffix = path.suffix.lower()
+    if suffix == ".inp":
+        return mesh_of_meshio(path, "avsucd")
     if suffix in OF_GMSH:
         return mesh_of_gmsh(path, numbered=numbered)
     return READERS.get(suffix, mesh_of_meshio)(path)
