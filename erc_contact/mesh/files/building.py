@@ -17,7 +17,8 @@ from erc_contact.mesh.files.faces import Faces, distinct, faces_of
 from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.mesh.transfer import given_cells

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import Block, FileMesh
-from erc_contact.mesh.files.shapes import SHAPES
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh, place
 from erc_contact.mesh.graphs import components
-from erc_contact.mesh.plain import row_numbers
+from erc_contact.mesh.rows import row_numbers
 
 FLAT = 1e-9
 """Thickness of a plane mesh that is round-off, as a share of its extent [-]."""
@@ -45,11 +44,6 @@ class Body:
     count: int
     same: np.ndarray
     notes: tuple[str, ...]
-
-
-def place(x: np.ndarray) -> str:
-    """Return a point in words."""
-    return "(" + ", ".join(f"{value:.6g}" for value in x) + ")"
 
 
 def body_of(mesh: FileMesh) -> Body:

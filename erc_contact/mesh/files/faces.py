@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.cleaning import place
-from erc_contact.mesh.files.file_mesh import Block
-from erc_contact.mesh.files.shapes import SHAPES
-from erc_contact.mesh.plain import row_numbers
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, place
+from erc_contact.mesh.rows import row_numbers
 
 SLIVER = 0.02
 """Area of a half of a face, by the whole, below which its other diagonal is tried [-].

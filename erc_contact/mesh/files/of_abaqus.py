@@ -16,6 +16,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.abaqus_cards import Card, cards_of, integers_of, numbers_of
 from erc_contact.mesh.files.file_mesh import (
+    SHAPES,
     Block,
     ElementSet,
     FacetSet,
@@ -23,7 +24,6 @@ from erc_contact.mesh.files.file_mesh import (
     NodeSet,
     padded,
 )
-from erc_contact.mesh.files.shapes import SHAPES
 
 SOLIDS = (
     (

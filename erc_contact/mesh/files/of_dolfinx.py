@@ -10,14 +10,7 @@ from dolfinx import mesh as dmesh
 
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.files.building import Built, built, spread_from
-from erc_contact.mesh.files.file_mesh import (
-    Block,
-    ElementSet,
-    FacetSet,
-    FileMesh,
-    padded,
-)
-from erc_contact.mesh.files.shapes import SHAPES
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, padded
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
 TENSOR_ORDER = {

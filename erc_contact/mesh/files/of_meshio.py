@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FileMesh, NodeSet
 from erc_contact.mesh.files.of_vtk import vectors_of
-from erc_contact.mesh.files.shapes import SHAPES
 from erc_contact.mesh.files.tag_fields import tagged_sets
 
 SHAPE_NAMES = {

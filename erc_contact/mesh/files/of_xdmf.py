@@ -17,7 +17,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, by_tags
 from erc_contact.mesh.files.of_vtk import vectors_of
 from erc_contact.mesh.files.tag_fields import tagged_sets
-from erc_contact.mesh.plain import row_numbers
+from erc_contact.mesh.rows import row_numbers
 
 SHAPE_NAMES = {
     "polyvertex": "vertex",

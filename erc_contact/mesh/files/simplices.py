@@ -18,10 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.cleaning import Body, place
+from erc_contact.mesh.files.cleaning import Body
 from erc_contact.mesh.files.faces import Faces, cross
-from erc_contact.mesh.files.file_mesh import Block
-from erc_contact.mesh.files.shapes import counted
+from erc_contact.mesh.files.file_mesh import Block, counted, place
 
 FLAT_SHARE = 0.02
 """Volume of a part of a cell, by the mean of its parts, below which it is poor [-]."""
