@@ -10,11 +10,14 @@ from dolfinx import fem
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.displacements import FileField
 from erc_contact.mesh.nearest import SAME_PLACE, nearest
 from erc_contact.model.model import Model
 
-type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
-"""A Function, a callable of points, or points with values."""
+type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any] | FileField
+"""A Function, a callable of points, points with values, or what a file has."""
+ASIDE = 10.0
+"""Way by which points go into their bodies, by the distance that is none [-]."""
 
 
 def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) -> np.ndarray:
@@ -33,6 +36,8 @@ def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) ->
     if isinstance(field, fem.Function):
         return _of_function(model, field, what)[nodes]
     x = model.V.tabulate_dof_coordinates()[nodes, : model.d]
+    if isinstance(field, FileField):
+        return _of_file(model, field, nodes, what)
     if callable(field):
         return _of_callable(field, x, what)
     if not isinstance(field, tuple) or len(field) != 2:
@@ -74,6 +79,37 @@ def _of_callable(field: Callable[[np.ndarray], Any], x: np.ndarray, what: str) -
             " rows, a component each."
         )
     return values
+
+
+def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np.ndarray:
+    """Return the values of a file at nodes, of bodies that touch each its own."""
+    d = model.d
+    x = model.V.tabulate_dof_coordinates()[:, :d]
+    points = field.points[:, :d]
+    place = nearest(x[nodes], points)
+    _, same, count = np.unique(x, axis=0, return_inverse=True, return_counts=True)
+    twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
+    tolerance = SAME_PLACE * model.domain.extent
+    if len(twins):
+        into = _moved(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
+        of_bodies = _moved(points, field.inward[:, :d], ASIDE * tolerance)
+        place[twins] = nearest(into[twins], of_bodies)
+    return _of_points(points[place], field.values[place, :d], x[nodes], tolerance, what)
+
+
+def _inward(model: Model, x: np.ndarray) -> np.ndarray:
+    """Return the mean middle of the cells at each node, less the node [length]."""
+    dofs = model.V.dofmap.list
+    middles = x[dofs[:, : model.d + 1]].mean(axis=1)
+    sums = np.zeros(x.shape)
+    np.add.at(sums, dofs.ravel(), np.repeat(middles, dofs.shape[1], axis=0))
+    return sums / np.bincount(dofs.ravel(), minlength=len(x))[:, None] - x
+
+
+def _moved(x: np.ndarray, inward: np.ndarray, length: float) -> np.ndarray:
+    """Move points by a length along vectors [length], shape (n, d)."""
+    size = np.linalg.norm(inward, axis=1)
+    return x + length * inward / np.where(size == 0, 1.0, size)[:, None]
 
 
 def _of_points(

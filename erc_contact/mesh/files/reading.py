@@ -9,6 +9,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.abaqus_cards import is_abaqus
 from erc_contact.mesh.files.file_mesh import FileMesh
 from erc_contact.mesh.files.of_abaqus import mesh_of_abaqus
+from erc_contact.mesh.files.of_frd import mesh_of_frd
 from erc_contact.mesh.files.of_getfem import is_getfem, mesh_of_getfem
 from erc_contact.mesh.files.of_gmsh import grouped, in_two_groups, mesh_of_model
 from erc_contact.mesh.files.of_kratos import mesh_of_kratos
@@ -42,6 +43,7 @@ READERS: dict[str, Callable[[Path], FileMesh]] = {
     **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), mesh_of_vtk),
     ".med": mesh_of_med,
     ".mdpa": mesh_of_kratos,
+    ".frd": mesh_of_frd,
     **dict.fromkeys((".xdmf", ".xmf"), mesh_of_xdmf),
     **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), mesh_of_exodus),
 }
