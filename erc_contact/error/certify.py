@@ -56,8 +56,8 @@ class Certificate:
         off_supports: Greatest difference of u to the supports [length], which u^ keeps.
         penetration: Greatest penetration of u into a foundation or the other body
             [length], which u^ does not have.
-        interpolated: Greatest distance of the displacement of a file to the elements in
-            the middles of diagonals [length]: its cells were split. 0 if they were not.
+        interpolated: Whether the cells of a file were split, so that u is interpolated
+            in them. What that loses is a part of the displacement's.
 
     Example:
         >>> certificate = ec.certify(scene, block, solution.u)
@@ -73,7 +73,7 @@ class Certificate:
     contact: float
     off_supports: float
     penetration: float
-    interpolated: float = 0.0
+    interpolated: bool = False
 
     def __repr__(self) -> str:
         """Describe the certificate in a line."""
@@ -90,10 +90,10 @@ class Certificate:
             words.append(f"u differs from the supports by up to {self.off_supports:.3g}.")
         if self.penetration > 0:
             words.append(f"u penetrates by up to {self.penetration:.3g}.")
-        if self.interpolated > 0:
+        if self.interpolated:
             words.append(
-                f"The cells of the file were split: inside them u moves by up to "
-                f"{self.interpolated:.3g}, which counts as an error of u."
+                "The cells of the file were split, and u is interpolated in them; what that loses "
+                "counts as the displacement's."
             )
         return "\n".join(words)
 
@@ -202,13 +202,8 @@ def certify(
         contact=error.contact_error,
         off_supports=off_supports if off_supports > ROUND_OFF * size else 0.0,
         penetration=float(penetration) if penetration > ROUND_OFF * size else 0.0,
-        interpolated=_lost(field, solution.model.degree),
+        interpolated=isinstance(field, FileField) and field.interpolated,
     )
-
-
-def _lost(field: AnyField, degree: int) -> float:
-    """Return how far elements are from the displacement of a file [length]."""
-    return field.lost if isinstance(field, FileField) and degree == 1 else 0.0
 
 
 def _distance_to_equilibrium(pair: Admissible) -> float:

@@ -16,6 +16,8 @@ from erc_contact.model.model import Model
 
 type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any] | FileField
 """A Function, a callable of points, points with values, or what a file has."""
+OFFSET = 0.2718
+"""Place of the lattice of boxes, in boxes [-]."""
 ASIDE = 10.0
 """Way by which points go into their bodies, by the distance that is none [-]."""
 
@@ -87,9 +89,11 @@ def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np
     x = model.V.tabulate_dof_coordinates()[:, :d]
     points = field.points[:, :d]
     place = nearest(x[nodes], points)
-    _, same, count = np.unique(x, axis=0, return_inverse=True, return_counts=True)
-    twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
     tolerance = SAME_PLACE * model.domain.extent
+    # Nodes of bodies that touch are in the same box of a lattice that no mesh has.
+    boxes = np.floor(x / tolerance + OFFSET)
+    _, same, count = np.unique(boxes, axis=0, return_inverse=True, return_counts=True)
+    twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
     if len(twins):
         into = _moved(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
         of_bodies = _moved(points, field.inward[:, :d], ASIDE * tolerance)

@@ -37,7 +37,7 @@ class FileField:
             3). It tells bodies apart that touch.
         vertices: How many points are vertices.
         degree: Degree of elements that carry it, 1 or 2.
-        lost: Greatest difference to its linear interpolation at diagonals [length].
+        interpolated: Whether cells were split, which changes it inside them.
     """
 
     points: np.ndarray
@@ -45,7 +45,7 @@ class FileField:
     inward: np.ndarray
     vertices: int
     degree: int
-    lost: float
+    interpolated: bool
 
 
 def displacement_of(mesh: FileMesh) -> FileField:
@@ -74,10 +74,8 @@ def displacement_of(mesh: FileMesh) -> FileField:
     pairs = np.concatenate(ends)
     (numbers,) = row_numbers(pairs)
     _, first = np.unique(numbers, return_index=True)
-    count = len(first)
     at_middle = 0.5 * (mesh.points[pairs[first, 0]] + mesh.points[pairs[first, 1]])
     between = np.concatenate(values)[first]
-    straight = 0.5 * (u[pairs[first, 0]] + u[pairs[first, 1]])
     points = np.vstack([mesh.points[used], at_middle])
     # Of each point the mean of the middles of its cells.
     row = np.full(len(mesh.points), -1)
@@ -94,7 +92,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
         sums / weights[:, None] - points,
         len(used),
         2 if quadratic or split else 1,
-        float(abs(between - straight).max(initial=0.0)) if count and split else 0.0,
+        split,
     )
 
 

@@ -75,7 +75,7 @@ def _format(line: str) -> int:
     Raises:
         InputError: If it is binary.
     """
-    kind = int(line.split()[-1])
+    kind = int(line.rsplit(maxsplit=1)[-1])
     if kind > LONG:
         raise InputError(
             "it is binary; let CalculiX write text: *NODE FILE instead of *NODE OUTPUT."
