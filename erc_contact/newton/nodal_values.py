@@ -98,7 +98,7 @@ def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np
         into = _moved(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
         of_bodies = _moved(points, field.inward[:, :d], ASIDE * tolerance)
         place[twins] = nearest(into[twins], of_bodies)
-    return _of_points(points[place], field.values[place, :d], x[nodes], tolerance, what)
+    return _values_at(points, field.values, place, x[nodes], tolerance, what)
 
 
 def _inward(model: Model, x: np.ndarray) -> np.ndarray:
@@ -129,7 +129,23 @@ def _of_points(
         )
     if n == 0:
         return np.empty((0, d))
-    place = nearest(x, points[:, :d])
+    return _values_at(points, values, nearest(x, points[:, :d]), x, tolerance, what)
+
+
+def _values_at(
+    points: np.ndarray,
+    values: np.ndarray,
+    place: np.ndarray,
+    x: np.ndarray,
+    tolerance: float,
+    what: str,
+) -> np.ndarray:
+    """Return the values of the points that were found for nodes x, shape (n, d).
+
+    Raises:
+        InputError: If a point is farther from its node than the tolerance [length].
+    """
+    n, d = x.shape
     distance = np.linalg.norm(points[place, :d] - x, axis=1)
     apart = distance > tolerance
     if apart.any():
