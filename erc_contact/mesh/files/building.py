@@ -14,7 +14,7 @@ from erc_contact.base.logs import log_of
 from erc_contact.mesh.files.cleaning import Body, body_of
 from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
-from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
+from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, in_words, padded
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
@@ -25,6 +25,10 @@ from erc_contact.mesh.transfer import given_cells
 
 BOUNDARY = "boundary"
 """Name of the part of a file without sets of facets: all of the outer facets."""
+SAME_PLACE = 1e-9
+"""Distance of two points that is none, as a share of the extent [-]."""
+OFFSET = 0.2718
+"""Place of the lattice of boxes that finds such points, in boxes [-]."""
 UNNAMED = "unnamed"
 """Name of the region of cells in no set, where other cells are in sets."""
 
@@ -92,7 +96,33 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = Tr
     used, cells = np.unique(simplices.cells, return_inverse=True)
     nodes = np.where(used < len(body.x), used, -1)
     plain = PlainMesh(simplices.x[used], cells.reshape(simplices.cells.shape), of_simplices, tags)
+    notes += _unconnected(plain, regions)
     return Built(plain, names, regions, side_marks, nodes, tuple(notes))
+
+
+def _unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
+    """Tell of points of a region that lie at one place and are not connected."""
+    extent = np.ptp(plain.x, axis=0).max()
+    boxes = np.floor(plain.x / (SAME_PLACE * extent) + OFFSET)
+    _, place, count = np.unique(boxes, axis=0, return_inverse=True, return_counts=True)
+    place = place.ravel()
+    twins = np.flatnonzero(count[place] > 1)
+    if not len(twins):
+        return []
+    notes = []
+    for name, tag in regions.items():
+        of_region = np.zeros(len(plain.x), dtype=bool)
+        of_region[plain.cells[plain.regions == tag]] = True
+        here = twins[of_region[twins]]
+        _, first, here_count = np.unique(place[here], return_index=True, return_counts=True)
+        if (here_count > 1).any():
+            at = plain.x[here[first[here_count > 1][0]]]
+            notes.append(
+                f"region {name!r} has {int((here_count > 1).sum())} places with several points, as "
+                f"{in_words(at)}: its pieces are not connected there; merge the points if it "
+                "is one body, or give the pieces regions of their own"
+            )
+    return notes
 
 
 def _cells_in(body: Body, mesh: FileMesh, members: Mapping[int, np.ndarray]) -> np.ndarray:

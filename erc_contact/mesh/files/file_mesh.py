@@ -65,7 +65,7 @@ def counted(number: int, shape: str) -> str:
     return f"{number} {shape}" if number == 1 else f"{number} {PLURALS.get(shape, shape + 's')}"
 
 
-def place(x: np.ndarray) -> str:
+def in_words(x: np.ndarray) -> str:
     """Return a point in words."""
     return "(" + ", ".join(f"{value:.6g}" for value in x) + ")"
 

@@ -65,29 +65,89 @@ FACE_SETS = ("Side Sets", "Face Sets")
 
 
 def mesh_of_vtk(path: Path) -> FileMesh:
-    """Read a file of VTK, whose sets are the integers at its cells."""
-    import pyvista  # noqa: PLC0415 - paid for only by those who read such files
+    """Read a file of VTK, whose sets are the integers at its cells.
 
+    Raises:
+        InputError: If VTK finds no cells in it.
+    """
     with _silent():
-        grid = pyvista.read(path)
-        if isinstance(grid, pyvista.MultiBlock):
-            grid = grid.combine()
-        if not isinstance(grid, pyvista.UnstructuredGrid):
-            grid = grid.cast_to_unstructured_grid()
-    if not grid.n_cells:
+        reader = _reader(path)
+        reader.SetFileName(str(path))
+        reader.Update()
+        grid = _unstructured(reader.GetOutputDataObject(0))
+    if grid is None or not grid.GetNumberOfCells():
         raise InputError("VTK found no cells in it; the file is damaged, or of another format.")
     blocks, cells_of, left_out = _blocks(grid)
     fields = {}
-    for name in grid.cell_data:
-        values = np.asarray(grid.cell_data[name])
+    for name, values in _arrays(grid.GetCellData()).items():
         fields[name] = [values[cells] for cells in cells_of]
     return FileMesh(
-        np.asarray(grid.points, dtype=float),
+        _points(grid),
         blocks,
         tagged_sets(blocks, fields, {}),
         left_out=left_out,
-        values=vectors_of(grid.point_data),
+        values=vectors_of(_arrays(grid.GetPointData())),
     )
+
+
+def _reader(path: Path) -> Any:
+    """Return VTK's reader of a file by its ending."""
+    from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 - loaded in a process of its own
+    from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader  # noqa: PLC0415
+    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader  # noqa: PLC0415
+
+    if path.suffix.lower() == ".vtkhdf":
+        return vtkHDFReader()
+    if path.suffix.lower() == ".vtk":
+        reader = vtkGenericDataObjectReader()
+        for kind in ("Scalars", "Vectors", "Fields"):
+            getattr(reader, f"ReadAll{kind}On")()
+        return reader
+    return vtkXMLGenericDataObjectReader()
+
+
+def _unstructured(data: Any) -> Any:
+    """Return data of VTK as one unstructured grid, None if there is no grid."""
+    from vtkmodules.vtkFiltersCore import vtkAppendFilter  # noqa: PLC0415
+
+    if data is None:
+        return None
+    if data.IsA("vtkUnstructuredGrid"):
+        return data
+    leaves = [data]
+    if data.IsA("vtkCompositeDataSet"):
+        iterator = data.NewIterator()
+        leaves = []
+        while not iterator.IsDoneWithTraversal():
+            leaves.append(iterator.GetCurrentDataObject())
+            iterator.GoToNextItem()
+    append = vtkAppendFilter()
+    for leaf in leaves:
+        if leaf is not None and leaf.IsA("vtkDataSet"):
+            append.AddInputData(leaf)
+    if not append.GetNumberOfInputConnections(0):
+        return None
+    append.Update()
+    return append.GetOutput()
+
+
+def _points(grid: Any) -> np.ndarray:
+    """Return the points of a grid of VTK [length], shape (n, 3)."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: PLC0415
+
+    return vtk_to_numpy(grid.GetPoints().GetData()).astype(float)
+
+
+def _arrays(data: Any) -> dict[str, np.ndarray]:
+    """Return the arrays of numbers at cells or points of VTK by name."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: PLC0415
+
+    found = {}
+    for number in range(data.GetNumberOfArrays()):
+        array = data.GetArray(number)
+        if array is not None:
+            found[array.GetName() or str(number)] = vtk_to_numpy(array)
+    return found
 
 
 def vectors_of(point_data: Any) -> dict[str, np.ndarray]:
@@ -122,7 +182,7 @@ def _blocks(grid: Any) -> tuple[tuple[Block, ...], list[np.ndarray], dict[str, i
     """
     from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: PLC0415
 
-    types = np.asarray(grid.celltypes)
+    types = vtk_to_numpy(grid.GetCellTypes()).astype(np.int64).ravel()
     cells_of_vtk = grid.GetCells()
     offsets = vtk_to_numpy(cells_of_vtk.GetOffsetsArray()).astype(np.int64)
     connectivity = vtk_to_numpy(cells_of_vtk.GetConnectivityArray()).astype(np.int64)
@@ -185,8 +245,8 @@ def _of_exodus_groups(output: Any) -> FileMesh:
     for leaf in leaves:
         rows = np.searchsorted(ids, leaf.global_ids)
         if leaf.group == "Element Blocks":
-            points[rows] = leaf.grid.points
-            for name, vectors in vectors_of(leaf.grid.point_data).items():
+            points[rows] = _points(leaf.grid)
+            for name, vectors in vectors_of(_arrays(leaf.grid.GetPointData())).items():
                 values.setdefault(name, np.zeros((len(ids), 3)))[rows] = vectors
         if leaf.group == "Node Sets":
             node_sets.append(NodeSet(leaf.name, rows, leaf.tag))
@@ -214,11 +274,9 @@ class _Leaf:
     """Hold a block or set of Exodus: group, name, tag, grid, numbers of nodes."""
 
     def __init__(self, group: str, words: str, grid: Any) -> None:
-        import pyvista  # noqa: PLC0415
-
         self.group = group
-        self.grid = pyvista.wrap(grid).cast_to_unstructured_grid()
-        self.global_ids = np.asarray(self.grid.point_data["GlobalNodeId"])
+        self.grid = _unstructured(grid)
+        self.global_ids = _arrays(self.grid.GetPointData())["GlobalNodeId"]
         head, separator, number = words.rpartition("ID: ")
         digits = number.strip().split()[0] if separator else ""
         self.tag = int(digits) if digits.isdigit() else None

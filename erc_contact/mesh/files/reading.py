@@ -7,6 +7,7 @@ from pathlib import Path
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.abaqus_cards import is_abaqus
+from erc_contact.mesh.files.apart import read_apart
 from erc_contact.mesh.files.file_mesh import FileMesh
 from erc_contact.mesh.files.of_abaqus import mesh_of_abaqus
 from erc_contact.mesh.files.of_frd import mesh_of_frd
@@ -15,7 +16,6 @@ from erc_contact.mesh.files.of_gmsh import grouped, in_two_groups, mesh_of_model
 from erc_contact.mesh.files.of_kratos import mesh_of_kratos
 from erc_contact.mesh.files.of_med import mesh_of_med
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
-from erc_contact.mesh.files.of_vtk import mesh_of_exodus, mesh_of_vtk
 from erc_contact.mesh.files.of_xdmf import mesh_of_xdmf
 from erc_contact.mesh.gmsh_session import new_model
 
@@ -39,13 +39,25 @@ def _is_of_second_version(path: Path) -> bool:
 
 OF_GMSH = (".msh", ".unv", ".cgns", ".mesh", ".meshb", ".bdf", ".nas", ".p3d", ".ir3")
 """Endings of files that gmsh reads."""
+
+
+def _by_vtk(path: Path) -> FileMesh:
+    """Read a file of VTK, whose library ends where a file is damaged."""
+    return read_apart("erc_contact.mesh.files.of_vtk", "mesh_of_vtk", path)
+
+
+def _of_exodus(path: Path) -> FileMesh:
+    """Read a file of Exodus by VTK."""
+    return read_apart("erc_contact.mesh.files.of_vtk", "mesh_of_exodus", path)
+
+
 READERS: dict[str, Callable[[Path], FileMesh]] = {
-    **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), mesh_of_vtk),
+    **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), _by_vtk),
     ".med": mesh_of_med,
     ".mdpa": mesh_of_kratos,
     ".frd": mesh_of_frd,
     **dict.fromkeys((".xdmf", ".xmf"), mesh_of_xdmf),
-    **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), mesh_of_exodus),
+    **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), _of_exodus),
 }
 """Reader of other files by their ending; meshio gets those that are not here."""
 

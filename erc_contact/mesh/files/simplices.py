@@ -20,7 +20,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.cleaning import Body
 from erc_contact.mesh.files.faces import Faces, cross
-from erc_contact.mesh.files.file_mesh import Block, counted, place
+from erc_contact.mesh.files.file_mesh import Block, counted, in_words
 
 FLAT_SHARE = 0.02
 """Volume of a part of a cell, by the mean of its parts, below which it is poor [-]."""
@@ -195,14 +195,14 @@ def _check_volumes(simplices: Simplices) -> None:
         parents = np.unique(simplices.parents[flat])
         at = corners[flat[0]].mean(axis=0)
         raise InputError(
-            f"{len(parents)} cells have a flat part, without volume, the first near {place(at)}: "
-            "corners lie on a line or in a plane. Mesh there anew, or move a corner."
+            f"{len(parents)} cells have a flat part, without volume, the first near "
+            f"{in_words(at)}: corners lie on a line or in a plane. Mesh there anew, or move one."
         )
 
 
 def _refuse(number: int, shape: str, at: np.ndarray, what: str) -> None:
     """Raise an error about cells of a shape."""
     raise InputError(
-        f"cells {what}: {counted(number, shape)}, the first near {place(at)}; mesh there anew, or "
-        "move a point."
+        f"cells {what}: {counted(number, shape)}, the first near {in_words(at)}; mesh there anew, "
+        "or move a point."
     )
