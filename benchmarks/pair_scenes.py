@@ -19,6 +19,7 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from dolfinx import mesh as dmesh
 
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.partition import distributed
 
 KINDS = ("stack", "stack", "loose", "hinged", "one cell")
@@ -222,7 +223,7 @@ def hinged(d: int, length: float, comm: MPI.Comm) -> ec.Domain:
     """Make two bricks in one mesh that have one vertex in common, or an edge."""
     brick = ec.rectangle if d == 2 else ec.box
     unit = brick((0.0,) * d, (1.0,) * d, cells=(2,) * d, comm=MPI.COMM_SELF).mesh
-    x, cells = unit.geometry.x[:, :d], unit.geometry.dofmaps[0]
+    x, cells = unit.geometry.x[:, :d], cell_nodes(unit.geometry)
     beside = np.array([1.0] + [0.0] * (d - 2) + [1.0])
     points, number = np.unique(np.vstack([x, x + beside]).round(9), axis=0, return_inverse=True)
     all_cells = number.ravel()[np.vstack([cells, cells + len(x)])]

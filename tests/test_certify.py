@@ -12,6 +12,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -230,3 +231,100 @@ def test_a_traction_that_does_not_fit_is_refused(traction, said):
     with pytest.raises(ec.InputError) as refused:
         ec.certify(scene, body, np.zeros_like, traction=traction)
     assert said in str(refused.value)
+
+
+# -- files of results
+# ---------------------------------------------------------------------------------
+
+CALCULIX = Path(__file__).parents[1] / "meshes" / "calculix"
+
+
+def test_a_result_of_calculix_on_hexahedra():
+    """A block 2 x 1 x 1 of 16 hexahedra of second order, sheared between two plates."""
+    domain = ec.read_mesh(CALCULIX / "hexahedra.inp")
+    supports = [ec.Displacement("roof", (0.02, 0.0, -0.05)), ec.Displacement("foot", (0.0,) * 3)]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports)
+    certificate = ec.certify(scene, domain, CALCULIX / "hexahedra.frd")
+    assert certificate.error.degree == 2
+    assert certificate.interpolated
+    assert "were split" in str(certificate)
+    assert certificate.cause == "the mesh"
+    own = error_of(ec.solve(scene, domain, degree=2)).relative
+    assert own < certificate.error.relative < 1.2 * own
+    # The supports hold but for the digits of the file.
+    assert certificate.off_supports < 1e-7
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_result_of_triangles_is_that_of_its_points(degree, shared_tmp_path):
+    solution = solved(degree, n=3)
+    path = shared_tmp_path / "result.vtu"
+    if MPI.COMM_WORLD.size == 1:
+        import meshio
+
+        x = solution.model.V.tabulate_dof_coordinates()
+        # DOLFINx has the middle of the edge opposite to a vertex first.
+        order = [0, 1, 2] if degree == 1 else [0, 1, 2, 5, 3, 4]
+        cells = {"triangle" if degree == 1 else "triangle6": solution.model.V.dofmap.list[:, order]}
+        u = np.pad(solution.u.x.array.reshape(-1, 2), ((0, 0), (0, 1)))
+        meshio.Mesh(x, cells, point_data={"disp": u}).write(path)
+        certificate = ec.certify(SCENE, solution.domain, path)
+        assert certificate.error.degree == degree
+        assert not certificate.interpolated
+        assert certificate.error.relative == pytest.approx(error_of(solution).relative, rel=1e-8)
+
+
+def test_a_file_tells_two_bodies_apart(shared_tmp_path):
+    """On both sides of the contact nodes lie at one place, with other displacements."""
+    bodies = bricks(2, (4, 2))
+    held = ec.Displacement("lower outer", (0.0, 0.0))
+    scene = ec.Scene(
+        ec.Elastic({"upper": 10.0, "lower": 1.0}, 0.3),
+        [ec.Displacement("upper outer", (0.03, -0.05)), held],
+        contacts=ec.Contact("upper contact", against="lower contact", friction=0.1),
+    )
+    solution = ec.solve(scene, bodies, ec.AugmentedLagrangian())
+    certificate = ec.certify(scene, bodies, solution.u)
+    parts = MPI.COMM_WORLD.gather(
+        (
+            solution.model.V.tabulate_dof_coordinates(),
+            solution.model.V.dofmap.list[: bodies.owned_cells],
+            solution.u.x.array.reshape(-1, 2),
+        )
+    )
+    path = shared_tmp_path / "result.vtu"
+    if parts is not None:
+        import meshio
+
+        # Nodes of several ranks are there twice, with the same displacement.
+        begins = np.cumsum([0, *(len(x) for x, _, _ in parts)])
+        x = np.concatenate([x for x, _, _ in parts])
+        cells = np.concatenate([c + b for (_, c, _), b in zip(parts, begins, strict=False)])
+        u = np.pad(np.concatenate([u for _, _, u in parts]), ((0, 0), (0, 1)))
+        meshio.Mesh(x, {"triangle": cells}, point_data={"U": u}).write(path)
+    MPI.COMM_WORLD.barrier()
+    of_file = ec.certify(scene, bodies, path)
+    assert of_file.error.relative == pytest.approx(certificate.error.relative, rel=1e-8)
+
+
+def test_a_function_of_dolfinx_in_a_file(shared_tmp_path):
+    from dolfinx import io
+
+    solution = solved(1)
+    path = shared_tmp_path / "result.xdmf"
+    mesh = solution.domain.mesh
+    with io.XDMFFile(mesh.comm, path, "w") as file:
+        file.write_mesh(mesh)
+        file.write_function(solution.u)
+    certificate = ec.certify(SCENE, solution.domain, path)
+    assert certificate.error.relative == pytest.approx(error_of(solution).relative, rel=1e-6)
+
+
+def test_files_without_a_displacement_are_refused(shared_tmp_path):
+    solution = solved(1, n=2)
+    with pytest.raises(ec.InputError, match="does not exist"):
+        ec.certify(SCENE, solution.domain, shared_tmp_path / "missing.frd")
+    with pytest.raises(ec.InputError, match="no vector at points"):
+        ec.certify(SCENE, solution.domain, CALCULIX / "block.msh")
+    with pytest.raises(ec.InputError, match="have no point"):
+        ec.certify(SCENE, solution.domain, CALCULIX / "block_10.vtu")

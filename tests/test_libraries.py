@@ -42,7 +42,6 @@ PRIVATE = {
     "base/runtime/parts.py": {"_cache"},
     "base/runtime/patches.py": {"_method_cache"},
     "base/ufl_tables.py": {"_handlers_cache"},
-    "mesh/gmsh_model.py": {"_cpp_object"},
     "mesh/graphs.py": {"_cpp_object"},
     "mesh/partition.py": {"_cpp_object"},
 }
@@ -57,7 +56,6 @@ UNPROMISED = {
     "ufl.algorithms.apply_derivatives.GenericDerivativeRuleset": "base/ufl_tables.py",
     "ufl.corealg.dag_traverser.DAGTraverser": "base/runtime/patches.py",
     "dolfinx.cpp.la.petsc.create_matrix": "base/sparse.py",
-    "dolfinx.cpp.mesh.Mesh_float64": "mesh/gmsh_model.py",
     "dolfinx.cpp.mesh.entities_to_geometry": "mesh/partition.py",
 }
 """Names of other libraries that no page of theirs promises to users -> module that uses them."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
@@ -33,6 +34,8 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.files.displacements import FileField
+from erc_contact.mesh.files.results import from_file
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
@@ -55,6 +58,8 @@ class Certificate:
         off_supports: Greatest difference of u to the supports [length], which u^ keeps.
         penetration: Greatest penetration of u into a foundation or the other body
             [length], which u^ does not have.
+        interpolated: Whether the cells of a file were split, so that u is interpolated
+            in them. What that loses is a part of the displacement's.
 
     Example:
         >>> certificate = ec.certify(scene, block, solution.u)
@@ -70,6 +75,7 @@ class Certificate:
     contact: float
     off_supports: float
     penetration: float
+    interpolated: bool = False
 
     def __repr__(self) -> str:
         """Describe the certificate in a line."""
@@ -86,6 +92,11 @@ class Certificate:
             words.append(f"u differs from the supports by up to {self.off_supports:.3g}.")
         if self.penetration > 0:
             words.append(f"u penetrates by up to {self.penetration:.3g}.")
+        if self.interpolated:
+            words.append(
+                "The cells of the file were split, and u is interpolated in them; what that loses "
+                "counts as the displacement's."
+            )
         return "\n".join(words)
 
     @property
@@ -118,7 +129,7 @@ ADVICE = {
 def certify(
     scene: Scene,
     domain: Domain,
-    u: AnyField,
+    u: AnyField | str | Path,
     *,
     traction: Mapping[str, AnyField] | None = None,
     degree: int | None = None,
@@ -138,12 +149,16 @@ def certify(
         u: The displacement [length]: a DOLFINx Function on ``domain.mesh``; or a
             callable of points of shape (d, n), which returns values of shape (d, n); or
             (points, values), arrays of shape (n, d) in any order, with a point at each
-            node: the vertices, for degree 2 also the middles of edges.
+            node: the vertices, for degree 2 also the middles of edges; or the file of
+            the results: .frd of CalculiX, Exodus, MED, XDMF, vtu. The domain is then
+            read from the same file or has the same nodes. Quadrilaterals, hexahedra,
+            prisms and pyramids are split, and u is interpolated.
         traction: Contact tractions that the solver has computed, by the names of
             contacts [force/area], each as u is given, at the nodes of the part. They
             act on the part that the contact is named after. r^ then comes from them.
         degree: Degree of the elements, 1 or 2; None takes that of a Function, 2 if
-            there are more points than vertices, else 1.
+            there are more points than vertices, for files 2 if their cells are of
+            second order or are split, else 1.
         tighten: As in :func:`equilibrate`.
 
     Returns:
@@ -159,7 +174,8 @@ def certify(
         >>> ec.certify(scene, block, rough).cause
         'the displacement'
     """
-    solution, off_supports = solution_of(scene, domain, u, degree, traction)
+    field = from_file(domain.comm, u) if isinstance(u, str | Path) else u
+    solution, off_supports = solution_of(scene, domain, field, degree, traction)
     penetration = 0.0
     model = solution.model
     for contact in model.contacts:
@@ -190,6 +206,7 @@ def certify(
         contact=error.contact_error,
         off_supports=off_supports if off_supports > ROUND_OFF * size else 0.0,
         penetration=float(penetration) if penetration > ROUND_OFF * size else 0.0,
+        interpolated=isinstance(field, FileField) and field.interpolated,
     )
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.cutting import cut
 from erc_contact.mesh.graphs import components
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import facet_vertices, measures
 from erc_contact.mesh.tags import NO_TAG
 

@@ -20,6 +20,7 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import joining, partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks
+from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.named_shape import NamedShape, measured
 from erc_contact.mesh.naming import Rules, parts_named, regions_named
 from erc_contact.mesh.parts_table import Parts, parts_of
@@ -45,11 +46,12 @@ class Domain(Bodies):
     """Hold a mesh whose parts have names.
 
     Args:
-        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Where cells meet at a
-            vertex or an edge without a common facet, they get nodes of their own, as
-            such a hinge transmits no force. Under MPI a mesh without complete vertex
-            patches is distributed anew. Use ``domain.mesh`` afterwards, not the mesh
-            that you gave.
+        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Quadrilaterals,
+            hexahedra and cells of higher order are split into such simplices, at their
+            corners. Where cells meet at a vertex or an edge without a common facet,
+            they get nodes of their own, as such a hinge transmits no force. Under MPI a
+            mesh without complete vertex patches is distributed anew. Use
+            ``domain.mesh`` afterwards, not the mesh that you gave.
         facet_tags: Tags of boundary facets. A mesh without tags can be named by rules,
             see :meth:`named`.
         names: Name of each boundary part -> its tag.
@@ -64,9 +66,9 @@ class Domain(Bodies):
         seams: What relates the nodes and cells of both, or None.
 
     Raises:
-        InputError: If the mesh is not of straight-sided simplices, names and tags do
-            not fit, or no facet has the tag of a name. A part may have facets inside
-            the body, as an interface has, but a scene cannot use it.
+        InputError: If the mesh does not fill its space, a cell cannot be split, names
+            and tags do not fit, or no facet has the tag of a name. A part may have
+            facets inside the body, as an interface has, but a scene cannot use it.
 
     Example:
         >>> block
@@ -85,6 +87,11 @@ class Domain(Bodies):
                 "read_mesh, rectangle, box."
             )
         parts.check_names(self.names, self.regions)
+        if has_other_cells(self.mesh):
+            tables = simplicial(self.mesh, self.facet_tags, self.cell_tags)
+            for name, table in zip(("mesh", "facet_tags", "cell_tags"), tables, strict=True):
+                # A frozen dataclass sets its own members by this detour.
+                object.__setattr__(self, name, table)
         partition.check_mesh(self.mesh)
         tdim = self.mesh.topology.dim
         self.mesh.topology.create_connectivity(tdim - 1, tdim)

@@ -21,7 +21,8 @@ from erc_contact.mesh.closest import closest
 from erc_contact.mesh.filling import filled
 from erc_contact.mesh.loops import area_vectors, band, least_angle, loops, outer_edges
 from erc_contact.mesh.outlines import cut_edges
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.side_contact import (
     NO_FIT,
     SAME,

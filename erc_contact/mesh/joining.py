@@ -25,8 +25,9 @@ from erc_contact.mesh.draped import draped
 from erc_contact.mesh.matching import matched
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.overlapping import taken_in_turn
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.resided import plane_sides, resided
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
 from erc_contact.mesh.transfer import gathered_mesh

@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 
 SAME = 1e-3
 """Distance that counts as none, by the shortest edge of the sides [-]."""

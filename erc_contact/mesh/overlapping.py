@@ -21,7 +21,8 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.loops import area_vectors, outer_edges
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.side_contact import FACING, FacetSide, allowance, oriented
 
 BESIDE = (0.6, 0.4, 0.2)

@@ -47,24 +47,3 @@ class PlainMesh:
         """Return the same mesh without the points that are in no cell."""
         used, cells = np.unique(self.cells, return_inverse=True)
         return replace(self, x=self.x[used], cells=cells.reshape(self.cells.shape))
-
-
-def row_numbers(rows: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
-    """Number rows so that those with the same entries, in any order, have one number.
-
-    Args:
-        rows: Whole numbers, shape (n, k).
-        others: More such tables, shape (., k) each.
-
-    Returns:
-        The numbers of the rows of each table.
-    """
-    tables = [rows, *others]
-    every = np.sort(np.concatenate(tables), axis=1)
-    # One number for each row is sorted faster than several columns.
-    keys = every[:, 0].astype(np.int64)
-    for column in every.T[1:]:
-        _, keys = np.unique(keys, return_inverse=True)
-        keys = keys * (every.max(initial=0) + 1) + column
-    _, numbers = np.unique(keys, return_inverse=True)
-    return np.split(numbers, np.cumsum([len(table) for table in tables])[:-1])

@@ -16,11 +16,15 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.gmsh_model import distributed_model, marked_facets, name_groups, prepare
-from erc_contact.mesh.gmsh_session import as_input_error, session
-from erc_contact.mesh.mesh_files import open_mesh_file
+from erc_contact.mesh.files.building import Built, Spread, built, spread_from
+from erc_contact.mesh.files.file_mesh import FacetSet
+from erc_contact.mesh.files.of_gmsh import grouped, marked_entities, mesh_of_model
+from erc_contact.mesh.files.reading import read
+from erc_contact.mesh.files.renaming import renamed
+from erc_contact.mesh.gmsh_session import session
+from erc_contact.mesh.mesh_files import DRAWINGS, open_drawing
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing, drawing_of
 from erc_contact.mesh.tags import tags_of
@@ -260,14 +264,17 @@ def read_mesh(
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
     has_rules = parts is not None or regions is not None
+    subject = f"The mesh file {str(path)!r}"
+    if path.suffix.lower() in DRAWINGS:
+        with session(comm, lambda gmsh: open_drawing(gmsh, path), subject) as model:
+            domain = _from_model(model, comm, 0, names=names, has_rules=has_rules)
+    else:
 
-    def build(gmsh: Any) -> None:
-        open_mesh_file(gmsh, path, has_rules=has_rules)
-        if names is not None:
-            name_groups(gmsh.model, names)
+        def make() -> Built:
+            mesh = read(path, numbered=not has_rules)
+            return built(mesh if names is None else renamed(mesh, names), numbered=not has_rules)
 
-    with session(comm, build, f"The mesh file {str(path)!r}") as model:
-        domain = _from_model(model, comm, 0, has_rules=has_rules)
+        domain = _domain_of(spread_from(comm, 0, make, subject))
     return domain.named(parts, regions=regions) if has_rules else domain
 
 
@@ -276,30 +283,48 @@ def _from_model(
     comm: MPI.Comm,
     rank: int,
     geometry: Brick | None = None,
+    names: Mapping[int | tuple[int, int], str] | None = None,
     *,
     has_rules: bool = False,
 ) -> Domain:
     """Make the domain of a gmsh model on a rank; collective.
 
     It keeps the geometry that is given, else the drawing of the model. If rules name
-    parts, it needs no groups of facets.
+    parts, what is in no group gets no name.
     """
-    error: Exception | None = None
-    prepared = None
-    drawing = None
-    if comm.rank == rank:
-        try:
-            prepared = prepare(model, has_rules=has_rules)
-            drawing = None if geometry else drawing_of(model)
-        except Exception as reason:  # every rank must learn of it
-            error = as_input_error(reason, "The gmsh model")
-    raise_together(comm, error)
-    dim, names, regions = comm.bcast(prepared, root=rank)
-    suffix, text, curved = comm.bcast(drawing, root=rank) or ("", "", frozenset())
+    drawing: list[tuple[str, str, frozenset[int]]] = []
+
+    def make() -> Built:
+        with grouped(model, numbered=not has_rules):
+            marks: list[FacetSet] = []
+            found = None if geometry else drawing_of(model)
+            if found is not None:
+                drawing.append(found)
+                *_, curved = found
+                facets = model.getEntities(model.getDimension() - 1)
+                marks = marked_entities(model, {int(tag): int(tag) for _, tag in facets if curved})
+            mesh = mesh_of_model(model)
+            mesh = mesh if names is None else renamed(mesh, names)
+            return built(mesh, marks, numbered=not has_rules)
+
+    spread = spread_from(comm, rank, make, "The gmsh model")
     shape: Geometry | None = geometry
-    if suffix:
+    found = comm.bcast(drawing[0] if drawing else None, root=rank)
+    if found is not None:
+        suffix, text, curved = found
         # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
         shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
-    data = distributed_model(model, comm, rank, dim)
-    marks = marked_facets(model, comm, rank, data.mesh, None) if curved else None
-    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape, marks)
+    return _domain_of(spread, shape)
+
+
+def _domain_of(spread: Spread, shape: Geometry | None = None) -> Domain:
+    """Return the domain of a mesh that was spread over the ranks; collective."""
+    return Domain(
+        spread.mesh,
+        spread.facet_tags,
+        spread.names,
+        spread.cell_tags,
+        spread.regions,
+        shape,
+        spread.marks,
+    )

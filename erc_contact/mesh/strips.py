@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.plain import row_numbers
+from erc_contact.mesh.rows import row_numbers
 
 NARROW = 0.05
 """Width of a strip below which its edges are cut, by the shorter edge [-]."""

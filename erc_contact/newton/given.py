@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.files.displacements import FileField
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
@@ -126,6 +127,8 @@ def _degree(scene: Scene, domain: Domain, u: AnyField, degree: int | None) -> in
         degree = 1
         if isinstance(u, fem.Function):
             degree = u.function_space.element.basix_element.degree
+        elif isinstance(u, FileField):
+            degree = u.degree
         elif isinstance(u, tuple) and len(u) == 2 and len(u[0]) > domain.vertices:
             degree = 2
     check_arguments(scene, domain, None, degree, "auto")
@@ -137,7 +140,7 @@ def _values(model: Model, u: AnyField) -> np.ndarray:
     if isinstance(u, tuple) and model.domain.pairs:
         raise InputError(
             "certify: at a contact between bodies two nodes lie at one place, so that points do"
-            " not tell them apart; give a Function of domain.mesh."
+            " not tell them apart; give the file of the results, or a Function of domain.mesh."
         )
     nodes = np.arange(len(model.V.tabulate_dof_coordinates()))
     return nodal_values(model, u, nodes, "certify: u")

@@ -10,11 +10,16 @@ from dolfinx import fem
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.displacements import FileField
 from erc_contact.mesh.nearest import SAME_PLACE, nearest
 from erc_contact.model.model import Model
 
-type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any]
-"""A Function, a callable of points, or points with values."""
+type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any] | FileField
+"""A Function, a callable of points, points with values, or what a file has."""
+OFFSET = 0.2718
+"""Place of the lattice of boxes, in boxes [-]."""
+ASIDE = 10.0
+"""Way by which points go into their bodies, by the distance that is none [-]."""
 
 
 def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) -> np.ndarray:
@@ -33,6 +38,8 @@ def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) ->
     if isinstance(field, fem.Function):
         return _of_function(model, field, what)[nodes]
     x = model.V.tabulate_dof_coordinates()[nodes, : model.d]
+    if isinstance(field, FileField):
+        return _of_file(model, field, nodes, what)
     if callable(field):
         return _of_callable(field, x, what)
     if not isinstance(field, tuple) or len(field) != 2:
@@ -76,6 +83,39 @@ def _of_callable(field: Callable[[np.ndarray], Any], x: np.ndarray, what: str) -
     return values
 
 
+def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np.ndarray:
+    """Return the values of a file at nodes, of bodies that touch each its own."""
+    d = model.d
+    x = model.V.tabulate_dof_coordinates()[:, :d]
+    points = field.points[:, :d]
+    place = nearest(x[nodes], points)
+    tolerance = SAME_PLACE * model.domain.extent
+    # Nodes of bodies that touch are in the same box of a lattice that no mesh has.
+    boxes = np.floor(x / tolerance + OFFSET)
+    _, same, count = np.unique(boxes, axis=0, return_inverse=True, return_counts=True)
+    twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
+    if len(twins):
+        into = _moved(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
+        of_bodies = _moved(points, field.inward[:, :d], ASIDE * tolerance)
+        place[twins] = nearest(into[twins], of_bodies)
+    return _values_at(points, field.values, place, x[nodes], tolerance, what)
+
+
+def _inward(model: Model, x: np.ndarray) -> np.ndarray:
+    """Return the mean middle of the cells at each node, less the node [length]."""
+    dofs = model.V.dofmap.list
+    middles = x[dofs[:, : model.d + 1]].mean(axis=1)
+    sums = np.zeros(x.shape)
+    np.add.at(sums, dofs.ravel(), np.repeat(middles, dofs.shape[1], axis=0))
+    return sums / np.bincount(dofs.ravel(), minlength=len(x))[:, None] - x
+
+
+def _moved(x: np.ndarray, inward: np.ndarray, length: float) -> np.ndarray:
+    """Move points by a length along vectors [length], shape (n, d)."""
+    size = np.linalg.norm(inward, axis=1)
+    return x + length * inward / np.where(size == 0, 1.0, size)[:, None]
+
+
 def _of_points(
     points: np.ndarray, values: np.ndarray, x: np.ndarray, tolerance: float, what: str
 ) -> np.ndarray:
@@ -89,7 +129,23 @@ def _of_points(
         )
     if n == 0:
         return np.empty((0, d))
-    place = nearest(x, points[:, :d])
+    return _values_at(points, values, nearest(x, points[:, :d]), x, tolerance, what)
+
+
+def _values_at(
+    points: np.ndarray,
+    values: np.ndarray,
+    place: np.ndarray,
+    x: np.ndarray,
+    tolerance: float,
+    what: str,
+) -> np.ndarray:
+    """Return the values of the points that were found for nodes x, shape (n, d).
+
+    Raises:
+        InputError: If a point is farther from its node than the tolerance [length].
+    """
+    n, d = x.shape
     distance = np.linalg.norm(points[place, :d] - x, axis=1)
     apart = distance > tolerance
     if apart.any():

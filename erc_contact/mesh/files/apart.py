@@ -1,0 +1,73 @@
+"""Read a file in a process of its own, which a library that fails may end."""
+
+from __future__ import annotations
+
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.file_mesh import FileMesh
+
+PACKAGE = Path(__file__).resolve().parents[2]
+"""Folder of the package."""
+READ = """
+import importlib, pickle, sys, types
+from pathlib import Path
+folder, module, function, path, target = sys.argv[1:]
+package = types.ModuleType("erc_contact")
+package.__path__ = [folder]
+sys.modules["erc_contact"] = package
+reader = getattr(importlib.import_module(module), function)
+try:
+    answer = reader(Path(path))
+except Exception as reason:
+    answer = str(reason)
+    if type(reason).__name__ != "InputError":
+        answer = f"it is damaged, or of another format ({type(reason).__name__}: {answer})."
+Path(target).write_bytes(pickle.dumps(answer))
+"""
+"""Program of the process: modules of the package without what starts MPI."""
+PATIENCE = 60.0
+"""Time that reading may take [s], beside a second for each megabyte of the file."""
+
+
+def read_apart(module: str, function: str, path: Path) -> FileMesh:
+    """Read a file by a function of a module, in a process of its own.
+
+    Args:
+        module: Name of the module.
+        function: Name of the function, which gets the path.
+        path: The file.
+
+    Raises:
+        InputError: If the function raises, or the process ends without an answer.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "mesh"
+        call = [sys.executable, "-c", READ, str(PACKAGE), module, function]
+        cause = "no answer"
+        try:
+            run = subprocess.run(
+                [*call, str(path.resolve()), str(target)],
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=PATIENCE + path.stat().st_size / 1e6,
+                check=False,
+            )
+            code = run.returncode
+            cause = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        except subprocess.TimeoutExpired:
+            pass  # it was killed
+        if not target.is_file():
+            raise InputError(
+                f"the library that reads it has ended with {cause}; the file is damaged, or of "
+                "another format."
+            )
+        answer = pickle.loads(target.read_bytes())
+    if isinstance(answer, str):
+        raise InputError(answer)
+    return answer
