@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import outward_normals
 
 CORNER = 0.1
