@@ -66,7 +66,7 @@ class Bodies(NamedMesh):
         names = ", ".join(self.names)
         if self.regions:
             names += f", regions {', '.join(self.regions)}"
-        if self.seams is not None:
+        if self.pairs:
             names += f", pairs {self.seams}"
         return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
 
@@ -76,7 +76,7 @@ class Bodies(NamedMesh):
         rows.append(("boundary parts", ", ".join(self.names)))
         if self.regions:
             rows.append(("regions", ", ".join(self.regions)))
-        if self.seams is not None:
+        if self.pairs:
             rows.append(("pairs", self.seams))
         curved = self.curved_facets is not None
         rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))
@@ -132,7 +132,7 @@ class Bodies(NamedMesh):
         Raises:
             InputError: If the parts are no pair.
         """
-        if self.seams is None:
+        if self.seams is None or not self.pairs:
             raise InputError(
                 f"facing: {here!r} and {there!r} do not face each other; this domain has no pairs, "
                 "make them by split."

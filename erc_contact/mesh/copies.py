@@ -2,8 +2,10 @@
 
 A vertex of an interface gets as many nodes as there are groups of cells around it that
 are connected by common facets without crossing an interface. So the rim of an
-interface, where it ends inside a body or on its surface, needs no rule of its own.
-Other vertices stay as they are.
+interface, where it ends inside a body or on its surface, needs no rule of its own. A
+vertex of the boundary does so, too: cells that touch at a vertex or along an edge only
+would hang on a hinge, which an elastic body cannot have. Other vertices stay as they
+are.
 
 Every rank has all cells around the vertices of its own cells, so it finds their groups
 alone.
@@ -18,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
+from mpi4py import MPI
 
 from erc_contact.base.ranks import exchange, fetched
 from erc_contact.base.runtime.communicators import lasting
@@ -72,18 +75,19 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
     nodes = mesh.geometry.dofmaps[0]
     facets, cells = inner_facets(mesh)
     is_cut = is_cut[facets]
-    # A vertex is a group of its own number, unless an interface touches it.
+    # A vertex inside a body is a group of its own number.
     vertex = _facet_nodes(mesh, facets, cells[:, 0])
-    on_interface = np.zeros(len(mesh.geometry.x), dtype=bool)
-    on_interface[vertex[is_cut]] = True
+    is_touched = np.zeros(len(mesh.geometry.x), dtype=bool)
+    is_touched[vertex[is_cut]] = True
+    is_touched[_boundary_nodes(mesh)] = True
     group = nodes.astype(np.int64)
-    # Those at interfaces are components of a graph, which has a link between the two
-    # corners of each vertex of a facet that is not cut.
-    corner_of_touched = on_interface[nodes]
+    # Touched ones are components of a graph, which has a link between the two corners
+    # of each vertex of a facet that is not cut.
+    corner_of_touched = is_touched[nodes]
     count = int(corner_of_touched.sum())
     number = np.full(nodes.shape, -1)
     number[corner_of_touched] = np.arange(count)
-    row, place = np.nonzero(on_interface[vertex] & ~is_cut[:, None])
+    row, place = np.nonzero(is_touched[vertex] & ~is_cut[:, None])
     ends = []
     for side in range(2):
         cell = cells[row, side]
@@ -91,6 +95,23 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
         ends.append(number[cell, corner])
     group[corner_of_touched] = len(mesh.geometry.x) + components(count, np.column_stack(ends))
     return group
+
+
+def has_hinges(mesh: dmesh.Mesh) -> bool:
+    """Tell whether cells touch at a vertex or along an edge only; collective."""
+    comm = lasting(mesh.comm)
+    facet_map = mesh.topology.index_map(mesh.topology.dim - 1)
+    no_cut = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=bool)
+    _, x = numbered(mesh, no_cut)
+    nodes = comm.allreduce(len(x), MPI.SUM)
+    return bool(nodes > mesh.topology.index_map(0).size_global)
+
+
+def _boundary_nodes(mesh: dmesh.Mesh) -> np.ndarray:
+    """Return the nodes of facets of which one cell only is on this rank."""
+    connectivity = mesh.topology.connectivity(mesh.topology.dim - 1, mesh.topology.dim)
+    facets = np.flatnonzero(np.diff(connectivity.offsets) == 1)
+    return _facet_nodes(mesh, facets, connectivity.array[connectivity.offsets[facets]])
 
 
 def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.ndarray:

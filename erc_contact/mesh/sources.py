@@ -18,12 +18,15 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.drawings.kept import Kept, drawing_of
+from erc_contact.mesh.drawings.reading import Wanted, is_drawing, open_drawing
 from erc_contact.mesh.gmsh_model import distributed_model, marked_facets, name_groups, prepare
 from erc_contact.mesh.gmsh_session import as_input_error, session
 from erc_contact.mesh.mesh_files import open_mesh_file
 from erc_contact.mesh.partition import partitioner
-from erc_contact.mesh.shape import Brick, Drawing, drawing_of
+from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.tags import tags_of
+from erc_contact.mesh.touching import tell_gaps
 
 NEAR_SIDE = 1e-6
 """Distance from a side that counts as none, as a share of the cell size [-]."""
@@ -209,8 +212,11 @@ def read_mesh(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     names: Mapping[int | tuple[int, int], str] | None = None,
+    size: float | None = None,
+    heal: float | bool = False,
+    defeature: float | None = None,
 ) -> Domain:
-    """Read a mesh file; collective.
+    """Read a mesh file or mesh a drawing; collective.
 
     A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio:
     boundary parts and regions are the cell data gmsh:physical, medit:ref or cell_tags,
@@ -220,17 +226,31 @@ def read_mesh(
 
         block = ec.read_mesh("block.vtu", names={1: "bottom", 2: "top", 9: "steel"})
 
+    A drawing (STEP, IGES, BREP, or ``.geo`` without groups) is meshed by gmsh, in a
+    process of its own. Its solids are regions with the names of the file, its faces
+    parts with numbers. Solids that touch are a pair of parts, "nut on bolt" and "bolt
+    on nut", see :meth:`Domain.touching`; what touches along a line or at a point only
+    is kept apart. Lengths are in the unit of the file. Tiny edges and faces, and
+    distances that look like gaps of the drawing, are told as warnings.
+
     Args:
         path: The file.
         comm: Communicator that shares the mesh.
         names: Names of boundary parts and regions by their tags. A tag that both a
             boundary part and a region have is told apart by its dimension:
             ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
+        size: Greatest edge of the cells of a drawing [length]; small circles have at
+            least 12 edges. A ``.geo`` file may have sizes of its own.
+        heal: Tolerance [length] up to which gaps of a drawing are closed; True takes
+            1e-6 of its extent.
+        defeature: Faces of a drawing that are narrower than this, and edges that are
+            shorter, are removed [length]: fillets, chamfers, small holes.
 
     Raises:
         InputError: If the file is missing or unreadable, has no groups of facets, or is
-            not of straight-sided simplices; or if the file does not have a tag of
-            ``names``, or a name is given twice.
+            not of straight-sided simplices; if the file does not have a tag of
+            ``names``, or a name is given twice; or if a drawing has no solid, solids
+            overlap, or gmsh cannot mesh it.
 
     Example:
         >>> ec.read_mesh("square.msh")  # a square with groups "body", "top", "bottom"
@@ -239,17 +259,35 @@ def read_mesh(
     if not isinstance(path, str | Path):
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
+    wanted = Wanted(size, heal, defeature)
+    kept: list[Kept | None] = []
 
     def build(gmsh: Any) -> None:
-        open_mesh_file(gmsh, path)
+        if is_drawing(path, wanted):
+            kept.append(open_drawing(gmsh, path, wanted))
+        else:
+            open_mesh_file(gmsh, path)
         if names is not None:
             name_groups(gmsh.model, names)
 
     with session(comm, build, f"The mesh file {str(path)!r}") as model:
-        return from_gmsh(model, comm)
+        drawn = comm.bcast(bool(kept))
+        domain = _from_model(model, comm, 0, kept=kept[0] if kept else None)
+    if not drawn:
+        return domain
+    bodies = domain.split()
+    if size is not None and len(bodies.regions) > 1:
+        tell_gaps(bodies, size)
+    return bodies
 
 
-def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = None) -> Domain:
+def _from_model(
+    model: Any,
+    comm: MPI.Comm,
+    rank: int,
+    geometry: Brick | None = None,
+    kept: Kept | None = None,
+) -> Domain:
     """Make the domain of a gmsh model on a rank; collective.
 
     It keeps the geometry that is given, else the drawing of the model.
@@ -260,7 +298,7 @@ def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = 
     if comm.rank == rank:
         try:
             prepared = prepare(model)
-            drawing = None if geometry else drawing_of(model)
+            drawing = None if geometry else kept or _drawing_of_current()
         except Exception as reason:  # every rank must learn of it
             error = as_input_error(reason, "The gmsh model")
     raise_together(comm, error)
@@ -273,3 +311,10 @@ def _from_model(model: Any, comm: MPI.Comm, rank: int, geometry: Brick | None = 
     data = distributed_model(model, comm, rank, dim)
     marks = marked_facets(model, comm, rank, data.mesh, None) if curved else None
     return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape, marks)
+
+
+def _drawing_of_current() -> Kept | None:
+    """Return the geometry of gmsh's current model."""
+    import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
+
+    return drawing_of(gmsh)
