@@ -727,24 +727,6 @@ def test_mesh_file_broken(suffix, shared_tmp_path):
     refused(lambda: ec.read_mesh(path), "broken")
 
 
-@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
-def test_mesh_file_without_groups_of_facets(suffix, gmsh_session, shared_tmp_path):
-    path = shared_tmp_path / f"plain{suffix}"
-    if gmsh_session:
-        import meshio
-
-        gmsh_session.model.occ.addRectangle(0, 0, 0, 1, 1)
-        gmsh_session.model.occ.synchronize()
-        gmsh_session.option.setNumber("Mesh.MeshSizeMin", 0.5)
-        gmsh_session.model.mesh.generate(2)
-        gmsh_session.write(str(shared_tmp_path / "plain.msh"))
-        if suffix != ".msh":
-            read = meshio.read(shared_tmp_path / "plain.msh")
-            meshio.Mesh(read.points, [("triangle", read.get_cells_type("triangle"))]).write(path)
-    COMM.barrier()
-    refused(lambda: ec.read_mesh(path), "no groups of facets", "hysical")
-
-
 def tags_of_all(mesh):
     """All boundary facets tagged 1."""
     tdim = mesh.topology.dim
@@ -786,26 +768,8 @@ def test_mesh_of_the_user_with_wrong_tags():
     refused(lambda: ec.Domain(mesh, tags, {"all": 1}, None, {"steel": 1}), "steel", "cell tags")
 
 
-def rectangle_in(gmsh):
-    """A square with named left side in the user's model; its curves and surface."""
-    gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
-    gmsh.model.occ.synchronize()
-    gmsh.model.addPhysicalGroup(1, [4], name="left")
-    gmsh.option.setNumber("Mesh.MeshSizeMin", 0.5)
-
-
 def empty(gmsh):
     pass
-
-
-def recombined(gmsh):
-    rectangle_in(gmsh)
-    gmsh.option.setNumber("Mesh.RecombineAll", 1)
-
-
-def second_order(gmsh):
-    rectangle_in(gmsh)
-    gmsh.option.setNumber("Mesh.ElementOrder", 2)
 
 
 def upright(gmsh):
@@ -815,33 +779,11 @@ def upright(gmsh):
     gmsh.model.addPhysicalGroup(1, [4], name="left")
 
 
-def unnamed(gmsh):
-    gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
-    gmsh.model.occ.synchronize()
-    gmsh.model.addPhysicalGroup(2, [1], name="body")
-
-
-def twice(gmsh):
-    rectangle_in(gmsh)
-    gmsh.model.addPhysicalGroup(1, [1, 4], name="foot and left")
-
-
-def half(gmsh):
-    gmsh.model.occ.addRectangle(5, 0, 0, 1, 1)
-    rectangle_in(gmsh)
-    gmsh.model.addPhysicalGroup(2, [1], name="one")
-
-
 MODELS = pytest.mark.parametrize(
     ("build", "words"),
     [
         (empty, ("dimension 0", "volume")),
-        (recombined, ("Quadrilateral 4", "triangles", "no recombination")),
-        (second_order, ("Triangle 6", "Mesh.ElementOrder = 1")),
         (upright, ("surface in space", "plane")),
-        (unnamed, ("no groups of facets", "Physical Curve")),
-        (twice, ("two physical groups", "one boundary part")),
-        (half, ("no physical group", "put all in one")),
     ],
 )
 
@@ -851,23 +793,6 @@ def test_gmsh_model(build, words, gmsh_session):
     if gmsh_session:
         build(gmsh_session)
     refused(lambda: ec.from_gmsh(gmsh_session.model if gmsh_session else None), *words)
-
-
-@pytest.mark.parametrize("version", [2.2, 4.1])
-@pytest.mark.parametrize(
-    ("build", "word"), [(recombined, "Quadrilateral 4"), (second_order, "Triangle 6")]
-)
-def test_msh_file_not_of_straight_simplices(build, word, version, gmsh_session, shared_tmp_path):
-    path = shared_tmp_path / "mesh.msh"
-    if gmsh_session:
-        build(gmsh_session)
-        gmsh_session.model.addPhysicalGroup(2, [1], name="body")
-        gmsh_session.model.mesh.generate(2)
-        gmsh_session.option.setNumber("Mesh.MshFileVersion", version)
-        gmsh_session.write(str(path))
-        gmsh_session.finalize()
-    COMM.barrier()
-    refused(lambda: ec.read_mesh(path), word, "triangles")
 
 
 def test_values_that_are_not_finite(block):

@@ -62,7 +62,7 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], subject: str) -> Itera
         gmsh = None
         error: Exception | None = None
         try:
-            gmsh = opened.enter_context(_new_model())
+            gmsh = opened.enter_context(new_model())
             build(gmsh)
         except Exception as reason:  # every rank must learn of it
             error = as_input_error(reason, subject)
@@ -72,7 +72,7 @@ def session(comm: MPI.Comm, build: Callable[[Any], None], subject: str) -> Itera
 
 
 @contextmanager
-def _new_model() -> Iterator[Any]:
+def new_model() -> Iterator[Any]:
     """Open gmsh with our options and a new model on this rank.
 
     Afterwards a user's session is as it was; without one gmsh is closed.

@@ -60,11 +60,17 @@ def row_numbers(rows: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
         The numbers of the rows of each table.
     """
     tables = [rows, *others]
-    every = np.sort(np.concatenate(tables), axis=1)
-    # One number for each row is sorted faster than several columns.
-    keys = every[:, 0].astype(np.int64)
+    every = np.sort(np.concatenate(tables), axis=1).astype(np.int64)
+    size = int(every.max(initial=0)) + 1
+    # One number for each row is sorted faster than several columns. As many columns as
+    # 64 bits hold are put into it before they are numbered anew.
+    keys = every[:, 0]
+    greatest = size
     for column in every.T[1:]:
-        _, keys = np.unique(keys, return_inverse=True)
-        keys = keys * (every.max(initial=0) + 1) + column
+        if greatest * size >= np.iinfo(np.int64).max:
+            _, keys = np.unique(keys, return_inverse=True)
+            greatest = len(keys)
+        keys = keys * size + column
+        greatest *= size
     _, numbers = np.unique(keys, return_inverse=True)
     return np.split(numbers, np.cumsum([len(table) for table in tables])[:-1])

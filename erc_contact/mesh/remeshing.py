@@ -14,7 +14,8 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.gmsh_model import distributed_model, marked_facets, renumber
+from erc_contact.mesh.files.building import Built, built, spread_from
+from erc_contact.mesh.files.of_gmsh import marked_entities, mesh_of_model
 from erc_contact.mesh.gmsh_session import FIELD, session
 from erc_contact.mesh.size_field import Labels, SizeField, at_corners
 
@@ -84,17 +85,19 @@ def meshed(
         corner_sizes = np.concatenate([values for _, values in parts])
         corners, corner_sizes = _sorted(corners, corner_sizes)
         _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
-        renumber(gmsh.model, dim)
 
-    with session(comm, build_mesh, "The geometry, meshed again,") as model:
-        data = distributed_model(model, comm, 0, dim)
-        marks = None
-        if labels.curved:
-            marks = marked_facets(model, comm, 0, data.mesh, tags)
+    subject = "The geometry, meshed again,"
+    with session(comm, build_mesh, subject) as model:
+
+        def make() -> Built:
+            marks = marked_entities(model, tags) if labels.curved else []
+            return built(mesh_of_model(model), marks)
+
+        new = spread_from(comm, 0, make, subject)
     # Without regions gmsh's tags are those of the group "body", which nobody asked for.
-    cell_tags = data.cell_tags if labels.regions else None
+    cell_tags = new.cell_tags if labels.regions else None
     return Domain(
-        data.mesh, data.facet_tags, labels.names, cell_tags, labels.regions, geometry, marks
+        new.mesh, new.facet_tags, labels.names, cell_tags, labels.regions, geometry, new.marks
     )
 
 

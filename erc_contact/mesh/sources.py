@@ -16,13 +16,16 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.drawings.kept import Kept, drawing_of
-from erc_contact.mesh.drawings.reading import Wanted, is_drawing, open_drawing
-from erc_contact.mesh.gmsh_model import distributed_model, marked_facets, name_groups, prepare
-from erc_contact.mesh.gmsh_session import as_input_error, session
-from erc_contact.mesh.mesh_files import open_mesh_file
+from erc_contact.mesh.drawings.reading import Wanted, has_geometry, open_geometry
+from erc_contact.mesh.files.building import Built, Spread, built, spread_from
+from erc_contact.mesh.files.file_mesh import FacetSet
+from erc_contact.mesh.files.of_gmsh import grouped, marked_entities, mesh_of_model
+from erc_contact.mesh.files.reading import read
+from erc_contact.mesh.files.renaming import renamed
+from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.tags import tags_of
@@ -260,24 +263,37 @@ def read_mesh(
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
     wanted = Wanted(size, heal, defeature)
+    subject = f"The mesh file {str(path)!r}"
+    if has_geometry(path, wanted):
+        return _of_geometry(path, comm, wanted, names)
+
+    def make() -> Built:
+        mesh = read(path)
+        return built(mesh if names is None else renamed(mesh, names))
+
+    return _domain_of(spread_from(comm, 0, make, subject))
+
+
+def _of_geometry(
+    path: Path,
+    comm: MPI.Comm,
+    wanted: Wanted,
+    names: Mapping[int | tuple[int, int], str] | None,
+) -> Domain:
+    """Read a file that has the true shape of bodies; collective."""
     kept: list[Kept | None] = []
 
     def build(gmsh: Any) -> None:
-        if is_drawing(path, wanted):
-            kept.append(open_drawing(gmsh, path, wanted))
-        else:
-            open_mesh_file(gmsh, path)
-        if names is not None:
-            name_groups(gmsh.model, names)
+        kept.extend(open_geometry(gmsh, path, wanted))
 
-    with session(comm, build, f"The mesh file {str(path)!r}") as model:
-        drawn = comm.bcast(bool(kept))
-        domain = _from_model(model, comm, 0, kept=kept[0] if kept else None)
-    if not drawn:
+    with session(comm, build, f"The drawing {str(path)!r}") as model:
+        is_drawn = comm.bcast(bool(kept))
+        domain = _from_model(model, comm, 0, names=names, kept=kept[0] if kept else None)
+    if not is_drawn:
         return domain
     bodies = domain.split()
-    if size is not None and len(bodies.regions) > 1:
-        tell_gaps(bodies, size)
+    if wanted.size is not None and len(bodies.regions) > 1:
+        tell_gaps(bodies, wanted.size)
     return bodies
 
 
@@ -286,35 +302,45 @@ def _from_model(
     comm: MPI.Comm,
     rank: int,
     geometry: Brick | None = None,
+    names: Mapping[int | tuple[int, int], str] | None = None,
     kept: Kept | None = None,
 ) -> Domain:
     """Make the domain of a gmsh model on a rank; collective.
 
     It keeps the geometry that is given, else the drawing of the model.
     """
-    error: Exception | None = None
-    prepared = None
-    drawing = None
-    if comm.rank == rank:
-        try:
-            prepared = prepare(model)
-            drawing = None if geometry else kept or _drawing_of_current()
-        except Exception as reason:  # every rank must learn of it
-            error = as_input_error(reason, "The gmsh model")
-    raise_together(comm, error)
-    dim, names, regions = comm.bcast(prepared, root=rank)
-    suffix, text, curved = comm.bcast(drawing, root=rank) or ("", "", frozenset())
+    drawing: list[Kept] = []
+
+    def make() -> Built:
+        with grouped(model):
+            marks: list[FacetSet] = []
+            found = None if geometry else kept or drawing_of(model)
+            if found is not None:
+                drawing.append(found)
+                *_, curved = found
+                facets = model.getEntities(model.getDimension() - 1)
+                marks = marked_entities(model, {int(tag): int(tag) for _, tag in facets if curved})
+            mesh = mesh_of_model(model)
+            return built(mesh if names is None else renamed(mesh, names), marks)
+
+    spread = spread_from(comm, rank, make, "The gmsh model")
     shape: Geometry | None = geometry
-    if suffix:
+    found = comm.bcast(drawing[0] if drawing else None, root=rank)
+    if found is not None:
+        suffix, text, curved = found
         # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
         shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
-    data = distributed_model(model, comm, rank, dim)
-    marks = marked_facets(model, comm, rank, data.mesh, None) if curved else None
-    return Domain(data.mesh, data.facet_tags, names, data.cell_tags, regions, shape, marks)
+    return _domain_of(spread, shape)
 
 
-def _drawing_of_current() -> Kept | None:
-    """Return the geometry of gmsh's current model."""
-    import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
-
-    return drawing_of(gmsh)
+def _domain_of(spread: Spread, shape: Geometry | None = None) -> Domain:
+    """Return the domain of a mesh that was spread over the ranks; collective."""
+    return Domain(
+        spread.mesh,
+        spread.facet_tags,
+        spread.names,
+        spread.cell_tags,
+        spread.regions,
+        shape,
+        spread.marks,
+    )

@@ -231,7 +231,7 @@ class _Surface:
         return result
 
     def _near_facets(self, there: _Surface, within: float) -> dict[Key, tuple[float, float]]:
-        """Return the same, by the facet that is nearest to the middle of each facet here."""
+        """Return the same, by the facet nearest to the middle of each facet here."""
         middles = self.corners.mean(axis=1)
         low = there.corners.min(axis=(0, 1)) - within
         high = there.corners.max(axis=(0, 1)) + within

@@ -56,15 +56,29 @@ def _ordered(plain: PlainMesh) -> PlainMesh:
     return PlainMesh(x[order], cells[rows], plain.regions[rows], tags[rows])
 
 
+def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
+    """Distribute the mesh of one rank over all ranks; collective.
+
+    Args:
+        comm: Communicator.
+        plain: The mesh on one rank, one without cells on the other ranks.
+
+    Returns:
+        What relates the cells of the mesh of all ranks to those of ``plain``.
+    """
+    cells = plain.cells.astype(np.int64)
+    mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
+    d = plain.dim
+    mesh.topology.create_connectivity(d - 1, d)
+    mesh.topology.create_connectivity(d, d - 1)
+    return GivenCells(mesh, cells)
+
+
 def spread(comm: MPI.Comm, plain: PlainMesh) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
     """Distribute the mesh of rank 0 over all ranks; collective.
 
     Returns:
         The mesh, the tags of its facets and those of its cells.
     """
-    mesh = distributed(comm, plain.cells.astype(np.int64), np.ascontiguousarray(plain.x))
-    d = plain.dim
-    mesh.topology.create_connectivity(d - 1, d)
-    mesh.topology.create_connectivity(d, d - 1)
-    given = GivenCells(mesh, plain.cells.astype(np.int64))
-    return mesh, given.facet_tags(plain.tags), given.cell_tags(plain.regions)
+    given = given_cells(comm, plain)
+    return given.mesh, given.facet_tags(plain.tags), given.cell_tags(plain.regions)

@@ -17,14 +17,15 @@ Kept = tuple[str, str, frozenset[int]]
 """Suffix and text of a file of gmsh's, and the marks of curved curves or surfaces."""
 
 
-def drawing_of(gmsh: Any) -> Kept | None:
+def drawing_of(model: Any) -> Kept | None:
     """Return suffix, text and curved marks of gmsh's current model.
 
     They are the arguments of :class:`erc_contact.mesh.shape.Drawing`. It is None if the
     model has no geometry, as one from a mesh file, or mixes gmsh's two kernels, which
     no format can keep.
     """
-    model = gmsh.model
+    import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
+
     entities = set(model.getEntities())
     occ_entities = set(model.occ.getEntities())
     discrete = any(model.getType(*entity).startswith("Discrete") for entity in entities)

@@ -51,7 +51,7 @@ def open_drawing(gmsh: Any, path: Path, tell: Tell) -> list[tuple[str, tuple[int
     """
     if path.suffix.lower() in CAD:
         _import(gmsh, path, tell)
-    else:
+    elif path.read_text(encoding="latin-1").strip():
         gmsh.merge(str(path))
         gmsh.model.mesh.clear()
     model = gmsh.model
@@ -179,7 +179,10 @@ def _closed_shells(model: Any) -> list[list[int]]:
     faces_at: defaultdict[tuple[int, ...], list[int]] = defaultdict(list)
     for _, face in model.getEntities(2):
         for _, edge in model.getBoundary([(2, face)], oriented=False):
-            place = [*model.occ.getCenterOfMass(1, edge), model.occ.getMass(1, edge)]
+            length = model.occ.getMass(1, edge)
+            if length < grid:  # the pole of a sphere
+                continue
+            place = [*model.occ.getCenterOfMass(1, edge), length]
             faces_at[tuple(np.round(np.array(place) / grid / 10).astype(int))].append(face)
     group = {face: face for _, face in model.getEntities(2)}
     for faces in faces_at.values():
@@ -198,7 +201,7 @@ def _last_name(label: str) -> str:
 
     gmsh appends names of layers, "nut & & 256", and a kernel names what has no name.
     """
-    name = re.split(r" & (?:.*& )?\S*$", label.rsplit("/", maxsplit=1)[-1])[0].strip()
+    name = re.sub(r" & & \S+$", "", label.rsplit("/", maxsplit=1)[-1]).strip()
     return "" if name.startswith(NO_NAME) else name
 
 

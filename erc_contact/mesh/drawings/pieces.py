@@ -43,7 +43,8 @@ def in_one_piece(gmsh: Any, solids: list[tuple[str, Entity]], tell: Tell) -> Sol
     occ = gmsh.model.occ
     entities = [entity for _, entity in solids]
     names = [name for name, _ in solids]
-    _, made = occ.fragment(entities, [])
+    # gmsh ignores tolerances and lines that touch a face unless there are tools.
+    _, made = occ.fragment(entities[:1], entities[1:])
     occ.synchronize()
     owners = defaultdict(list)
     for name, pieces in zip(names, made, strict=True):
@@ -107,10 +108,13 @@ def tell_touches(gmsh: Any, solids: Solids, tell: Tell) -> None:
 
 
 def _parts(model: Any, entities: list[Entity]) -> set[Entity]:
-    """Return the faces, edges and vertices of a solid."""
+    """Return the faces, edges and vertices of a solid, those amid a face, too."""
     parts: set[Entity] = set()
-    level = entities
-    while level and level[0][0] > 0:
-        level = model.getBoundary(level, combined=False, oriented=False)
-        parts.update(level)
+    level = set(entities)
+    while level:
+        below: set[Entity] = set(model.getBoundary(list(level), combined=False, oriented=False))
+        for dim, tag in level:
+            below.update(model.mesh.getEmbedded(dim, tag))
+        parts |= below
+        level = {entity for entity in below if entity[0] > 0}
     return parts

@@ -18,6 +18,8 @@ from erc_contact.mesh.drawings.opened import CAD
 
 PACKAGE = Path(__file__).resolve().parents[2]
 """Folder of the package."""
+GEOMETRIES = (".geo", ".geo_unrolled", ".xao")
+"""Endings of gmsh's files of geometry, which may have groups."""
 LEVELS = {"info": logging.INFO, "warning": logging.WARNING}
 """Level of each kind of sentence."""
 START = """
@@ -64,20 +66,14 @@ class Wanted:
         return self != Wanted()
 
 
-def is_drawing(path: Path, wanted: Wanted) -> bool:
-    """Tell whether a file on rank 0 is a drawing, not a mesh with groups.
-
-    A .geo file is one if it has no physical groups, or something is asked for that its
-    groups do not know.
+def has_geometry(path: Path, wanted: Wanted) -> bool:
+    """Tell whether a file has the true shape of bodies, by its ending.
 
     Raises:
         InputError: If something is asked for that a mesh file does not have.
     """
-    suffix = path.suffix.lower()
-    if suffix in CAD:
+    if path.suffix.lower() in (*CAD, *GEOMETRIES):
         return True
-    if suffix == ".geo" and path.is_file():
-        return wanted.given or "Physical" not in path.read_text(encoding="latin-1")
     if wanted.given:
         raise InputError(
             f"read_mesh: size=, heal= and defeature= mesh a drawing ({', '.join(CAD)}, .geo); "
@@ -86,23 +82,38 @@ def is_drawing(path: Path, wanted: Wanted) -> bool:
     return False
 
 
-def open_drawing(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
-    """Mesh a drawing, and open the mesh in gmsh's current session.
+def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
+    """Open a file with the true shape of bodies in gmsh's current session.
 
     Returns:
-        The geometry as text, or None if it cannot be kept.
+        The geometry of a drawing as text, or None if it cannot be kept; an empty list
+        of a file whose groups say what it is.
 
     Raises:
         InputError: If the file is missing or cannot be meshed.
     """
-    what = f"The drawing {str(path)!r}"
     if not path.is_file():
-        raise InputError(f"{what} does not exist; look at the path and the working folder.")
-    if wanted.size is None and path.suffix.lower() in CAD:
-        raise InputError(f"{what} has no size of cells; give read_mesh(..., size=), a length.")
+        raise InputError(
+            f"The drawing {str(path)!r} does not exist; look at the path and the working folder."
+        )
+    if path.suffix.lower() in CAD:
+        if wanted.size is None:
+            raise InputError(
+                f"The drawing {str(path)!r} has no size of cells; give read_mesh(..., size=), a "
+                "length."
+            )
+        return [_meshed(gmsh, path, wanted)]
+    if wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
+        return [_meshed(gmsh, path, wanted)]
+    gmsh.open(str(path))
+    return []
+
+
+def _meshed(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
+    """Mesh a drawing, and open the mesh in gmsh's current session."""
     with tempfile.TemporaryDirectory() as folder:
         job = asdict(wanted) | {"path": str(path.resolve()), "folder": folder}
-        _run(job, what)
+        _run(job, f"The drawing {str(path)!r}")
         gmsh.merge(str(Path(folder) / "mesh.msh"))
         kept = json.loads((Path(folder) / "result.json").read_text())
     if kept is None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
+import numpy as np
+
 from erc_contact.mesh.drawings.opened import Tell, counted
 from erc_contact.mesh.drawings.pieces import SHOWN, Entity, at
 
@@ -18,19 +20,28 @@ ROUND_OFF = 1e-6
 
 
 def heal(gmsh: Any, solids: list[tuple[str, Entity]], tolerance: float) -> list[tuple[str, Entity]]:
-    """Close gaps up to a tolerance [length], and remove edges and faces below it.
+    """Remove edges and faces below a tolerance [length], and close gaps up to it.
 
-    Solids whose faces do not close are closed, and what lies closer than the tolerance
-    to each other becomes one when the solids are put in one piece.
+    What lies closer than the tolerance to each other becomes one when the solids are
+    put in one piece.
     """
     occ = gmsh.model.occ
-    healed = []
-    for name, entity in solids:
-        made = occ.healShapes([entity], tolerance)
-        healed += [(name, piece) for piece in made if piece[0] == entity[0]]
+    places = np.array([_place(occ, entity) for _, entity in solids])
+    made = occ.healShapes([], tolerance, sewFaces=False, makeSolids=False)
     occ.synchronize()
     gmsh.option.setNumber("Geometry.ToleranceBoolean", tolerance)
+    healed = []
+    for entity in sorted(set(made)):
+        if entity[0] == solids[0][1][0]:
+            # gmsh does not say from which solid a healed one comes.
+            nearest = np.linalg.norm(places - _place(occ, entity), axis=1).argmin()
+            healed.append((solids[nearest][0], entity))
     return healed
+
+
+def _place(occ: Any, entity: Entity) -> np.ndarray:
+    """Return centre and size of a solid [length], shape (4,)."""
+    return np.array([*occ.getCenterOfMass(*entity), occ.getMass(*entity) ** (1 / entity[0])])
 
 
 def extent(gmsh: Any) -> float:

@@ -21,6 +21,11 @@ from erc_contact.mesh.drawings import kept, opened, pieces, small
 
 EDGES_OF_CIRCLE = 12
 """Number of edges along a full circle of small radius."""
+SMALLEST = 1 / 10
+"""Least edge that curvature asks for, over the size of cells [-].
+
+A fillet of a thousandth of the size would get millions of cells.
+"""
 OPTIONS = {
     "General.Terminal": 0,
     "Mesh.ElementOrder": 1,
@@ -81,11 +86,12 @@ def _mesh(gmsh: Any, job: dict[str, Any], tell: Any) -> None:
         bodies = [(name, [entity]) for name, entity in solids]
     dim = bodies[0][1][0][0]
     _name(model, dim, bodies)
-    drawing = kept.drawing_of(gmsh)
+    drawing = kept.drawing_of(model)
     tell("stage", "meshing")
     _options(gmsh)
     if job["size"]:
         gmsh.option.setNumber("Mesh.MeshSizeMax", job["size"])
+        gmsh.option.setNumber("Mesh.MeshSizeMin", SMALLEST * job["size"])
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", EDGES_OF_CIRCLE)
     model.mesh.generate(dim)
     empty = [name for name, pieces_ in bodies if not _has_cells(model, pieces_)]

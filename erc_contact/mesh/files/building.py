@@ -1,0 +1,282 @@
+"""Make simplices with parts and regions of the mesh of a file, and a domain of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.logs import log_of
+from erc_contact.mesh.files.cleaning import Body, body_of
+from erc_contact.mesh.files.faces import Faces, distinct, faces_of
+from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
+from erc_contact.mesh.files.sets import Named, disjoint
+from erc_contact.mesh.files.simplices import Simplices, split
+from erc_contact.mesh.plain import PlainMesh, row_numbers
+from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.tags import NO_TAG
+from erc_contact.mesh.transfer import given_cells
+
+BOUNDARY = "boundary"
+"""Name of the part of a file without sets of facets: all of the outer facets."""
+UNNAMED = "unnamed"
+"""Name of the region of cells in no set, where other cells are in sets."""
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """Hold a mesh of simplices made of a file.
+
+    Attributes:
+        plain: The mesh, with tags of regions and sides.
+        names: Name of each part -> its tag.
+        regions: Name of each region -> its tag.
+        marks: Marks of sides, shape (m, d+1), or None.
+        nodes: The point of the file at each point of the mesh, -1 where it is new.
+        notes: What was left out or changed, in words.
+    """
+
+    plain: PlainMesh
+    names: dict[str, int]
+    regions: dict[str, int]
+    marks: np.ndarray | None
+    nodes: np.ndarray
+    notes: tuple[str, ...]
+
+
+def built(mesh: FileMesh, marks: Sequence[FacetSet] = ()) -> Built:
+    """Make simplices with parts and regions of the mesh of a file.
+
+    Args:
+        mesh: The mesh.
+        marks: Sets of facets with marks as their tags, which name nothing.
+
+    Raises:
+        InputError: If it has no body, or its cells cannot be worked with.
+    """
+    body = body_of(mesh)
+    faces = faces_of(body.cells, body.x)
+    simplices = split(body, faces)
+    notes = list(body.notes)
+
+    cell_sets = []
+    for element_set in mesh.element_sets:
+        members = _cells_in(body, mesh, element_set.members)
+        cell_sets.append(Named(element_set.name, element_set.tag, members))
+    cell_tags, regions, said = disjoint(cell_sets, body.count, "region")
+    notes += said
+    of_simplices = cell_tags[simplices.parents]
+    regions = _with_all_cells(of_simplices, regions)
+
+    found, said = _parts(mesh, body, faces)
+    notes += said
+    outer = np.unique(faces.number[faces.outer])
+    if not any(len(part.members) for part in found):
+        found = [Named(BOUNDARY, None, outer)]
+    face_tags, names, said = disjoint(found, len(faces.count), "part")
+    notes += said
+    tags = _side_tags(simplices, faces, face_tags)
+    side_marks = None
+    if marks:
+        face_marks = np.full(len(faces.count), NO_TAG)
+        for marked in marks:
+            face_marks[_faces_at(body, faces, marked.corners)] = marked.tag
+        side_marks = _side_tags(simplices, faces, face_marks)
+
+    used, cells = np.unique(simplices.cells, return_inverse=True)
+    nodes = np.where(used < len(body.x), used, -1)
+    plain = PlainMesh(simplices.x[used], cells.reshape(simplices.cells.shape), of_simplices, tags)
+    return Built(plain, names, regions, side_marks, nodes, tuple(notes))
+
+
+def _cells_in(body: Body, mesh: FileMesh, members: Mapping[int, np.ndarray]) -> np.ndarray:
+    """Return the numbers of the cells of the body that are members of a set."""
+    sizes = [len(mesh.blocks[number].nodes) for number in body.blocks]
+    begins = np.cumsum([0, *sizes])
+    cells = [np.empty(0, dtype=np.int64)]
+    for number, begin in zip(body.blocks, begins, strict=False):
+        if number in members:
+            cells.append(begin + members[number])
+    kept = np.concatenate(body.numbers)
+    return np.intersect1d(np.concatenate(cells), kept)
+
+
+def _with_all_cells(tags: np.ndarray, regions: dict[str, int]) -> dict[str, int]:
+    """Give cells in no set a region, in place; return all regions by name."""
+    without = tags == NO_TAG
+    if not without.any():
+        return {name: tag for name, tag in regions.items() if (tags == tag).any()}
+    tag = max(regions.values(), default=0) + 1
+    tags[without] = tag
+    name = UNNAMED if regions else BODY
+    while name in regions:
+        name += " "
+    return {**regions, name: tag}
+
+
+def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[str]]:
+    """Return the faces of each set of facets or nodes, and what was left out."""
+    found = []
+    lost = 0
+    for facet_set in [*_sides_of_elements(mesh), *mesh.facet_sets]:
+        members = _faces_at(body, faces, facet_set.corners)
+        lost += int((members < 0).sum())
+        members = np.unique(members[members >= 0])
+        if facet_set.outer:
+            members = members[faces.count[members] == 1]
+        found.append(Named(facet_set.name, facet_set.tag, members))
+    for node_set in mesh.node_sets:
+        found.append(Named(node_set.name, node_set.tag, _faces_within(body, faces, node_set.nodes)))
+    notes = []
+    if lost:
+        notes.append(f"{lost} facets of no cell")
+    empty = [repr(named.name) for named in found if not len(named.members)]
+    if empty:
+        shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
+        notes.append(f"{len(empty)} sets without a facet of the body: {shown}")
+    return [named for named in found if len(named.members)], notes
+
+
+def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:
+    """Return sets of elements that are sides of cells, by their corners."""
+    result = []
+    for element_set in mesh.element_sets:
+        tables = []
+        for number, members in element_set.members.items():
+            block = mesh.blocks[number]
+            if block.dim == mesh.dim - 1:
+                tables.append(padded(block.corners[members]))
+        if tables:
+            result.append(FacetSet(element_set.name, np.concatenate(tables), element_set.tag))
+    return result
+
+
+def _faces_at(body: Body, faces: Faces, corners: np.ndarray) -> np.ndarray:
+    """Return the numbers of faces with given corners, shape (n,); -1 for none."""
+    known = (corners >= 0).all(axis=1) & (corners < len(body.same)).all(axis=1)
+    wanted = body.same[np.where(known[:, None], corners, 0)]
+    near = np.zeros(len(body.same), dtype=bool)
+    near[wanted] = True
+    candidates = np.flatnonzero(near[faces.corners].all(axis=1) & (faces.number >= 0))
+    there, here = row_numbers(distinct(faces.corners[candidates]), distinct(wanted))
+    number_of = np.full(max(here.max(initial=-1), there.max(initial=-1)) + 1, -1)
+    number_of[there] = faces.number[candidates]
+    return np.where(known, number_of[here], -1)
+
+
+def _faces_within(body: Body, faces: Faces, nodes: np.ndarray) -> np.ndarray:
+    """Return the outer faces all of whose corners are in a set of nodes.
+
+    If there is none, the set may be an interface inside: then all faces count.
+    """
+    chosen = np.zeros(len(body.same), dtype=bool)
+    chosen[body.same[nodes[(nodes >= 0) & (nodes < len(chosen))]]] = True
+    within = chosen[faces.corners].all(axis=1)
+    outer = within & faces.outer
+    return np.unique(faces.number[outer if outer.any() else within & (faces.number >= 0)])
+
+
+def _side_tags(simplices: Simplices, faces: Faces, tag_of_face: np.ndarray) -> np.ndarray:
+    """Give the sides of simplices the tags of the faces of cells on which they lie.
+
+    Returns:
+        Tags, shape (m, d+1).
+    """
+    d = simplices.x.shape[1]
+    tags = np.full(simplices.cells.shape, NO_TAG)
+    tagged = np.flatnonzero((faces.number >= 0) & (tag_of_face[faces.number] != NO_TAG))
+    _, first = np.unique(faces.number[tagged], return_index=True)
+    one_of_each = tagged[first]
+    values = tag_of_face[faces.number[one_of_each]]
+    facets = faces.corners[one_of_each]
+    if d == 3:
+        triangles = faces.triangles(one_of_each)
+        whole = (np.diff(np.sort(triangles, axis=2), axis=2) > 0).all(axis=2)
+        values = np.repeat(values[:, None], 2, axis=1)[whole]
+        facets = triangles[whole]
+    near = np.zeros(len(simplices.x), dtype=bool)
+    near[facets] = True
+    sides = simplices.cells[:, facet_vertices(d)]
+    cell, side = np.nonzero(near[sides].all(axis=2))
+    there, here = row_numbers(sides[cell, side], facets)
+    value_of = np.full(max(there.max(initial=-1), here.max(initial=-1)) + 1, NO_TAG)
+    value_of[here] = values
+    tags[cell, side] = value_of[there]
+    return tags
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Hold a mesh of all ranks with its tags.
+
+    Attributes:
+        mesh: The mesh.
+        facet_tags: Tags of parts.
+        cell_tags: Tags of regions.
+        names: Name of each part -> its tag.
+        regions: Name of each region -> its tag.
+        marks: Marks of facets, or None.
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: dmesh.MeshTags
+    cell_tags: dmesh.MeshTags
+    names: dict[str, int]
+    regions: dict[str, int]
+    marks: dmesh.MeshTags | None
+
+
+def spread_from(comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: str) -> Spread:
+    """Make a mesh on a rank and spread it over all; collective.
+
+    What was left out is told once.
+
+    Args:
+        comm: Communicator.
+        rank: The rank that makes the mesh.
+        make: Function that makes it, called there.
+        subject: Subject of messages.
+
+    Raises:
+        InputError: On all ranks, what ``make`` raises.
+    """
+    error: Exception | None = None
+    made: Built | None = None
+    if comm.rank == rank:
+        try:
+            made = make()
+        except InputError as reason:
+            error = InputError(_about(subject, str(reason)))
+        except Exception as reason:  # every rank must learn of it
+            error = InputError(f"{subject} cannot be used: {reason}")
+    raise_together(comm, error)
+    head = None
+    if made is not None:
+        head = (made.plain.dim, made.names, made.regions, made.notes, made.marks is not None)
+    dim, names, regions, notes, marked = comm.bcast(head, root=rank)
+    if notes:
+        log_of(comm).warning("%s: left out or changed: %s.", subject, "; ".join(notes))
+    empty = np.empty((0, dim + 1), dtype=np.int64)
+    plain = PlainMesh(np.empty((0, dim)), empty, empty[:, 0], empty)
+    marks = empty if marked else None
+    if made is not None:
+        plain = made.plain
+        marks = made.marks
+    given = given_cells(comm, plain)
+    return Spread(
+        given.mesh,
+        given.facet_tags(plain.tags),
+        given.cell_tags(plain.regions),
+        names,
+        regions,
+        None if marks is None else given.facet_tags(marks),
+    )
+
+
+def _about(subject: str, reason: str) -> str:
+    """Return a message with its subject, if it does not name it."""
+    return reason if subject in reason else f"{subject}: {reason}"

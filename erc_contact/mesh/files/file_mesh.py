@@ -1,0 +1,147 @@
+"""Hold a mesh as files have it: points, cells of several shapes, sets with names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from erc_contact.mesh.files.shapes import SHAPES
+
+BODY = "body"
+"""Name of the region of a body without sets of cells."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Hold elements of one shape.
+
+    Attributes:
+        shape: Name of the shape.
+        nodes: Rows of their points, corners first, shape (n, k). Points beyond the
+            corners lie on curved edges and faces.
+    """
+
+    shape: str
+    nodes: np.ndarray
+
+    @property
+    def dim(self) -> int:
+        """Return the dimension of the elements."""
+        return SHAPES[self.shape].dim
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Return the rows of the corners, shape (n, corners)."""
+        return self.nodes[:, : SHAPES[self.shape].corners]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementSet:
+    """Hold elements that have a name in the file.
+
+    Attributes:
+        name: The name, or the tag in digits.
+        members: Number of a block -> numbers of elements in it.
+        tag: Number by which the file calls the set, or None.
+    """
+
+    name: str
+    members: Mapping[int, np.ndarray]
+    tag: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FacetSet:
+    """Hold sides of cells that have a name in the file.
+
+    Attributes:
+        name: The name, or the tag in digits.
+        corners: Rows of their corners, shape (n, 2) in the plane, (n, 4) in space; a
+            triangle has its last corner twice.
+        tag: Number by which the file calls the set, or None.
+        outer: Whether only those on the boundary of the body are meant.
+    """
+
+    name: str
+    corners: np.ndarray
+    tag: int | None = None
+    outer: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class NodeSet:
+    """Hold nodes that have a name in the file.
+
+    Attributes:
+        name: The name, or the tag in digits.
+        nodes: Rows of points.
+        tag: Number by which the file calls the set, or None.
+    """
+
+    name: str
+    nodes: np.ndarray
+    tag: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FileMesh:
+    """Hold the mesh of a file.
+
+    Attributes:
+        points: Points [length], shape (n, 3).
+        blocks: The elements, of any dimension.
+        element_sets: Sets of elements. Those of the body become regions, those of its
+            sides become parts of the boundary.
+        facet_sets: Sets of sides of cells.
+        node_sets: Sets of nodes. The sides all of whose corners are in a set become a
+            part.
+        left_out: Kind of elements that are no solids -> their number.
+        values: Name of a vector at the points -> its values, shape (n, 3).
+    """
+
+    points: np.ndarray
+    blocks: tuple[Block, ...]
+    element_sets: tuple[ElementSet, ...] = ()
+    facet_sets: tuple[FacetSet, ...] = ()
+    node_sets: tuple[NodeSet, ...] = ()
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    values: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def dim(self) -> int:
+        """Return the dimension of its body, the greatest of its elements."""
+        return max((block.dim for block in self.blocks if len(block.nodes)), default=0)
+
+
+def padded(corners: np.ndarray) -> np.ndarray:
+    """Return corners of facets in space with four columns, those of edges as they are.
+
+    A triangle has its last corner twice.
+    """
+    missing = 1 if corners.shape[1] == 3 else 0
+    return np.hstack([corners, np.repeat(corners[:, -1:], missing, axis=1)])
+
+
+def by_tags(
+    blocks: tuple[Block, ...], tags: list[np.ndarray], names: Mapping[tuple[int, int], str]
+) -> tuple[ElementSet, ...]:
+    """Return a set for each tag and dimension of elements, in the order of the tags.
+
+    Args:
+        blocks: The elements.
+        tags: Tag of each element of each block. The sign of a tag tells an orientation,
+            which plays no role.
+        names: Pairs (dimension, tag) -> names. A set without is called by its tag.
+    """
+    found: dict[tuple[int, int], dict[int, np.ndarray]] = {}
+    for number, (block, signed) in enumerate(zip(blocks, tags, strict=True)):
+        block_tags = abs(np.asarray(signed))
+        for tag in np.unique(block_tags):
+            members = np.flatnonzero(block_tags == tag)
+            found.setdefault((block.dim, int(tag)), {})[number] = members
+    sets = []
+    for (dim, tag), members_of in sorted(found.items(), key=lambda item: item[0]):
+        sets.append(ElementSet(names.get((dim, tag), str(tag)), members_of, tag))
+    return tuple(sets)

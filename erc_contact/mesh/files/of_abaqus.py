@@ -1,0 +1,413 @@
+"""Read the text files of Abaqus and CalculiX, with their sets and surfaces.
+
+Points, elements and sets are read, of parts and their instances, too. Elements that are
+no solids are left out and counted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.abaqus_cards import Card, cards_of, integers_of, numbers_of
+from erc_contact.mesh.files.file_mesh import (
+    Block,
+    ElementSet,
+    FacetSet,
+    FileMesh,
+    NodeSet,
+    padded,
+)
+from erc_contact.mesh.files.shapes import SHAPES
+
+SOLIDS = (
+    (
+        re.compile(r"(?:D?C3D|F3D|SC)(\d+)"),
+        {"tetrahedron": (4, 10), "pyramid": (5, 13), "prism": (6, 15), "hexahedron": (8, 20, 27)},
+    ),
+    (
+        re.compile(r"(?:CP[SE]|CPEG|C?G?AX|DC2D|DCAX)(\d+)"),
+        {"triangle": (3, 6), "quadrilateral": (4, 8)},
+    ),
+)
+"""Patterns of the types of solids, and the numbers of nodes of each shape."""
+SIDES = (
+    (
+        re.compile(r"(?:DS|S|STRI|M3D|SFM3D|R3D)(\d+)"),
+        {"triangle": (3, 6), "quadrilateral": (4, 8, 9)},
+    ),
+    (re.compile(r"(?:T[23]D|R2D)(\d+)"), {"line": (2, 3)}),
+    (re.compile(r"B[23](\d)"), {"line": (1, 2)}),
+)
+"""The same for types of elements that may lie on the sides of solids.
+
+Programs write facets so. The numbers of beams are those of nodes but for B31 and B21.
+"""
+FACES = {
+    "tetrahedron": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "hexahedron": (
+        (0, 1, 2, 3),
+        (4, 7, 6, 5),
+        (0, 4, 5, 1),
+        (1, 5, 6, 2),
+        (2, 6, 7, 3),
+        (3, 7, 4, 0),
+    ),
+    "prism": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "quadrilateral": ((0, 1), (1, 2), (2, 3), (3, 0)),
+}
+"""Corners of the faces S1, S2, ... of each shape."""
+INNER = re.compile(r"_|internal", re.IGNORECASE)
+"""Beginning of names of sets that programs make for their own use."""
+GENERATORS = ("NGEN", "ELGEN", "NFILL", "NCOPY", "ELCOPY", "NMAP")
+"""Keywords that compute a mesh."""
+
+
+@dataclass
+class _Space:
+    """Hold the numbers and sets of a part in the assembly, or of all of a file.
+
+    Attributes:
+        name: Name of the instance.
+        node_rows: Number of each node -> its row.
+        element_rows: Number of each element -> its row.
+        node_sets: Rows of nodes by the name of the set in capitals.
+        element_sets: Rows of elements by the name of the set in capitals.
+        spelling: Names in capitals -> as the file spells them.
+        hidden: Names of sets that are marked as internal, or serve a surface.
+        listed: Names of sets that have a card of their own.
+        inner: The instances of the assembly by their names in capitals.
+    """
+
+    name: str = ""
+    node_rows: dict[int, int] = field(default_factory=dict)
+    element_rows: dict[int, int] = field(default_factory=dict)
+    node_sets: dict[str, list[int]] = field(default_factory=dict)
+    element_sets: dict[str, list[int]] = field(default_factory=dict)
+    spelling: dict[str, str] = field(default_factory=dict)
+    hidden: set[str] = field(default_factory=set)
+    listed: set[str] = field(default_factory=set)
+    inner: dict[str, _Space] = field(default_factory=dict)
+
+    def rows(self, word: str, *, nodes: bool) -> Sequence[int]:
+        """Return the rows that a number or the name of a set means; none if unknown."""
+        if word.isdigit():
+            row = (self.node_rows if nodes else self.element_rows).get(int(word))
+            return [] if row is None else [row]
+        sets = self.node_sets if nodes else self.element_sets
+        if word.upper() in sets:
+            return sets[word.upper()]
+        instance, dot, name = word.partition(".")
+        if dot and instance.upper() in self.inner:
+            return self.inner[instance.upper()].rows(name, nodes=nodes)
+        return []
+
+
+@dataclass(frozen=True)
+class _Elements:
+    """Hold the elements of a card: type, row of the first, whether solids."""
+
+    kind: str
+    block: Block
+    begin: int
+    solid: bool
+
+
+@dataclass
+class _Mesh:
+    """Collect points, elements and surfaces in the order of their rows."""
+
+    points: list[np.ndarray] = field(default_factory=list)
+    node_count: int = 0
+    element_count: int = 0
+    blocks: list[_Elements] = field(default_factory=list)
+    left_out: dict[str, int] = field(default_factory=dict)
+    spaces: list[_Space] = field(default_factory=list)
+    surfaces: dict[str, list[tuple[np.ndarray, int | None]]] = field(default_factory=dict)
+    node_surfaces: dict[str, list[int]] = field(default_factory=dict)
+
+
+def mesh_of_abaqus(path: Path) -> FileMesh:
+    """Read a text file of Abaqus or CalculiX, with its sets and surfaces.
+
+    Raises:
+        InputError: If it has no nodes, or a card that computes them.
+    """
+    parts, assembly, rest = _sections(list(cards_of(path)))
+    mesh = _Mesh()
+    root = _Space()
+    mesh.spaces.append(root)
+    for name, (part, shift, cards) in assembly.items():
+        space = _Space(name)
+        root.inner[name.upper()] = space
+        mesh.spaces.append(space)
+        _load(mesh, space, [*parts.get(part.upper(), []), *cards], shift)
+    _load(mesh, root, rest, [])
+    if not mesh.node_count:
+        raise InputError(
+            "it has no *NODE; read the file that has the mesh, which an *INCLUDE may name."
+        )
+    return _file_mesh(mesh)
+
+
+Instance = tuple[str, list[str], list[Card]]
+"""Name of its part, lines of its place, and its own cards."""
+
+
+def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Instance], list[Card]]:
+    """Take the cards of parts and of instances from those of the file.
+
+    Returns:
+        Cards of each part by its name in capitals, the instances by name, and the cards
+        outside of both.
+    """
+    parts: dict[str, list[Card]] = {}
+    instances: dict[str, Instance] = {}
+    rest: list[Card] = []
+    into = rest
+    for card in cards:
+        if card.keyword in GENERATORS:
+            raise InputError(
+                f"it computes its mesh by *{card.keyword}; let Abaqus or CalculiX write the mesh "
+                "out, as .inp or as .frd, and read that file."
+            )
+        if card.keyword == "PART":
+            into = parts.setdefault(card.get("NAME").upper(), [])
+        elif card.keyword == "INSTANCE":
+            into = []
+            name = card.get("NAME") or f"instance {len(instances) + 1}"
+            instances[name] = (card.get("PART"), card.lines, into)
+        elif card.keyword in ("END PART", "END INSTANCE"):
+            into = rest
+        else:
+            into.append(card)
+    return parts, instances, rest
+
+
+def _load(mesh: _Mesh, space: _Space, cards: list[Card], place: list[str]) -> None:
+    """Add the cards of a part to a mesh."""
+    for card in cards:
+        if card.keyword == "NODE":
+            _add_nodes(mesh, space, card, place)
+    for card in cards:
+        if card.keyword == "ELEMENT":
+            _add_elements(mesh, space, card)
+    for card in cards:
+        if card.keyword in ("NSET", "ELSET"):
+            _add_set(space, card)
+    for card in cards:
+        if card.keyword == "SURFACE":
+            _add_surface(mesh, space, card)
+
+
+def _add_nodes(mesh: _Mesh, space: _Space, card: Card, place: list[str]) -> None:
+    """Add the nodes of a card, put where an instance is."""
+    table = numbers_of(card.lines, 4)
+    x = _placed(table[:, 1:], place)
+    rows = range(mesh.node_count, mesh.node_count + len(x))
+    space.node_rows.update(zip(table[:, 0].astype(np.int64).tolist(), rows, strict=True))
+    mesh.points.append(x)
+    mesh.node_count += len(x)
+    _extend(space, space.node_sets, card.get("NSET"), rows)
+
+
+def _placed(x: np.ndarray, place: list[str]) -> np.ndarray:
+    """Move points by the translation and the rotation about an axis of an instance.
+
+    Args:
+        x: Points [length], shape (n, 3).
+        place: Lines of data: the translation; two points of the axis and the angle in
+            degrees.
+    """
+    if place:
+        x = x + numbers_of(place[:1], 3)[0]
+    if len(place) > 1:
+        numbers = numbers_of(place[1:2], 7)[0]
+        start, axis = numbers[:3], numbers[3:6] - numbers[:3]
+        axis = axis / np.linalg.norm(axis)
+        angle = np.radians(numbers[6])
+        arm = x - start
+        along = np.outer(arm @ axis, axis)
+        x = start + along + np.cos(angle) * (arm - along) + np.sin(angle) * np.cross(axis, arm)
+    return x
+
+
+def _extend(space: _Space, sets: dict[str, list[int]], name: str, rows: Sequence[int]) -> None:
+    """Add rows to a set by its name, "" for none."""
+    if name:
+        space.spelling.setdefault(name.upper(), name)
+        sets.setdefault(name.upper(), []).extend(rows)
+
+
+def _add_elements(mesh: _Mesh, space: _Space, card: Card) -> None:
+    """Add the elements of a card, or count them if they are no solids."""
+    kind = card.get("TYPE").upper()
+    shape, width, solid = _shape_of(kind)
+    if shape is None:
+        mesh.left_out[kind] = mesh.left_out.get(kind, 0) + len(card.lines)
+        return
+    table = integers_of(card.lines).reshape(-1, width + 1)
+    known = space.node_rows
+    nodes = [known.get(number, -1) for number in table[:, 1:].ravel().tolist()]
+    rows = range(mesh.element_count, mesh.element_count + len(table))
+    space.element_rows.update(zip(table[:, 0].tolist(), rows, strict=True))
+    block = Block(shape, np.array(nodes, dtype=np.int64).reshape(-1, width))
+    mesh.blocks.append(_Elements(kind, block, rows.start, solid))
+    mesh.element_count += len(table)
+    _extend(space, space.element_sets, card.get("ELSET"), rows)
+
+
+def _shape_of(kind: str) -> tuple[str | None, int, bool]:
+    """Return shape and number of nodes of a type, and whether it is a solid."""
+    for solid, table in ((True, SOLIDS), (False, SIDES)):
+        for pattern, shapes in table:
+            match = pattern.match(kind)
+            for shape, widths in shapes.items() if match else ():
+                width = int(match.group(1)) if match else 0
+                if width in widths:
+                    beam = kind.startswith("B")
+                    return shape, width + 1 if beam else width, solid
+    return None, 0, False
+
+
+def _add_set(space: _Space, card: Card) -> None:
+    """Add a set of nodes or elements."""
+    nodes = card.keyword == "NSET"
+    name = card.get(card.keyword)
+    space.listed.add(name.upper())
+    sets = space.node_sets if nodes else space.element_sets
+    instance = card.get("INSTANCE").upper()
+    source = space.inner.get(instance, space)
+    if card.has("GENERATE"):
+        known = source.node_rows if nodes else source.element_rows
+        for row in card.rows:
+            first, last, *step = [int(word) for word in row if word]
+            wanted = range(first, last + 1, step[0] if step and step[0] else 1)
+            _extend(space, sets, name, [known[number] for number in wanted if number in known])
+    else:
+        for row in card.rows:
+            for word in row:
+                _extend(space, sets, name, source.rows(word, nodes=nodes) if word else [])
+    if card.has("INTERNAL"):
+        space.hidden.add(name.upper())
+
+
+def _add_surface(mesh: _Mesh, space: _Space, card: Card) -> None:
+    """Add a surface of faces of elements, or of nodes."""
+    name = card.get("NAME")
+    by_nodes = card.get("TYPE").upper() == "NODE"
+    for row in card.rows:
+        if not row[0]:
+            continue
+        rows = space.rows(row[0], nodes=by_nodes)
+        if by_nodes:
+            mesh.node_surfaces.setdefault(name, []).extend(rows)
+            continue
+        label = row[1].upper() if len(row) > 1 else ""
+        face = int(label[1:]) - 1 if re.fullmatch(r"S\d", label) else None
+        if face is not None or not label:
+            faces = mesh.surfaces.setdefault(name, [])
+            faces.append((np.array(rows, dtype=np.int64), face))
+        if not row[0].isdigit():
+            # A set that serves a surface is no region of its own.
+            space.hidden.add(row[0].upper())
+
+
+def _file_mesh(mesh: _Mesh) -> FileMesh:
+    """Return the mesh with all sets, whose rows are now numbers in blocks."""
+    dim = max((part.block.dim for part in mesh.blocks if part.solid), default=0)
+    left_out = dict(mesh.left_out)
+    blocks = []
+    for part in mesh.blocks:
+        fits = part.block.dim == dim - 1 or (part.solid and part.block.dim == dim)
+        if not fits:
+            left_out[part.kind] = left_out.get(part.kind, 0) + len(part.block.nodes)
+        # The numbers of the other blocks stay.
+        blocks.append(part.block if fits else Block("vertex", part.block.nodes[:, :1]))
+    begins = np.array([part.begin for part in mesh.blocks])
+    facet_sets = []
+    for name, faces in mesh.surfaces.items():
+        for rows, face in faces:
+            for block, elements in _members(begins, rows).items():
+                facet_sets += _facets(name, blocks[block], elements, face)
+    element_sets, node_sets = _sets(mesh, begins)
+    return FileMesh(
+        np.concatenate(mesh.points),
+        tuple(blocks),
+        tuple(element_sets),
+        tuple(found for found in facet_sets if found.corners.shape[1] == 2 * (dim - 1)),
+        tuple(node_sets),
+        left_out,
+    )
+
+
+def _members(begins: np.ndarray, rows: Sequence[int] | np.ndarray) -> dict[int, np.ndarray]:
+    """Return the numbers in blocks of elements that are given by their rows."""
+    every = np.unique(np.asarray(rows, dtype=np.int64))
+    block = np.searchsorted(begins, every, side="right") - 1
+    return {int(b): every[block == b] - begins[b] for b in np.unique(block)}
+
+
+def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeSet]]:
+    """Return the sets of elements and of nodes that a user has named."""
+    element_sets = []
+    node_sets = []
+    several = _names_of_several(mesh.spaces)
+    for space in mesh.spaces:
+        # Of two sets of the same elements the first one keeps its name.
+        for name in sorted(space.element_sets, key=lambda name: name not in space.listed):
+            rows = space.element_sets[name]
+            if name not in space.hidden and not INNER.match(name):
+                called = _called(space, name, several)
+                element_sets.append(ElementSet(called, _members(begins, rows)))
+        for name, rows in space.node_sets.items():
+            if not INNER.match(name):
+                node_sets.append(
+                    NodeSet(
+                        _called(space, name, several), np.unique(np.asarray(rows, dtype=np.int64))
+                    )
+                )
+    instances = [space for space in mesh.spaces[1:] if space.element_rows]
+    if len(instances) > 1:
+        for space in instances:
+            members = _members(begins, list(space.element_rows.values()))
+            element_sets.append(ElementSet(space.name, members))
+    for name, rows in mesh.node_surfaces.items():
+        node_sets.append(NodeSet(name, np.unique(np.asarray(rows, dtype=np.int64))))
+    return element_sets, node_sets
+
+
+def _names_of_several(spaces: Sequence[_Space]) -> set[str]:
+    """Return the names that sets of several instances have."""
+    seen: set[str] = set()
+    several: set[str] = set()
+    for space in spaces:
+        for name in {*space.element_sets, *space.node_sets}:
+            (several if name in seen else seen).add(name)
+    return several
+
+
+def _called(space: _Space, name: str, several: set[str]) -> str:
+    """Return the name of a set, with that of its instance if several have it."""
+    spelled = space.spelling.get(name, name)
+    return f"{space.name}.{spelled}" if space.name and name in several else spelled
+
+
+def _facets(name: str, block: Block, elements: np.ndarray, face: int | None) -> list[FacetSet]:
+    """Return faces of elements by their number; None means all outer faces."""
+    faces = FACES.get(block.shape, ())
+    if face is not None:
+        if face >= len(faces):
+            return []
+        return [FacetSet(name, padded(block.nodes[elements][:, faces[face]]))]
+    result = []
+    for corners in SHAPES[block.shape].faces:
+        result.append(FacetSet(name, padded(block.nodes[elements][:, corners]), outer=True))
+    return result

@@ -1,0 +1,142 @@
+"""Read the mesh of a gmsh model, with its groups or numbers of entities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.file_mesh import (
+    BODY,
+    Block,
+    ElementSet,
+    FacetSet,
+    FileMesh,
+    padded,
+)
+
+SHAPE_NAMES = {
+    "Line": "line",
+    "Triangle": "triangle",
+    "Quadrilateral": "quadrilateral",
+    "Tetrahedron": "tetrahedron",
+    "Hexahedron": "hexahedron",
+    "Prism": "prism",
+    "Pyramid": "pyramid",
+}
+"""The shape of elements by the first word of gmsh's name of their type."""
+
+
+def mesh_of_model(model: Any) -> FileMesh:
+    """Return the mesh of a gmsh model, whose sets are its physical groups.
+
+    Raises:
+        InputError: If it has elements of a type that is not read.
+    """
+    dim = int(model.getDimension())
+    rows, points = _points(model)
+    blocks: dict[str, list[np.ndarray]] = {}
+    places: dict[tuple[int, int], list[tuple[str, int, int]]] = {}
+    for d, tag in model.getEntities():
+        if d < dim - 1:
+            continue
+        for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
+            name, _, _, nodes_each, _, _ = model.mesh.getElementProperties(kind)
+            shape = SHAPE_NAMES.get(name.split()[0])
+            if shape is None:
+                raise InputError(f"The gmsh model has elements of type {name}, which are not read.")
+            nodes = rows[flat.astype(np.int64)].reshape(-1, nodes_each)
+            key = f"{shape} {nodes_each}"
+            begin = sum(map(len, blocks.setdefault(key, [])))
+            blocks[key].append(nodes)
+            places.setdefault((d, tag), []).append((key, begin, begin + len(nodes)))
+    numbers = {key: number for number, key in enumerate(blocks)}
+    sets = []
+    for d in (dim - 1, dim):
+        for name, tag, entities in _groups(model, d):
+            members: dict[int, list[np.ndarray]] = {}
+            for entity in entities:
+                for key, begin, end in places.get((d, entity), ()):
+                    members.setdefault(numbers[key], []).append(np.arange(begin, end))
+            found = {number: np.concatenate(ranges) for number, ranges in members.items()}
+            sets.append(ElementSet(name, found, tag))
+    tables = []
+    for key, parts in blocks.items():
+        tables.append(Block(key.split()[0], np.concatenate(parts)))
+    return FileMesh(points, tuple(tables), tuple(sets))
+
+
+def _points(model: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the row of each of gmsh's numbers of nodes, and the points."""
+    nodes, x, _ = model.mesh.getNodes()
+    nodes = nodes.astype(np.int64)
+    order = np.argsort(nodes)
+    rows = np.full(nodes.max(initial=0) + 1, -1)
+    rows[nodes[order]] = np.arange(len(nodes))
+    return rows, x.reshape(-1, 3)[order]
+
+
+@contextmanager
+def grouped(model: Any) -> Iterator[None]:
+    """Mesh a model if it is not yet, and give it groups of facets and cells while used.
+
+    Where it has no physical groups of a dimension, each entity becomes a group that is
+    called by its number, and a body of one entity :data:`BODY`. Afterwards the model
+    has the groups that it had.
+
+    Raises:
+        InputError: If it has no surface and no volume.
+    """
+    dim = int(model.getDimension())
+    if dim < 2:
+        raise InputError(
+            f"The gmsh model has dimension {max(dim, 0)}; give a surface in the plane or a volume."
+        )
+    if not len(model.mesh.getElements(dim)[0]):
+        model.mesh.generate(dim)
+    added = []
+    for d in (dim - 1, dim):
+        if model.getPhysicalGroups(d):
+            continue
+        tags = [int(tag) for _, tag in model.getEntities(d)]
+        beside_cells = [tag for tag in tags if len(model.getAdjacencies(d, tag)[0])]
+        # The entities of some files do not know each other.
+        tags = beside_cells if d < dim and beside_cells else tags
+        for tag in tags:
+            name = BODY if d == dim and len(tags) == 1 else str(tag)
+            added.append((d, model.addPhysicalGroup(d, [tag], tag, name)))
+    try:
+        yield
+    finally:
+        if added:  # none would mean all
+            model.removePhysicalGroups(added)
+
+
+def _groups(model: Any, d: int) -> list[tuple[str, int, list[int]]]:
+    """Return name, tag and entities of each physical group of a dimension."""
+    groups = []
+    for _, tag in model.getPhysicalGroups(d):
+        entities = [int(entity) for entity in model.getEntitiesForPhysicalGroup(d, tag)]
+        groups.append((model.getPhysicalName(d, tag).strip() or str(tag), int(tag), entities))
+    return groups
+
+
+def marked_entities(model: Any, tags: dict[int, int]) -> list[FacetSet]:
+    """Return the facets on curves (2D) or surfaces (3D) of a model, with marks.
+
+    Args:
+        model: The model, whose body has one dimension more.
+        tags: gmsh's tag of each mark.
+    """
+    d = int(model.getDimension()) - 1
+    rows, _ = _points(model)
+    result = []
+    for mark, tag in tags.items():
+        for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
+            _, _, _, nodes_each, _, corners_each = model.mesh.getElementProperties(kind)
+            corners = rows[flat.astype(np.int64)].reshape(-1, nodes_each)[:, :corners_each]
+            result.append(FacetSet(str(mark), padded(corners), mark))
+    return result

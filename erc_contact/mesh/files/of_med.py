@@ -1,0 +1,126 @@
+"""Read files of MED, of Salome and code_aster, with their groups of cells and nodes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet
+
+SHAPE_NAMES = {
+    "PO": "vertex",
+    "SE": "line",
+    "TR": "triangle",
+    "QU": "quadrilateral",
+    "TE": "tetrahedron",
+    "T1": "tetrahedron",
+    "HE": "hexahedron",
+    "H2": "hexahedron",
+    "PE": "prism",
+    "P15": "prism",
+    "P18": "prism",
+    "PY": "pyramid",
+    "P13": "pyramid",
+}
+"""Shape by the beginning of MED's names of types."""
+
+
+def mesh_of_med(path: Path) -> FileMesh:
+    """Read the first mesh of a file of MED, whose sets are its groups."""
+    import h5py  # noqa: PLC0415 - paid for only by those who read such files
+
+    with h5py.File(path, "r") as file:
+        if "ENS_MAA" not in file or not len(file["ENS_MAA"]):
+            raise InputError(
+                "it has no mesh (no ENS_MAA, as files of MED have from version 2.2 on)."
+            )
+        name = sorted(file["ENS_MAA"])[0]
+        mesh = file["ENS_MAA"][name]
+        dim = int(mesh.attrs["ESP"])
+        if "NOE" not in mesh:  # meshes of several time steps: the last one is taken
+            mesh = mesh[sorted(mesh)[-1]]
+        coordinates = mesh["NOE"]["COO"][()].reshape(dim, -1).T
+        families = _families(file, name)
+        blocks = []
+        tags = []
+        left_out = {}
+        for kind, group in mesh.get("MAI", {}).items():
+            shape = SHAPE_NAMES.get(kind[:3], SHAPE_NAMES.get(kind[:2]))
+            count = int(group["NOD"].attrs["NBR"])
+            if shape is None:
+                left_out[kind] = count
+                continue
+            # The first nodes of all elements come first, then their second nodes.
+            nodes = group["NOD"][()].reshape(-1, count).T.astype(np.int64) - 1
+            blocks.append(Block(shape, nodes))
+            tags.append(group["FAM"][()] if "FAM" in group else np.zeros(count, dtype=int))
+        node_tags = mesh["NOE"]["FAM"][()] if "FAM" in mesh["NOE"] else None
+        values = _displacements(file, len(coordinates))
+    return FileMesh(
+        np.pad(coordinates, ((0, 0), (0, 3 - dim))),
+        tuple(blocks),
+        _element_sets(tags, families.get("ELEME", {})),
+        node_sets=_node_sets(node_tags, families.get("NOEUD", {})),
+        left_out=left_out,
+        values=values,
+    )
+
+
+def _families(file: Any, mesh: str) -> dict[str, dict[str, list[int]]]:
+    """Return the numbers of families by group, for elements and for nodes."""
+    found: dict[str, dict[str, list[int]]] = {}
+    if "FAS" not in file or mesh not in file["FAS"]:
+        return found
+    for kind, families in file["FAS"][mesh].items():
+        if kind not in ("ELEME", "NOEUD"):
+            continue
+        groups = found.setdefault(kind, {})
+        for family in families.values():
+            if "GRO" not in family:
+                continue
+            for letters in family["GRO"]["NOM"][()]:
+                name = bytes(np.asarray(letters).astype(np.uint8)).split(b"\0")[0]
+                text = name.decode("latin-1").strip()
+                groups.setdefault(text, []).append(int(family.attrs["NUM"]))
+    return found
+
+
+def _element_sets(tags: list[np.ndarray], groups: dict[str, list[int]]) -> tuple[ElementSet, ...]:
+    """Return the groups of elements."""
+    sets = []
+    for name, numbers in groups.items():
+        members = {}
+        for block, block_tags in enumerate(tags):
+            found = np.flatnonzero(np.isin(block_tags, numbers))
+            if len(found):
+                members[block] = found
+        sets.append(ElementSet(name, members))
+    return tuple(sets)
+
+
+def _node_sets(tags: np.ndarray | None, groups: dict[str, list[int]]) -> tuple[NodeSet, ...]:
+    """Return the groups of nodes."""
+    if tags is None:
+        return ()
+    sets = []
+    for name, numbers in groups.items():
+        sets.append(NodeSet(name, np.flatnonzero(np.isin(tags, numbers))))
+    return tuple(sets)
+
+
+def _displacements(file: Any, count: int) -> dict[str, np.ndarray]:
+    """Return the vectors at all nodes, of the last step, shape (n, 3) each."""
+    found = {}
+    for name, field in file.get("CHA", {}).items():
+        step = field[sorted(field)[-1]]
+        components = int(field.attrs["NCO"])
+        if "NOE" not in step or components < 2:
+            continue
+        for profile in step["NOE"].values():
+            values = profile["CO"][()].reshape(components, -1).T[:, :3] if "CO" in profile else None
+            if values is not None and len(values) == count:
+                found[name] = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+    return found

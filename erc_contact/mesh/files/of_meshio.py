@@ -1,0 +1,90 @@
+"""Read files by meshio, for formats that no other reader here has."""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet
+from erc_contact.mesh.files.of_vtk import vectors_of
+from erc_contact.mesh.files.shapes import SHAPES
+from erc_contact.mesh.files.tag_fields import tagged_sets
+
+SHAPE_NAMES = {
+    "vertex": "vertex",
+    "line": "line",
+    "triangle": "triangle",
+    "quad": "quadrilateral",
+    "tetra": "tetrahedron",
+    "hexahedron": "hexahedron",
+    "wedge": "prism",
+    "pyramid": "pyramid",
+}
+"""Shape of meshio's types of cells, whose names may end with the number of nodes."""
+
+
+def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
+    """Read a file by meshio, whose sets are integers at its cells and cell sets.
+
+    Args:
+        path: The file.
+        file_format: meshio's name of the format, or None if the ending tells it.
+    """
+    mesh = _read(path, file_format)
+    blocks = []
+    kept = []
+    left_out: dict[str, int] = {}
+    for number, block in enumerate(mesh.cells):
+        shape = SHAPE_NAMES.get(block.type.rstrip("0123456789"))
+        nodes = np.asarray(block.data)
+        if shape is None or nodes.ndim != 2 or nodes.shape[1] < SHAPES[shape].corners:
+            left_out[block.type] = left_out.get(block.type, 0) + len(block)
+            continue
+        blocks.append(Block(shape, nodes.astype(np.int64)))
+        kept.append(number)
+    fields = {}
+    for name, values in mesh.cell_data.items():
+        fields[name] = [np.asarray(values[number]) for number in kept]
+    names = {}
+    for name, value in mesh.field_data.items():
+        if np.shape(value) == (2,):
+            tag, dim = (int(number) for number in value)
+            names[dim, tag] = str(name)
+    sets = list(tagged_sets(blocks, fields, names))
+    for name, members in mesh.cell_sets.items():
+        found = {}
+        for place, number in enumerate(kept):
+            if members[number] is not None and len(members[number]):
+                found[place] = np.asarray(members[number]).astype(np.int64)
+        if found and not name.startswith("gmsh:"):
+            sets.append(ElementSet(str(name), found))
+    node_sets = []
+    for name, nodes in mesh.point_sets.items():
+        node_sets.append(NodeSet(str(name), np.asarray(nodes).astype(np.int64)))
+    points = np.asarray(mesh.points, dtype=float)
+    return FileMesh(
+        np.pad(points, ((0, 0), (0, 3 - points.shape[1]))),
+        tuple(blocks),
+        tuple(sets),
+        node_sets=tuple(node_sets),
+        left_out=left_out,
+        values=vectors_of(mesh.point_data),
+    )
+
+
+def _read(path: Path, file_format: str | None) -> Any:
+    """Read a file by meshio, silently."""
+    import meshio  # noqa: PLC0415 - paid for only by those who read such formats
+
+    messages = io.StringIO()
+    try:
+        with redirect_stdout(messages), redirect_stderr(messages):
+            return meshio.read(path, file_format)
+    except SystemExit as end:  # meshio's way to say that a file is broken
+        words = " ".join(messages.getvalue().split())
+        raise InputError(f"meshio cannot read it: {words}") from end

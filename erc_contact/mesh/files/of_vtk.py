@@ -1,0 +1,239 @@
+"""Read files of VTK: legacy and XML files, and Exodus, whose reader VTK has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.file_mesh import (
+    Block,
+    ElementSet,
+    FacetSet,
+    FileMesh,
+    NodeSet,
+    padded,
+)
+from erc_contact.mesh.files.tag_fields import tagged_sets
+
+SHAPE_OF_TYPE = {
+    1: "vertex",
+    3: "line",
+    5: "triangle",
+    8: "quadrilateral",
+    9: "quadrilateral",
+    10: "tetrahedron",
+    11: "hexahedron",
+    12: "hexahedron",
+    13: "prism",
+    14: "pyramid",
+    21: "line",
+    22: "triangle",
+    23: "quadrilateral",
+    24: "tetrahedron",
+    25: "hexahedron",
+    26: "prism",
+    27: "pyramid",
+    28: "quadrilateral",
+    29: "hexahedron",
+    30: "quadrilateral",
+    31: "prism",
+    32: "prism",
+    33: "hexahedron",
+    34: "triangle",
+    35: "line",
+    37: "pyramid",
+    68: "line",
+    69: "triangle",
+    70: "quadrilateral",
+    71: "tetrahedron",
+    72: "hexahedron",
+    73: "prism",
+    74: "pyramid",
+}
+"""Shape of the cells of VTK's numbers of types."""
+POLYGON = 7
+"""VTK's number of a polygon."""
+CORNER_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6]}
+"""Order of the corners of pixels and voxels, which count them line by line."""
+FACE_SETS = ("Side Sets", "Face Sets")
+"""Groups of Exodus whose members are sides of cells."""
+
+
+def mesh_of_vtk(path: Path) -> FileMesh:
+    """Read a file of VTK, whose sets are the integers at its cells."""
+    import pyvista  # noqa: PLC0415 - paid for only by those who read such files
+
+    with _silent():
+        grid = pyvista.read(path)
+        if isinstance(grid, pyvista.MultiBlock):
+            grid = grid.combine()
+        if not isinstance(grid, pyvista.UnstructuredGrid):
+            grid = grid.cast_to_unstructured_grid()
+    if not grid.n_cells:
+        raise InputError("VTK found no cells in it; the file is damaged, or of another format.")
+    blocks, cells_of, left_out = _blocks(grid)
+    fields = {}
+    for name in grid.cell_data:
+        values = np.asarray(grid.cell_data[name])
+        fields[name] = [values[cells] for cells in cells_of]
+    return FileMesh(
+        np.asarray(grid.points, dtype=float),
+        blocks,
+        tagged_sets(blocks, fields, {}),
+        left_out=left_out,
+        values=vectors_of(grid.point_data),
+    )
+
+
+def vectors_of(point_data: Any) -> dict[str, np.ndarray]:
+    """Return the vectors among the data of points by name, shape (n, 3) each."""
+    found = {}
+    for name in point_data:
+        values = np.asarray(point_data[name])
+        if values.ndim == 2 and values.shape[1] in (2, 3) and values.dtype.kind == "f":
+            found[name] = np.pad(values.astype(float), ((0, 0), (0, 3 - values.shape[1])))
+    return found
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep VTK from writing warnings of its own."""
+    from vtkmodules.vtkCommonCore import vtkObject  # noqa: PLC0415
+
+    before = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.GlobalWarningDisplayOff()
+    try:
+        yield
+    finally:
+        vtkObject.SetGlobalWarningDisplay(before)
+
+
+def _blocks(grid: Any) -> tuple[tuple[Block, ...], list[np.ndarray], dict[str, int]]:
+    """Return the cells of a grid of VTK.
+
+    Returns:
+        The blocks, the numbers of their cells in the grid, and how many cells of which
+        kind are left out.
+    """
+    from vtkmodules.util.numpy_support import vtk_to_numpy  # noqa: PLC0415
+
+    types = np.asarray(grid.celltypes)
+    cells_of_vtk = grid.GetCells()
+    offsets = vtk_to_numpy(cells_of_vtk.GetOffsetsArray()).astype(np.int64)
+    connectivity = vtk_to_numpy(cells_of_vtk.GetConnectivityArray()).astype(np.int64)
+    sizes = np.diff(offsets)
+    kinds = np.column_stack([types, sizes])
+    blocks = []
+    cells_of = []
+    left_out: dict[str, int] = {}
+    for kind, size in np.unique(kinds, axis=0):
+        cells = np.flatnonzero((types == kind) & (sizes == size))
+        shape = SHAPE_OF_TYPE.get(int(kind))
+        if kind == POLYGON:
+            shape = {3: "triangle", 4: "quadrilateral"}.get(int(size))
+        if shape is None:
+            name = f"VTK {kind}"
+            left_out[name] = left_out.get(name, 0) + len(cells)
+            continue
+        nodes = connectivity[offsets[cells][:, None] + np.arange(size)]
+        blocks.append(Block(shape, nodes[:, CORNER_ORDER.get(int(kind), slice(None))]))
+        cells_of.append(cells)
+    return tuple(blocks), cells_of, left_out
+
+
+def mesh_of_exodus(path: Path) -> FileMesh:
+    """Read a file of Exodus, with its blocks, side sets and node sets."""
+    from vtkmodules.vtkIOExodus import vtkExodusIIReader  # noqa: PLC0415
+
+    reader = vtkExodusIIReader()
+    with _silent():
+        if not reader.CanReadFile(str(path)):
+            raise InputError("VTK finds that it is no file of Exodus.")
+        reader.SetFileName(str(path))
+        reader.SetApplyDisplacements(False)
+        reader.SetGenerateGlobalNodeIdArray(True)
+        reader.UpdateInformation()
+        for kind in range(14):
+            for number in range(reader.GetNumberOfObjects(kind)):
+                reader.SetObjectStatus(kind, number, 1)
+        for number in range(reader.GetNumberOfPointResultArrays()):
+            reader.SetPointResultArrayStatus(reader.GetPointResultArrayName(number), 1)
+        steps = reader.GetNumberOfTimeSteps()
+        if steps:
+            # The last one is the result.
+            reader.SetTimeStep(steps - 1)
+        reader.Update()
+    return _of_exodus_groups(reader.GetOutput())
+
+
+def _of_exodus_groups(output: Any) -> FileMesh:
+    """Return the mesh of what VTK's reader of Exodus gives."""
+    leaves = list(_leaves(output))
+    ids = np.unique(np.concatenate([leaf.global_ids for leaf in leaves]))
+    points = np.zeros((len(ids), 3))
+    blocks: list[Block] = []
+    sets: list[ElementSet] = []
+    facet_sets: list[FacetSet] = []
+    node_sets: list[NodeSet] = []
+    left_out: dict[str, int] = {}
+    values: dict[str, np.ndarray] = {}
+    for leaf in leaves:
+        rows = np.searchsorted(ids, leaf.global_ids)
+        if leaf.group == "Element Blocks":
+            points[rows] = leaf.grid.points
+            for name, vectors in vectors_of(leaf.grid.point_data).items():
+                values.setdefault(name, np.zeros((len(ids), 3)))[rows] = vectors
+        if leaf.group == "Node Sets":
+            node_sets.append(NodeSet(leaf.name, rows, leaf.tag))
+            continue
+        found, _, out = _blocks(leaf.grid)
+        found = tuple(Block(block.shape, rows[block.nodes]) for block in found)
+        if leaf.group == "Element Blocks":
+            first = len(blocks)
+            blocks += found
+            members = {first + i: np.arange(len(block.nodes)) for i, block in enumerate(found)}
+            sets.append(ElementSet(leaf.name, members, leaf.tag))
+            for kind, number in out.items():
+                left_out[kind] = left_out.get(kind, 0) + number
+        elif leaf.group in FACE_SETS:
+            for block in found:
+                if block.dim in (1, 2):
+                    facet_sets.append(FacetSet(leaf.name, padded(block.corners), leaf.tag))
+    dim = max((block.dim for block in blocks), default=0)
+    width = 2 * (dim - 1)
+    fitting = tuple(found for found in facet_sets if found.corners.shape[1] == width)
+    return FileMesh(points, tuple(blocks), tuple(sets), fitting, tuple(node_sets), left_out, values)
+
+
+class _Leaf:
+    """Hold a block or set of Exodus: group, name, tag, grid, numbers of nodes."""
+
+    def __init__(self, group: str, words: str, grid: Any) -> None:
+        import pyvista  # noqa: PLC0415
+
+        self.group = group
+        self.grid = pyvista.wrap(grid).cast_to_unstructured_grid()
+        self.global_ids = np.asarray(self.grid.point_data["GlobalNodeId"])
+        head, separator, number = words.rpartition("ID: ")
+        digits = number.strip().split()[0] if separator else ""
+        self.tag = int(digits) if digits.isdigit() else None
+        unnamed = not separator or head.startswith("Unnamed") or not head.strip()
+        self.name = digits if separator and unnamed else (head.strip() or words)
+
+
+def _leaves(output: Any) -> Iterator[_Leaf]:
+    """Iterate over the blocks and sets of Exodus that are not empty."""
+    for number in range(output.GetNumberOfBlocks()):
+        group = output.GetBlock(number)
+        if group is None:
+            continue
+        group_name = output.GetMetaData(number).Get(output.NAME())
+        for member in range(group.GetNumberOfBlocks()):
+            grid = group.GetBlock(member)
+            if grid is not None and grid.GetNumberOfPoints():
+                yield _Leaf(group_name, group.GetMetaData(member).Get(output.NAME()), grid)

@@ -1,0 +1,91 @@
+"""Give the sets of a file that have tags the names that a user wants."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from erc_contact.base.checks import description
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.file_mesh import ElementSet, FacetSet, FileMesh, NodeSet
+
+Key = tuple[int, int]
+"""Dimension and tag of a set."""
+
+
+def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
+    """Give names to the sets of a mesh.
+
+    Args:
+        mesh: The mesh of a file.
+        names: Names by the tags of sets, or by pairs (dimension, tag).
+
+    Raises:
+        InputError: If the names are no mapping to texts, no set or two sets have a tag,
+            or two sets of the same dimension get the same name.
+    """
+    is_mapping = isinstance(names, Mapping)
+    if not is_mapping or not all(isinstance(name, str) and name for name in names.values()):
+        example = "names={1: 'bottom', 2: 'top'}"
+        raise InputError(
+            f"names is {description(names)}; give names of parts by their tags, e.g. {example}."
+        )
+    dim = mesh.dim
+    called: dict[Key, str] = {}
+    for found in mesh.element_sets:
+        of_body = _is_of_body(mesh, found)
+        if found.tag is not None:
+            called[dim if of_body else dim - 1, found.tag] = found.name
+    others: list[FacetSet | NodeSet] = [*mesh.facet_sets, *mesh.node_sets]
+    for sides in others:
+        if sides.tag is not None:
+            called[dim - 1, sides.tag] = sides.name
+    new = {_key_of(key, list(called)): name for key, name in names.items()}
+    called.update(new)
+    for (d, tag), name in called.items():
+        same = [other for (e, other), known in called.items() if (e, known) == (d, name)]
+        if len(same) > 1 and (d, tag) in new:
+            first, second = sorted(same)[:2]
+            raise InputError(
+                f"The name {name!r} is that of the tags {first} and {second}; take another one."
+            )
+
+    def name_of(found: Any, d: int) -> Any:
+        name = found.name if found.tag is None else called.get((d, found.tag), found.name)
+        return replace(found, name=name)
+
+    elements = []
+    for found in mesh.element_sets:
+        elements.append(name_of(found, dim if _is_of_body(mesh, found) else dim - 1))
+    return replace(
+        mesh,
+        element_sets=tuple(elements),
+        facet_sets=tuple(name_of(found, dim - 1) for found in mesh.facet_sets),
+        node_sets=tuple(name_of(found, dim - 1) for found in mesh.node_sets),
+    )
+
+
+def _is_of_body(mesh: FileMesh, found: ElementSet) -> bool:
+    """Tell whether a set has cells of the body."""
+    return any(mesh.blocks[number].dim == mesh.dim for number in found.members)
+
+
+def _key_of(key: int | Key, keys: list[Key]) -> Key:
+    """Find the dimension and tag of the set that a key of names means.
+
+    Raises:
+        InputError: If no set or two sets have this tag.
+    """
+    matching = [known for known in keys if key in (known, known[1])]
+    if not matching:
+        tags = ", ".join(str(tag) for _, tag in keys)
+        raise InputError(
+            f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}."
+        )
+    if len(matching) > 1:
+        both = " and ".join(map(str, matching))
+        raise InputError(
+            f"names has {key!r}, which is a boundary part and a region; give one of {both}."
+        )
+    return matching[0]
