@@ -70,18 +70,12 @@ def flange(size):
     names = ("base", "flange", "bolt below", "bolt above")
     for name, ((_, body),) in zip(names, pieces, strict=True):
         gmsh.model.addPhysicalGroup(3, [body], name=name)
-    parts = {"symmetry": [], "bottom": [], "top": []}
-    for _, face in gmsh.model.getEntities(2):
-        _, front, low, _, back, high = gmsh.model.getBoundingBox(2, face)
-        if back < 1e-3 or front > WIDTH - 1e-3:
-            parts["symmetry"].append(face)
-        elif high < 1e-3 - BASE:
-            parts["bottom"].append(face)
-        elif low > TOP - 1e-3:
-            parts["top"].append(face)
-    for name, faces in parts.items():
-        gmsh.model.addPhysicalGroup(2, faces, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {
+        "symmetry": [ec.where(y=0.0), ec.where(y=WIDTH)],
+        "bottom": ec.where(z=-BASE),
+        "top": ec.where(z=TOP),
+    }
+    domain = ec.from_gmsh(gmsh.model, parts=parts)
     gmsh.finalize()
     domain = domain.split({"foot": "flange", "seat": "base"})
     return domain.split({"upper end": "bolt above", "lower end": "bolt below"})

@@ -61,20 +61,13 @@ def blocks():
     lower = (2, occ.addRectangle(0, -SIZE, 0, SIZE, SIZE))
     occ.fragment([upper], [lower])
     occ.synchronize()
-    gmsh.model.addPhysicalGroup(2, [upper[1]], name="upper")
-    gmsh.model.addPhysicalGroup(2, [lower[1]], name="lower")
-    parts = {"top": [], "bottom": [], "middle": []}
-    for _, curve in gmsh.model.getEntities(1):
-        x, y, _ = occ.getCenterOfMass(1, curve)
-        if x < 1e-3:
-            parts["middle"].append(curve)
-        elif y > SIZE - 1e-3:
-            parts["top"].append(curve)
-        elif y < 1e-3 - SIZE:
-            parts["bottom"].append(curve)
-    for name, curves in parts.items():
-        gmsh.model.addPhysicalGroup(1, curves, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {
+        "top": ec.where(y=SIZE),
+        "bottom": ec.where(y=-SIZE),
+        "middle": ec.where(x=0.0),
+    }
+    regions = {"upper": ec.where(y=(0.0, None)), "lower": ec.where(y=(None, 0.0))}
+    domain = ec.from_gmsh(gmsh.model, parts=parts, regions=regions)
     gmsh.finalize()
     return domain.split({"roller": "upper", "track": "lower"})
 

@@ -46,18 +46,12 @@ def read_step(path):
     gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)
     gmsh.model.occ.importShapes(str(path))
     gmsh.model.occ.synchronize()
-    faces = gmsh.model.getEntities(2)
-    centre = {
-        face: np.array(gmsh.model.occ.getCenterOfMass(2, face)) for _, face in faces
+    parts = {
+        "foot": ec.where(z=0.0),
+        "seat": ec.where(lambda x: np.hypot(x[0] - 40.0, x[1] - 20.0) < 11.1, z=8.0),
+        "eye": lambda x: np.hypot(x[1] - 20.0, x[2] - 40.0) < 8.1,
     }
-    for name, place in {
-        "foot": (30.0, 20.0, 0.0),
-        "seat": (40.0, 20.0, 8.0),
-        "eye": (5.0, 20.0, 40.0),
-    }.items():
-        nearest = min(centre, key=lambda face: np.linalg.norm(centre[face] - place))
-        gmsh.model.addPhysicalGroup(2, [nearest], name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    domain = ec.from_gmsh(gmsh.model, parts=parts)
     gmsh.finalize()
     return domain
 

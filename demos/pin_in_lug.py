@@ -66,21 +66,16 @@ def lug():
     plate, _ = occ.cut(plate, core)
     occ.fragment(plate, pin)
     occ.synchronize()
-    by_area = sorted(gmsh.model.getEntities(2), key=lambda face: occ.getMass(*face))
-    for name, (_, face) in zip(("pin", "lug"), by_area, strict=True):
-        gmsh.model.addPhysicalGroup(2, [face], name=name)
-    parts = {"symmetry": [], "pulled": [], "core": []}
-    for _, curve in gmsh.model.getEntities(1):
-        left, _, _, right, high, _ = gmsh.model.getBoundingBox(1, curve)
-        if high < 1e-3:
-            parts["symmetry"].append(curve)
-        elif right < 1e-3 - BACK:
-            parts["pulled"].append(curve)
-        elif right < CORE + 1e-3 and left > -CORE - 1e-3:
-            parts["core"].append(curve)
-    for name, curves in parts.items():
-        gmsh.model.addPhysicalGroup(1, curves, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {
+        "symmetry": ec.where(y=0.0),
+        "pulled": ec.where(x=-BACK),
+        "core": lambda x: np.hypot(x[0], x[1]) < 1.01 * CORE,
+    }
+    regions = {
+        "pin": lambda x: np.hypot(x[0], x[1]) < 1.001 * R,
+        "lug": lambda x: np.hypot(x[0], x[1]) > 0.999 * R,
+    }
+    domain = ec.from_gmsh(gmsh.model, parts=parts, regions=regions)
     gmsh.finalize()
     return domain.split({"rim": "pin", "hole": "lug"})
 

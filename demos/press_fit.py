@@ -66,18 +66,16 @@ def fit(size, core=0.0, quarter=False):
         hub, _ = occ.cut(hub, [(2, occ.addDisk(0, 0, 0, core, core))])
     occ.fragment(shaft, hub)
     occ.synchronize()
-    by_area = sorted(gmsh.model.getEntities(2), key=lambda face: occ.getMass(*face))
-    for name, (_, face) in zip(("shaft", "hub"), by_area, strict=True):
-        gmsh.model.addPhysicalGroup(2, [face], name=name)
-    parts = {}
-    for _, curve in gmsh.model.getEntities(1):
-        x, y = gmsh.model.getBoundingBox(1, curve)[3:5]
-        straight = "along x" if y < 1e-3 else "along y" if x < 1e-3 else None
-        circle = {CORE: "core", R: "joint", OUTER: "outside"}.get(round(max(x, y)))
-        parts.setdefault(straight or circle, []).append(curve)
-    for name, curves in parts.items():
-        gmsh.model.addPhysicalGroup(1, curves, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {"outside": lambda x: np.hypot(x[0], x[1]) > 0.999 * OUTER}
+    if core > 0:
+        parts["core"] = lambda x: np.hypot(x[0], x[1]) < 1.001 * core
+    if quarter:
+        parts |= {"along x": ec.where(y=0.0), "along y": ec.where(x=0.0)}
+    regions = {
+        "shaft": lambda x: np.hypot(x[0], x[1]) < 1.001 * R,
+        "hub": lambda x: np.hypot(x[0], x[1]) > 0.999 * R,
+    }
+    domain = ec.from_gmsh(gmsh.model, parts=parts, regions=regions)
     gmsh.finalize()
     return domain.split({"rim": "shaft", "bore": "hub"})
 

@@ -37,8 +37,8 @@ HEIGHT, FLAT, P, Q = 15.0, 7.0, 10.0 * 20.0, 2.0 * 20.0  # mm, mm, N/mm, N/mm
 
 # %%
 # A geometry of your own: any model of gmsh, its boundary parts and regions named by
-# physical groups. On several ranks each makes the model, and that of rank 0 counts. A
-# boundary in no group is free.
+# where they are. On several ranks each makes the model, and that of rank 0 counts. A
+# boundary without a name is free.
 
 
 def brake_pad():
@@ -54,20 +54,9 @@ def brake_pad():
     )
     occ.fragment([lining], [(2, occ.addRectangle(-10.0, 5.0, 0.0, 20.0, 10.0))])
     occ.synchronize()
-    for _, surface in gmsh.model.getEntities(2):
-        upper = occ.getCenterOfMass(2, surface)[1] > 5
-        gmsh.model.addPhysicalGroup(2, [surface], name="back" if upper else "lining")
-    curves = {
-        curve: occ.getCenterOfMass(1, curve)[1]
-        for _, curve in gmsh.model.getEntities(1)
-    }
-    gmsh.model.addPhysicalGroup(
-        1, [curve for curve, y in curves.items() if y < 2.5], name="foot"
-    )
-    gmsh.model.addPhysicalGroup(
-        1, [curve for curve, y in curves.items() if y > 14.9], name="top"
-    )
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {"foot": ec.where(y=(None, 3.0)), "top": ec.where(y=HEIGHT)}
+    regions = {"lining": ec.where(y=(None, 5.0)), "back": ec.where(y=(5.0, None))}
+    domain = ec.from_gmsh(gmsh.model, parts=parts, regions=regions)
     gmsh.finalize()
     return domain
 

@@ -60,24 +60,15 @@ def layers(bed=True):
         lower = [(2, occ.addRectangle(0, -BED_THICKNESS, 0, BED_LENGTH, BED_THICKNESS))]
     occ.fragment(upper, lower)
     occ.synchronize()
-    regions, parts = {}, {}
-    for _, face in gmsh.model.getEntities(2):
-        above = occ.getCenterOfMass(2, face)[1] > 0
-        regions.setdefault("upper" if above else "lower", []).append(face)
-    for _, curve in gmsh.model.getEntities(1):
-        _, low, _, right, high, _ = gmsh.model.getBoundingBox(1, curve)
-        ends = {
-            "middle": right < 1e-3,
-            "load": low > THICKNESS - 1e-3 and right < LOADED + 1e-3,
-            "base": high < 1e-3 - BED_THICKNESS,
-            "foot": not bed and high < 1e-3,
-        }
-        for name in (name for name, here in ends.items() if here):
-            parts.setdefault(name, []).append(curve)
-    for d, groups in ((2, regions), (1, parts)):
-        for name, entities in groups.items():
-            gmsh.model.addPhysicalGroup(d, entities, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {
+        "middle": ec.where(x=0.0),
+        "load": ec.where(y=THICKNESS, x=(None, LOADED)),
+        "base" if bed else "foot": ec.where(y=-BED_THICKNESS if bed else 0.0),
+    }
+    regions = {"upper": ec.where(y=(0.0, None))}
+    if bed:
+        regions["lower"] = ec.where(y=(None, 0.0))
+    domain = ec.from_gmsh(gmsh.model, parts=parts, regions=regions)
     gmsh.finalize()
     return domain.split({"foot": "upper", "seat": "lower"}) if bed else domain
 

@@ -45,7 +45,7 @@ E, NU, DELTA = 210e3, 0.3, 0.04
 
 # %%
 # ``fragment`` gives the ball and the shell a common sphere, so their elements have
-# common faces there. A face that is flat is named by its normal.
+# common faces there. The planes of symmetry are named by where they are.
 
 
 def octant(size):
@@ -60,22 +60,12 @@ def octant(size):
     shell, _ = occ.intersect(shell, cube)
     occ.fragment(ball, shell)
     occ.synchronize()
-    by_volume = sorted(gmsh.model.getEntities(3), key=lambda body: occ.getMass(*body))
-    for name, (_, body) in zip(("ball", "shell"), by_volume, strict=True):
-        gmsh.model.addPhysicalGroup(3, [body], name=name)
-    parts = {"x": [], "y": [], "z": [], "joint": [], "outside": []}
-    for _, face in gmsh.model.getEntities(2):
-        ends = np.array(gmsh.model.getBoundingBox(2, face)[3:])
-        if ends.min() < 1e-3:
-            name = "xyz"[ends.argmin()]
-        elif ends.max() < R + 1e-3:
-            name = "joint"
-        else:
-            name = "outside"
-        parts[name].append(face)
-    for name, faces in parts.items():
-        gmsh.model.addPhysicalGroup(2, faces, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    planes = {axis: ec.where(**{axis: 0.0}) for axis in "xyz"}
+    regions = {
+        "ball": lambda x: np.linalg.norm(x, axis=0) < 1.001 * R,
+        "shell": lambda x: np.linalg.norm(x, axis=0) > 0.999 * R,
+    }
+    domain = ec.from_gmsh(gmsh.model, parts=planes, regions=regions)
     gmsh.finalize()
     return domain.split({"skin": "ball", "hollow": "shell"})
 

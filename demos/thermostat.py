@@ -55,19 +55,12 @@ def strip():
     tip = (2, occ.addRectangle(LENGTH - TIP, 0, 0, TIP, STEEL))
     occ.fragment([brass], [inner, tip])
     occ.synchronize()
-    faces = [face for _, face in gmsh.model.getEntities(2) if face != brass[1]]
-    gmsh.model.addPhysicalGroup(2, [brass[1]], name="brass")
-    gmsh.model.addPhysicalGroup(2, faces, name="steel")
-    parts = {"clamp": [], "tip": []}
-    for _, curve in gmsh.model.getEntities(1):
-        left, _, _, right, high, _ = gmsh.model.getBoundingBox(1, curve)
-        if right < 1e-3:
-            parts["clamp"].append(curve)
-        if high < 1e-3 and left > LENGTH - TIP - 1e-3:
-            parts["tip"].append(curve)
-    for name, curves in parts.items():
-        gmsh.model.addPhysicalGroup(1, curves, name=name)
-    domain = ec.from_gmsh(gmsh.model)
+    parts = {
+        "clamp": ec.where(x=0.0),
+        "tip": ec.where(y=0.0, x=(LENGTH - TIP, None)),
+    }
+    layers = {"brass": ec.where(y=(STEEL, None)), "steel": ec.where(y=(None, STEEL))}
+    domain = ec.from_gmsh(gmsh.model, parts=parts, regions=layers)
     gmsh.finalize()
     return domain
 

@@ -37,9 +37,11 @@ from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
 from erc_contact.mesh.assembly import assembly
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
+from erc_contact.mesh.where import where
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
+from erc_contact.output.part_pictures import draw_parts
 from erc_contact.run.adapt import adapt
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.evolve import evolve
@@ -116,6 +118,7 @@ __all__ = [
     "certify",
     "constitutive_error",
     "coulomb_certificate",
+    "draw_parts",
     "equilibrate",
     "evolve",
     "from_gmsh",
@@ -131,6 +134,7 @@ __all__ = [
     "size_map",
     "solve",
     "table",
+    "where",
     "work_of_loads",
 ]
 

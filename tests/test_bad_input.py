@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-import basix.ufl
 import numpy as np
 import pytest
 import ufl
@@ -732,28 +731,6 @@ def tags_of_all(mesh):
     tdim = mesh.topology.dim
     facets = dmesh.locate_entities_boundary(mesh, tdim - 1, lambda x: np.full(x.shape[1], True))
     return dmesh.meshtags(mesh, tdim - 1, facets, np.ones(len(facets), dtype=np.int32))
-
-
-@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
-def test_mesh_of_the_user_not_of_simplices(cell):
-    if cell == "quadrilateral":
-        mesh = dmesh.create_unit_square(COMM, 3, 3, dmesh.CellType.quadrilateral)
-    else:
-        mesh = dmesh.create_unit_cube(COMM, 3, 3, 3, dmesh.CellType.hexahedron)
-    refused(lambda: ec.Domain(mesh, tags_of_all(mesh), {"all": 1}), cell, "triangles", "tetrahedra")
-
-
-def test_mesh_of_the_user_of_second_order():
-    x = np.array([[0, 0], [1, 0], [0, 1], [0.6, 0.6], [0, 0.5], [0.5, 0]], dtype=float)
-    element = basix.ufl.element("Lagrange", "triangle", 2, shape=(2,))
-    here = COMM.rank == 0
-    cells, x = (
-        (np.arange(6, dtype=np.int64)[None], x)
-        if here
-        else (np.empty((0, 6), dtype=np.int64), x[:0])
-    )
-    mesh = dmesh.create_mesh(COMM, cells, ufl.Mesh(element), x)
-    refused(lambda: ec.Domain(mesh, tags_of_all(mesh), {"all": 1}), "degree 2", "straight")
 
 
 def test_mesh_of_the_user_with_wrong_tags():

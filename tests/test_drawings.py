@@ -146,7 +146,7 @@ def test_bad_questions_on_touching_are_told(kind, folder):
         "negative": lambda: bodies.touching(within=-1.0),
         "three": lambda: bodies.touching("solid 1", "solid 2", "solid 1"),
     }[kind]
-    with pytest.raises(ec.InputError, match="^touching: "):
+    with pytest.raises(ec.InputError, match=r"^touching: "):
         call()
 
 
@@ -336,12 +336,12 @@ def test_tiny_faces_are_told_and_removed(kind, folder, told):
 
 
 BAD = {
-    "no size": (dict(), "has no size of cells; give read_mesh(..., size=), a length"),
-    "negative size": (dict(size=-1.0), "read_mesh: size is -1.0"),
-    "size in words": (dict(size="fine"), "read_mesh: size is 'fine'"),
-    "heal": (dict(size=1.0, heal=-1.0), "read_mesh: heal is -1.0"),
-    "defeature": (dict(size=1.0, defeature=True), "read_mesh: defeature is True"),
-    "tag": (dict(size=1.0, names={99: "foot"}), "names has 99"),
+    "no size": ({}, "has no size of cells; give read_mesh(..., size=), a length"),
+    "negative size": ({"size": -1.0}, "read_mesh: size is -1.0"),
+    "size in words": ({"size": "fine"}, "read_mesh: size is 'fine'"),
+    "heal": ({"size": 1.0, "heal": -1.0}, "read_mesh: heal is -1.0"),
+    "defeature": ({"size": 1.0, "defeature": True}, "read_mesh: defeature is True"),
+    "tag": ({"size": 1.0, "names": {99: "foot"}}, "names has 99"),
 }
 
 

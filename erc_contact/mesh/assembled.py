@@ -105,8 +105,11 @@ class Assembled:
         """Tell whether a body is curved: its facets are flat and not marked."""
         return any(bool(getattr(member.shape, "curved", False)) for member in self.members)
 
-    def with_joint(self, _: Bodies, joint: tuple[str, str, int, bool, float]) -> Assembled:
+    def with_joint(self, glued: Bodies, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape with one joint more."""
+        if glued.geometry is not self:
+            # Rules have named parts of it since.
+            return replace(of_model(glued), joints=(joint,))
         return replace(self, joints=(*self.joints, joint))
 
     def meshed(self, domain: B, sizes: np.ndarray) -> B:
@@ -149,8 +152,10 @@ class Assembled:
         return points
 
 
-def of_model(shape: Shape, glued: Bodies) -> Assembled:
+def of_model(glued: Bodies) -> Assembled:
     """Return the shape of bodies of one model, which are not connected."""
+    assert isinstance(glued.geometry, Shape)
+    shape: Shape = glued.geometry
     same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
     member = Member(shape, glued.names, glued.regions, 0, same)
     return Assembled((member,), glued.names, glued.regions)

@@ -8,7 +8,7 @@ cells that the rank owns.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -20,8 +20,13 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import joining, partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
 from erc_contact.mesh.copies import has_hinges, numbered, same_ranks
+from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
+from erc_contact.mesh.named_shape import NamedShape, measured
+from erc_contact.mesh.naming import Rules, parts_named, regions_named
+from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
+from erc_contact.mesh.size_field import labels_of
 from erc_contact.mesh.splitting import (
     NO_INTERFACE,
     Carried,
@@ -30,9 +35,10 @@ from erc_contact.mesh.splitting import (
     touching_regions,
 )
 from erc_contact.mesh.surface import snap
-from erc_contact.mesh.tags import shared
+from erc_contact.mesh.tags import shared, tag_table, tags_of
 from erc_contact.mesh.touching import Pairs, touching
 from erc_contact.mesh.transfer import spread
+from erc_contact.mesh.where import Rule
 
 
 class Geometry(Surface, Protocol):
@@ -47,10 +53,12 @@ class Domain(Bodies):
     """Hold a mesh whose parts have names.
 
     Args:
-        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Under MPI a mesh
-            without complete vertex patches is distributed anew: use ``domain.mesh``
-            afterwards, not the mesh that you gave.
-        facet_tags: Tags of boundary facets.
+        mesh: Straight-sided triangles in 2D or tetrahedra in 3D. Quadrilaterals,
+            hexahedra and cells of higher order are split into such simplices, at their
+            corners. Under MPI a mesh without complete vertex patches is distributed
+            anew: use ``domain.mesh`` afterwards, not the mesh that you gave.
+        facet_tags: Tags of boundary facets. A mesh without tags can be named by rules,
+            see :meth:`named`.
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
@@ -63,9 +71,9 @@ class Domain(Bodies):
         seams: What relates the nodes and cells of both, or None.
 
     Raises:
-        InputError: If the mesh is not of straight-sided simplices, names and tags do
-            not fit, or no facet has the tag of a name. A part may have facets inside
-            the body, as an interface has, but a scene cannot use it.
+        InputError: If the mesh does not fill its space, a cell cannot be split, names
+            and tags do not fit, or no facet has the tag of a name. A part may have
+            facets inside the body, as an interface has, but a scene cannot use it.
 
     Example:
         >>> block
@@ -84,10 +92,18 @@ class Domain(Bodies):
                 "read_mesh, rectangle, box."
             )
         parts.check_names(self.names, self.regions)
+        if has_other_cells(self.mesh):
+            tables = simplicial(self.mesh, self.facet_tags, self.cell_tags)
+            for name, table in zip(("mesh", "facet_tags", "cell_tags"), tables, strict=True):
+                # A frozen dataclass sets its own members by this detour.
+                object.__setattr__(self, name, table)
         partition.check_mesh(self.mesh)
         tdim = self.mesh.topology.dim
         self.mesh.topology.create_connectivity(tdim - 1, tdim)
         self.mesh.topology.create_connectivity(tdim, tdim - 1)
+        if self.facet_tags is None and not self.names:
+            none = np.empty(0, dtype=np.int32)
+            object.__setattr__(self, "facet_tags", tags_of(self.mesh, tdim - 1, none, none))
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
@@ -104,6 +120,90 @@ class Domain(Bodies):
         object.__setattr__(self, "mesh", mesh)
         for name, tags in zip(tag_names, tag_sets, strict=True):
             object.__setattr__(self, name, tags)
+
+    def parts(self) -> Parts:
+        """List the parts: facets, area, centre, mean normal, regions; collective.
+
+        See :class:`Parts`, which prints as a table and has columns.
+
+        Example:
+            >>> print(block.parts())
+            part    facets  area  centre    mean normal
+            left         2     1  (0, 0.5)  (-1, 0)
+            ...
+        """
+        return parts_of(self)
+
+    def named(
+        self,
+        parts: Mapping[str, Rule] | None = None,
+        *,
+        regions: Mapping[str, Rule] | None = None,
+    ) -> Domain:
+        """Name parts of the boundary, and regions, by rules; collective.
+
+        A rule is a function of points x, shape (3, n), that returns n truth values, as
+        DOLFINx's ``locate_entities_boundary`` takes it; or a :class:`where`; or a list
+        of these, of which one must hold. A part has the facets of the boundary at all
+        whose vertices its rule holds, a region the cells at whose vertices and midpoint
+        it does.
+
+        Each facet has one name: what has another name takes the new one, and the older
+        part keeps what remains. A name that the domain has is given anew. Sides of
+        pairs stay as they are. Refinement keeps the names. On meshes that ``remeshed``
+        makes, the rules are asked again.
+
+        Args:
+            parts: Name of each part -> its rule.
+            regions: Name of each region -> its rule, a function or ``where`` of places.
+                Regions are named before the domain is split.
+
+        Returns:
+            The same mesh with these names.
+
+        Raises:
+            InputError: If a rule holds nowhere, two hold at the same place, or one
+                cannot be worked with.
+
+        Example:
+            >>> block.named({"foot": lambda x: np.isclose(x[1], 0.0)})
+            <Domain in 2D: 16 cells, boundary parts left, right, top, foot>
+            >>> block.named({"pad": ec.where(y=1.0, x=(0.5, 1.5))})
+            <Domain in 2D: 16 cells, boundary parts left, right, bottom, top, pad>
+        """
+        rules = together(self.comm, Rules.of, parts, regions)
+        whole = self if self.glued is None else self.glued
+        interfaces = () if self.seams is None else self.seams.interfaces
+        together(self.comm, rules.check_before, interfaces)
+        result = whole.renamed(rules, joining.last_tag(self), interfaces)
+        return result if self.glued is None else result.cut(interfaces)
+
+    def renamed(
+        self, rules: Rules, last_tag: int, interfaces: tuple[Interface, ...] = ()
+    ) -> Domain:
+        """Name parts and regions of a mesh that is not split; collective.
+
+        Args:
+            rules: The rules, see :meth:`named`.
+            last_tag: The greatest tag of a facet that is used.
+            interfaces: Interfaces along which the mesh will be split; they keep their
+                facets.
+        """
+        cell_tags, regions = regions_named(self, rules.regions)
+        result = replace(self, cell_tags=cell_tags, regions=regions)
+        if rules.parts:
+            taken = np.zeros(len(tag_table(self.facet_tags)), dtype=bool)
+            if interfaces:
+                taken = claimed(self.mesh, self.facet_tags, self.cell_tags, interfaces)
+                taken = taken != NO_INTERFACE
+            facet_tags, names = parts_named(result, rules.parts, taken, last_tag)
+            result = replace(result, facet_tags=facet_tags, names=names)
+        if self.geometry is None:
+            return result
+        known = labels_of(self, self.curved_facets)
+        sizes = measured(result, rules)
+        shape = NamedShape(self.geometry, known, rules, last_tag, sizes)
+        return replace(result, geometry=shape)
 
     def split(self, sides: Mapping[str, str] | None = None, *, on: str | None = None) -> Domain:
         """Split the nodes along the facets between regions; collective.

@@ -96,7 +96,7 @@ def last_tag(bodies: Bodies) -> int:
     if bodies.seams is not None:
         # Those of tied joints are on no facet.
         used += [tag for interface in bodies.seams.interfaces for tag in interface.tags]
-    return bodies.comm.allreduce(int(max(used)), MPI.MAX)
+    return bodies.comm.allreduce(int(max(used, default=0)), MPI.MAX)
 
 
 def joint(

@@ -30,8 +30,8 @@ class NamedMesh:
     """
 
     mesh: dmesh.Mesh
-    facet_tags: dmesh.MeshTags
-    names: Mapping[str, int]
+    facet_tags: dmesh.MeshTags = None
+    names: Mapping[str, int] = field(default_factory=dict)
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
@@ -65,13 +65,22 @@ class NamedMesh:
         return self.mesh.topology.index_map(0).size_global
 
     @cached_property
-    def sides(self) -> np.ndarray:
-        """Return the sides of the bounding box [length], shape (d,); collective."""
+    def corners(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return two corners of the bounding box [length], shape (d,) each; collective.
+
+        They are the corners of least and of greatest coordinates.
+        """
         x = self.mesh.geometry.x[:, : self.dim]
         low = np.full(self.dim, np.inf)
         high = np.full(self.dim, -np.inf)
         self.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
         self.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+        return low, high
+
+    @property
+    def sides(self) -> np.ndarray:
+        """Return the sides of the bounding box [length], shape (d,); collective."""
+        low, high = self.corners
         return high - low
 
     @property

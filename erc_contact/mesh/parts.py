@@ -45,18 +45,19 @@ def check_tags(
     """
     tdim = mesh.topology.dim
     error: Exception | None = None
-    if not names:
-        error = InputError(
-            "The mesh has no named boundary part; give facet tags and names, "
-            "e.g. names={'bottom': 1} (in gmsh: physical groups of the boundary)."
-        )
-    elif facet_tags is None:
+    if facet_tags is None:
         error = InputError(
             f"The mesh has no tagged facet, but the names {listed(names)}; tag their facets."
         )
     elif facet_tags.dim != tdim - 1:
         error = InputError(
             f"The facet tags have dimension {facet_tags.dim}; facets have {tdim - 1}."
+        )
+    elif not names and len(facet_tags.values):
+        error = InputError(
+            "The mesh has tagged facets, but no named boundary part; give names of the tags, e.g. "
+            "names={'bottom': 1}, or leave both out and name parts by rules: Domain(mesh)"
+            ".named({'bottom': ec.where(y=0.0)})."
         )
     elif regions and (cell_tags is None or cell_tags.dim != tdim):
         error = InputError(f"The regions {listed(regions)} need cell tags of dimension {tdim}.")
@@ -71,15 +72,22 @@ def parts_inside(
     Raises:
         InputError: If a part has no facet.
     """
+    # A ghost facet is counted by the rank that owns it.
     owned = mesh.topology.index_map(mesh.topology.dim - 1).size_local
-    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    of_rank = facet_tags.indices < owned
+    facets = facet_tags.indices[of_rank]
+    at_boundary = np.isin(facets, dmesh.exterior_facet_indices(mesh.topology))
+    tags = np.array(list(names.values()))
+    known, place = np.unique(tags, return_inverse=True)
+    row = np.searchsorted(known, facet_tags.values[of_rank])
+    row[row == len(known)] = 0
+    named = known[row] == facet_tags.values[of_rank]
+    counts = [
+        np.bincount(row[which], minlength=len(known)) for which in (named, named & at_boundary)
+    ]
+    totals = lasting(mesh.comm).allreduce(np.array(counts), MPI.SUM)[:, place]
     inside = set()
-    for name, tag in names.items():
-        facets = facet_tags.find(tag)
-        # A ghost facet is counted by the rank that owns it.
-        facets = facets[facets < owned]
-        local_counts = np.array([len(facets), np.isin(facets, exterior).sum()])
-        count, exterior_count = lasting(mesh.comm).allreduce(local_counts, MPI.SUM)
+    for (name, tag), count, exterior_count in zip(names.items(), *totals, strict=True):
         if not count:
             raise InputError(
                 f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets."

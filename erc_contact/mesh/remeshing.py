@@ -91,7 +91,7 @@ def meshed(
 
         def make() -> Built:
             marks = marked_entities(model, tags) if labels.curved else []
-            return built(mesh_of_model(model), marks)
+            return built(mesh_of_model(model), marks, numbered=False)
 
         new = spread_from(comm, 0, make, subject)
     # Without regions gmsh's tags are those of the group "body", which nobody asked for.

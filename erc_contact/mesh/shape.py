@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +98,9 @@ class Brick:
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return self.meshed_by(domain, size_field(domain, sizes), labels_of(domain))
+        return self.meshed_by(
+            domain, size_field(domain, sizes), labels_of(domain, domain.curved_facets)
+        )
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
@@ -106,7 +108,7 @@ class Brick:
 
     def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape of its bodies with a joint between two of them."""
-        return of_model(self, glued).with_joint(glued, joint)
+        return replace(of_model(glued), joints=(joint,))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
@@ -157,7 +159,9 @@ class Drawing:
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
         """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return self.meshed_by(domain, size_field(domain, sizes), labels_of(domain))
+        return self.meshed_by(
+            domain, size_field(domain, sizes), labels_of(domain, domain.curved_facets)
+        )
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
@@ -165,7 +169,7 @@ class Drawing:
 
     def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
         """Return the shape of its bodies with a joint between two of them."""
-        return of_model(self, glued).with_joint(glued, joint)
+        return replace(of_model(glued), joints=(joint,))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.

@@ -10,11 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.simplex import barycentric, measures, rule
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
@@ -87,12 +88,12 @@ class SizeField:
         return float(FILL[self.dim] * comm.allreduce(integral, MPI.SUM))
 
 
-def labels_of(domain: Bodies) -> Labels:
-    """Return the names of a domain, and whether it has marks of curved facets."""
-    return Labels(domain.names, domain.regions, domain.curved_facets is not None)
+def labels_of(mesh: NamedMesh, curved_facets: dmesh.MeshTags | None) -> Labels:
+    """Return the names of a mesh, and whether it has marks of curved facets."""
+    return Labels(mesh.names, mesh.regions, curved_facets is not None)
 
 
-def size_field(domain: Bodies, sizes: np.ndarray) -> SizeField:
+def size_field(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
     """Return sizes at the nodes of a mesh as those in its cells; collective.
 
     Args:
@@ -107,7 +108,7 @@ def size_field(domain: Bodies, sizes: np.ndarray) -> SizeField:
     return at_corners(domain, np.exp(SIZE_STEP * np.round(np.log(h) / SIZE_STEP)))
 
 
-def at_corners(domain: Bodies, sizes: np.ndarray) -> SizeField:
+def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
     """Return sizes at the nodes of a mesh as those in its owned cells.
 
     Args:

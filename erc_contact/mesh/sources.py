@@ -30,6 +30,7 @@ from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.tags import tags_of
 from erc_contact.mesh.touching import tell_gaps
+from erc_contact.mesh.where import Rule
 
 NEAR_SIDE = 1e-6
 """Distance from a side that counts as none, as a share of the cell size [-]."""
@@ -186,28 +187,42 @@ def _near_plane(
     return near
 
 
-def from_gmsh(model: Any, comm: MPI.Comm = MPI.COMM_WORLD, rank: int = 0) -> Domain:
+def from_gmsh(
+    model: Any,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    rank: int = 0,
+    *,
+    parts: Mapping[str, Rule] | None = None,
+    regions: Mapping[str, Rule] | None = None,
+) -> Domain:
     """Make a domain from a gmsh model in memory; collective.
 
     The model is meshed if it has no mesh yet. A physical group on the boundary becomes
     a part with the same name, and a physical group of cells becomes a region. Without
-    groups of cells the whole body is one region.
+    groups of cells the whole body is one region. Rules name parts and regions without
+    physical groups, see :meth:`Domain.named`.
 
     Args:
         model: ``gmsh.model`` on ``rank``; elsewhere it may be None.
         comm: Communicator that shares the mesh.
         rank: Rank that holds the model.
+        parts: Name of each part -> a rule that says where it is.
+        regions: Name of each region -> the same.
 
     Raises:
-        InputError: If the mesh has no physical group on its boundary, an entity is in
-            two groups, a part of the body is in none, or the mesh is not of
-            straight-sided simplices.
+        InputError: If the mesh has no physical group on its boundary and there are no
+            rules, an entity is in two groups, a part of the body is in none, or the
+            mesh is not of straight-sided simplices.
 
     Example:
         >>> ec.from_gmsh(gmsh.model)  # a square with groups "body", "top" and "bottom"
         <Domain in 2D: ... cells, boundary parts bottom, top...>
+        >>> ec.from_gmsh(gmsh.model, parts={"left": ec.where(x=0.0)})
+        <Domain in 2D: ... cells, boundary parts bottom, top, left...>
     """
-    return _from_model(model, comm, rank)
+    has_rules = parts is not None or regions is not None
+    domain = _from_model(model, comm, rank, has_rules=has_rules)
+    return domain.named(parts, regions=regions) if has_rules else domain
 
 
 def read_mesh(
@@ -218,6 +233,8 @@ def read_mesh(
     size: float | None = None,
     heal: float | bool = False,
     defeature: float | None = None,
+    parts: Mapping[str, Rule] | None = None,
+    regions: Mapping[str, Rule] | None = None,
 ) -> Domain:
     """Read a mesh file or mesh a drawing; collective.
 
@@ -242,6 +259,9 @@ def read_mesh(
         names: Names of boundary parts and regions by their tags. A tag that both a
             boundary part and a region have is told apart by its dimension:
             ``{(1, 3): "bottom", (2, 3): "steel"}`` in 2D.
+        parts: Name of each part -> a rule that says where it is, see
+            :meth:`Domain.named`. The file needs no groups of facets then.
+        regions: Name of each region -> the same.
         size: Greatest edge of the cells of a drawing [length]; small circles have at
             least 12 edges. A ``.geo`` file may have sizes of its own.
         heal: Tolerance [length] up to which gaps of a drawing are closed; True takes
@@ -263,15 +283,26 @@ def read_mesh(
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
     wanted = Wanted(size, heal, defeature)
+    has_rules = parts is not None or regions is not None
     subject = f"The mesh file {str(path)!r}"
+    is_drawing = False
     if has_geometry(path, wanted):
-        return _of_geometry(path, comm, wanted, names)
+        domain, is_drawing = _of_geometry(path, comm, wanted, names, has_rules=has_rules)
+    else:
 
-    def make() -> Built:
-        mesh = read(path)
-        return built(mesh if names is None else renamed(mesh, names))
+        def make() -> Built:
+            mesh = read(path, numbered=not has_rules)
+            return built(mesh if names is None else renamed(mesh, names), numbered=not has_rules)
 
-    return _domain_of(spread_from(comm, 0, make, subject))
+        domain = _domain_of(spread_from(comm, 0, make, subject))
+    if has_rules:
+        domain = domain.named(parts, regions=regions)
+    if not is_drawing:
+        return domain
+    bodies = domain.split()
+    if size is not None and len(bodies.regions) > 1:
+        tell_gaps(bodies, size)
+    return bodies
 
 
 def _of_geometry(
@@ -279,22 +310,24 @@ def _of_geometry(
     comm: MPI.Comm,
     wanted: Wanted,
     names: Mapping[int | tuple[int, int], str] | None,
-) -> Domain:
-    """Read a file that has the true shape of bodies; collective."""
+    *,
+    has_rules: bool,
+) -> tuple[Domain, bool]:
+    """Read a file that has the true shape of bodies; collective.
+
+    Returns:
+        The bodies in one piece, and whether they are a drawing, without groups.
+    """
     kept: list[Kept | None] = []
 
     def build(gmsh: Any) -> None:
         kept.extend(open_geometry(gmsh, path, wanted))
 
     with session(comm, build, f"The drawing {str(path)!r}") as model:
-        is_drawn = comm.bcast(bool(kept))
-        domain = _from_model(model, comm, 0, names=names, kept=kept[0] if kept else None)
-    if not is_drawn:
-        return domain
-    bodies = domain.split()
-    if wanted.size is not None and len(bodies.regions) > 1:
-        tell_gaps(bodies, wanted.size)
-    return bodies
+        is_drawing = comm.bcast(bool(kept))
+        of_drawing = kept[0] if kept else None
+        domain = _from_model(model, comm, 0, None, names, of_drawing, has_rules=has_rules)
+    return domain, is_drawing
 
 
 def _from_model(
@@ -304,15 +337,18 @@ def _from_model(
     geometry: Brick | None = None,
     names: Mapping[int | tuple[int, int], str] | None = None,
     kept: Kept | None = None,
+    *,
+    has_rules: bool = False,
 ) -> Domain:
     """Make the domain of a gmsh model on a rank; collective.
 
-    It keeps the geometry that is given, else the drawing of the model.
+    It keeps the geometry that is given, else the drawing of the model. If rules name
+    parts, what is in no group gets no name.
     """
     drawing: list[Kept] = []
 
     def make() -> Built:
-        with grouped(model):
+        with grouped(model, numbered=not has_rules):
             marks: list[FacetSet] = []
             found = None if geometry else kept or drawing_of(model)
             if found is not None:
@@ -321,7 +357,8 @@ def _from_model(
                 facets = model.getEntities(model.getDimension() - 1)
                 marks = marked_entities(model, {int(tag): int(tag) for _, tag in facets if curved})
             mesh = mesh_of_model(model)
-            return built(mesh if names is None else renamed(mesh, names), marks)
+            mesh = mesh if names is None else renamed(mesh, names)
+            return built(mesh, marks, numbered=not has_rules)
 
     spread = spread_from(comm, rank, make, "The gmsh model")
     shape: Geometry | None = geometry

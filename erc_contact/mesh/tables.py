@@ -23,6 +23,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.named_shape import NamedShape
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.simplex import node_between, node_vertices
@@ -97,11 +98,16 @@ def glued_mesh(
 def described(geometry: Geometry | None) -> dict[str, Any] | None:
     """Return the true shape in plain data; its text is that of rank 0.
 
+    Of a shape whose parts are named by rules, these are left out: they may be
+    functions. A run that goes on has them from its first mesh.
+
     Raises:
         InputError: If the shape is an object of a class of the user's.
     """
     if geometry is None:
         return None
+    if isinstance(geometry, NamedShape):
+        return described(geometry.shape)
     if isinstance(geometry, Assembled):
         members = []
         for member in geometry.members:

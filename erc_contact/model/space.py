@@ -278,9 +278,9 @@ class Space:
         Returns:
             Shape (cells, d+1, d); other facets keep the order of the cell.
         """
-        facets = np.concatenate(
-            [*(self.domain.facets(name) for name in self.domain.outer), *self.domain.tied_sides]
-        )
+        none = np.empty((0, 2), dtype=np.int32)
+        of_parts = [self.domain.facets(name) for name in self.domain.outer]
+        facets = np.concatenate([none, *of_parts, *self.domain.tied_sides])
         vertices = self._local_facets[facets[:, 1]]
         local = np.take_along_axis(self.mesh.geometry.dofmaps[0][facets[:, 0]], vertices, axis=1)
         places = self.mesh.geometry.x[local][:, None, :, : self.d]

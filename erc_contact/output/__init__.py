@@ -17,6 +17,7 @@ from erc_contact.output.curves import plot_history
 from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
+from erc_contact.output.part_pictures import draw_parts
 from erc_contact.output.pictures import draw_error
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
@@ -25,6 +26,7 @@ __all__ = [
     "draw_deformed",
     "draw_error",
     "draw_meshes",
+    "draw_parts",
     "draw_sizes",
     "plot_contact",
     "plot_history",

@@ -125,7 +125,8 @@ def adapt(
     if checkpoint is not None:
         check_folder(checkpoint, domain)
         identity = fingerprint(scene, domain, plan.arguments(DECISIVE))
-        store = Checkpoint(comm, checkpoint, identity, plan.accuracy, every)
+        shape = (domain.glued or domain).geometry
+        store = Checkpoint(comm, checkpoint, identity, plan.accuracy, every, shape)
     try:
         aim = None
         if plan.goal is not None:

@@ -19,7 +19,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
@@ -60,6 +60,8 @@ class Checkpoint:
         fingerprint: The fingerprint of the run; None only reads.
         accuracy: The prescribed relative error of the run, which is kept beside it.
         every: Number of meshes from one that is written to the next.
+        shape: The true shape of all meshes, which the first one has; None takes what
+            the folder keeps of it.
 
     Attributes:
         numbers: The numbers of the good levels, in order.
@@ -76,8 +78,10 @@ class Checkpoint:
         fingerprint: Fingerprint | None = None,
         accuracy: float = 0.0,
         every: int = 1,
+        shape: Geometry | None = None,
     ) -> None:
         self.comm = comm
+        self.shape = shape
         self.fingerprint = fingerprint
         self.accuracy = accuracy
         self.every = every
@@ -113,7 +117,7 @@ class Checkpoint:
                 error = InputError(f"{self.folder.file(number)} was good, and now {reason}.")
         raise_together(self.comm, error)
         about = self.comm.bcast(level.about if level else None)
-        return Restored(self.comm, level or Level(about, {}), before)
+        return Restored(self.comm, level or Level(about, {}), before, self.shape)
 
     def kept(self, scene: Scene, methods: Sequence[Method], tighten: int) -> Kept:
         """Read all good levels, of which there is one at least.

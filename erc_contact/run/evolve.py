@@ -144,7 +144,8 @@ def evolve(
         arguments = plan.arguments((*DECISIVE, "accuracy", "max_cells", "max_steps"))
         arguments |= {"times": ends, **in_time.arguments()}
         identity = fingerprint_of_history(scene_at, domain, ends, arguments)
-        store = Checkpoint(comm, checkpoint, identity, plan.accuracy)
+        shape = (domain.glued or domain).geometry
+        store = Checkpoint(comm, checkpoint, identity, plan.accuracy, shape=shape)
     try:
         return Walk(plan, scene_at, ends, in_time, callback, store).go(domain)
     finally:

@@ -22,7 +22,7 @@ from mpi4py import MPI
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.tables import CellRows, described, geometry_of, glued_mesh, tag_tables
 from erc_contact.model.model import Model
@@ -148,14 +148,22 @@ class Restored:
         level: What the file holds; tables are needed on rank 0 only.
         before: Another level of the run, whose domain this one shares if their meshes
             are the same.
+        shape: The true shape; None takes what the level keeps of it.
 
     Attributes:
         domain: The mesh with names.
         indicators: eps_E of the owned cells [-].
     """
 
-    def __init__(self, comm: MPI.Comm, level: Level, before: Restored | None = None) -> None:
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        level: Level,
+        before: Restored | None = None,
+        shape: Geometry | None = None,
+    ) -> None:
         self.about = level.about
+        self._shape = shape
         self._tables = level.tables
         table = level.tables.get  # None on the other ranks
         if before is not None and comm.bcast(_same_mesh(level, before)):
@@ -271,7 +279,7 @@ class Restored:
             about["names"],
             cells,
             about["regions"],
-            geometry_of(about["geometry"]),
+            self._shape or geometry_of(about["geometry"]),
             curved,
         )
 

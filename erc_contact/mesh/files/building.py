@@ -12,6 +12,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.files.cleaning import Body, body_of
+from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
 from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
 from erc_contact.mesh.files.sets import Named, disjoint
@@ -48,12 +49,13 @@ class Built:
     notes: tuple[str, ...]
 
 
-def built(mesh: FileMesh, marks: Sequence[FacetSet] = ()) -> Built:
+def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = True) -> Built:
     """Make simplices with parts and regions of the mesh of a file.
 
     Args:
         mesh: The mesh.
         marks: Sets of facets with marks as their tags, which name nothing.
+        numbered: Whether a mesh without parts gets one, :data:`BOUNDARY`.
 
     Raises:
         InputError: If it has no body, or its cells cannot be worked with.
@@ -61,12 +63,12 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = ()) -> Built:
     body = body_of(mesh)
     faces = faces_of(body.cells, body.x)
     simplices = split(body, faces)
-    notes = list(body.notes)
+    notes = [*body.notes, *note_of_curves(mesh, body)]
 
     cell_sets = []
     for element_set in mesh.element_sets:
         members = _cells_in(body, mesh, element_set.members)
-        cell_sets.append(Named(element_set.name, element_set.tag, members))
+        cell_sets.append(Named(element_set.name, element_set.tag, members, element_set.weak))
     cell_tags, regions, said = disjoint(cell_sets, body.count, "region")
     notes += said
     of_simplices = cell_tags[simplices.parents]
@@ -74,9 +76,8 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = ()) -> Built:
 
     found, said = _parts(mesh, body, faces)
     notes += said
-    outer = np.unique(faces.number[faces.outer])
-    if not any(len(part.members) for part in found):
-        found = [Named(BOUNDARY, None, outer)]
+    if numbered and not found:
+        found = [Named(BOUNDARY, None, np.unique(faces.number[faces.outer]))]
     face_tags, names, said = disjoint(found, len(faces.count), "part")
     notes += said
     tags = _side_tags(simplices, faces, face_tags)
@@ -128,9 +129,10 @@ def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[
         members = np.unique(members[members >= 0])
         if facet_set.outer:
             members = members[faces.count[members] == 1]
-        found.append(Named(facet_set.name, facet_set.tag, members))
+        found.append(Named(facet_set.name, facet_set.tag, members, facet_set.weak))
     for node_set in mesh.node_sets:
-        found.append(Named(node_set.name, node_set.tag, _faces_within(body, faces, node_set.nodes)))
+        members = _faces_within(body, faces, node_set.nodes)
+        found.append(Named(node_set.name, node_set.tag, members, node_set.weak))
     notes = []
     if lost:
         notes.append(f"{lost} facets of no cell")
@@ -138,7 +140,16 @@ def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[
     if empty:
         shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
         notes.append(f"{len(empty)} sets without a facet of the body: {shown}")
-    return [named for named in found if len(named.members)], notes
+    found = [named for named in found if len(named.members)]
+    return _without_all(found, np.unique(faces.number[faces.outer])), notes
+
+
+def _without_all(sets: list[Named], outer: np.ndarray) -> list[Named]:
+    """Return the sets without those that have all outer faces, if others have some."""
+    whole = [len(outer) <= len(np.intersect1d(outer, named.members)) for named in sets]
+    if all(whole):
+        return sets[:1]
+    return [named for named, has_all in zip(sets, whole, strict=True) if not has_all]
 
 
 def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:
@@ -151,7 +162,9 @@ def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:
             if block.dim == mesh.dim - 1:
                 tables.append(padded(block.corners[members]))
         if tables:
-            result.append(FacetSet(element_set.name, np.concatenate(tables), element_set.tag))
+            corners = np.concatenate(tables)
+            weak = element_set.weak
+            result.append(FacetSet(element_set.name, corners, element_set.tag, weak=weak))
     return result
 
 

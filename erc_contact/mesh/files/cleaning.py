@@ -156,7 +156,7 @@ def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
     """
     pairs = [np.empty((0, 2), dtype=np.int64)]
     for block in blocks:
-        ends = _edges(block.shape)
+        ends = edges_of(block.shape)
         corners = x[block.corners].transpose(1, 2, 0).copy()
         length = np.array([abs(corners[a] - corners[b]).max(axis=0) for a, b in ends])
         edge, cell = np.nonzero(length <= TOGETHER * length.max(axis=0))
@@ -169,7 +169,7 @@ def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
     return components(len(x), links)
 
 
-def _edges(shape: str) -> np.ndarray:
+def edges_of(shape: str) -> np.ndarray:
     """Return the pairs of corners of the edges of a shape, shape (edges, 2)."""
     edges = set()
     for face in SHAPES[shape].faces:

@@ -45,11 +45,13 @@ class ElementSet:
         name: The name, or the tag in digits.
         members: Number of a block -> numbers of elements in it.
         tag: Number by which the file calls the set, or None.
+        weak: Whether other sets go before it, as a user has not listed its elements.
     """
 
     name: str
     members: Mapping[int, np.ndarray]
     tag: int | None = None
+    weak: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +64,14 @@ class FacetSet:
             triangle has its last corner twice.
         tag: Number by which the file calls the set, or None.
         outer: Whether only those on the boundary of the body are meant.
+        weak: Whether other sets go before it, as a user has not listed its sides.
     """
 
     name: str
     corners: np.ndarray
     tag: int | None = None
     outer: bool = False
+    weak: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +82,13 @@ class NodeSet:
         name: The name, or the tag in digits.
         nodes: Rows of points.
         tag: Number by which the file calls the set, or None.
+        weak: Whether other sets go before it, as a user has not listed its nodes.
     """
 
     name: str
     nodes: np.ndarray
     tag: int | None = None
+    weak: bool = False
 
 
 @dataclass(frozen=True, eq=False)

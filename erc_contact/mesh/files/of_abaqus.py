@@ -359,26 +359,28 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
     """Return the sets of elements and of nodes that a user has named."""
     element_sets = []
     node_sets = []
+    root, *instances = mesh.spaces
+    # The sets of an assembly stand for those of its parts.
+    of_elements = [root] if root.element_sets else mesh.spaces
+    of_nodes = [root] if root.node_sets else mesh.spaces
     several = _names_of_several(mesh.spaces)
-    for space in mesh.spaces:
-        # Of two sets of the same elements the first one keeps its name.
-        for name in sorted(space.element_sets, key=lambda name: name not in space.listed):
-            rows = space.element_sets[name]
+    for space in of_elements:
+        for name, rows in space.element_sets.items():
             if name not in space.hidden and not INNER.match(name):
                 called = _called(space, name, several)
-                element_sets.append(ElementSet(called, _members(begins, rows)))
+                weak = name not in space.listed
+                element_sets.append(ElementSet(called, _members(begins, rows), weak=weak))
+    for space in of_nodes:
         for name, rows in space.node_sets.items():
             if not INNER.match(name):
-                node_sets.append(
-                    NodeSet(
-                        _called(space, name, several), np.unique(np.asarray(rows, dtype=np.int64))
-                    )
-                )
-    instances = [space for space in mesh.spaces[1:] if space.element_rows]
+                called = _called(space, name, several)
+                nodes = np.unique(np.asarray(rows, dtype=np.int64))
+                node_sets.append(NodeSet(called, nodes, weak=name not in space.listed))
+    instances = [space for space in instances if space.element_rows]
     if len(instances) > 1:
         for space in instances:
             members = _members(begins, list(space.element_rows.values()))
-            element_sets.append(ElementSet(space.name, members))
+            element_sets.append(ElementSet(space.name, members, weak=True))
     for name, rows in mesh.node_surfaces.items():
         node_sets.append(NodeSet(name, np.unique(np.asarray(rows, dtype=np.int64))))
     return element_sets, node_sets

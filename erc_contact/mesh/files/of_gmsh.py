@@ -80,12 +80,16 @@ def _points(model: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 @contextmanager
-def grouped(model: Any) -> Iterator[None]:
+def grouped(model: Any, *, numbered: bool) -> Iterator[None]:
     """Mesh a model if it is not yet, and give it groups of facets and cells while used.
 
-    Where it has no physical groups of a dimension, each entity becomes a group that is
-    called by its number, and a body of one entity :data:`BODY`. Afterwards the model
-    has the groups that it had.
+    Afterwards the model has the physical groups that it had.
+
+    Args:
+        model: The model.
+        numbered: Whether each entity of a dimension without groups becomes a group that
+            is called by its number. A body of one entity is called :data:`BODY`, and
+            all of it otherwise.
 
     Raises:
         InputError: If it has no surface and no volume.
@@ -102,6 +106,10 @@ def grouped(model: Any) -> Iterator[None]:
         if model.getPhysicalGroups(d):
             continue
         tags = [int(tag) for _, tag in model.getEntities(d)]
+        if not numbered:
+            if d == dim:
+                added.append((d, model.addPhysicalGroup(d, tags, name=BODY)))
+            continue
         beside_cells = [tag for tag in tags if len(model.getAdjacencies(d, tag)[0])]
         # The entities of some files do not know each other.
         tags = beside_cells if d < dim and beside_cells else tags
@@ -113,6 +121,14 @@ def grouped(model: Any) -> Iterator[None]:
     finally:
         if added:  # none would mean all
             model.removePhysicalGroups(added)
+
+
+def in_two_groups(model: Any) -> bool:
+    """Tell whether an entity is in two physical groups."""
+    owned = []
+    for d, tag in model.getPhysicalGroups():
+        owned += [(d, int(entity)) for entity in model.getEntitiesForPhysicalGroup(d, tag)]
+    return len(set(owned)) < len(owned)
 
 
 def _groups(model: Any, d: int) -> list[tuple[str, int, list[int]]]:

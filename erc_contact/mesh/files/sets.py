@@ -18,11 +18,13 @@ class Named:
         name: Its name.
         tag: Number by which the file calls it, or None.
         members: Numbers of its facets or cells, in order, without repetition.
+        weak: Whether other sets go before it.
     """
 
     name: str
     tag: int | None
     members: np.ndarray
+    weak: bool = False
 
 
 def disjoint(
@@ -30,7 +32,8 @@ def disjoint(
 ) -> tuple[np.ndarray, dict[str, int], list[str]]:
     """Give each facet or cell the tag of one set that has it, the smallest of them.
 
-    Sets that smaller ones fill are left out: "all" beside "left" and "right".
+    Weak sets come last. Sets that others fill are left out: "all" beside "left" and
+    "right".
 
     Args:
         sets: The sets. Those of the same name are one.
@@ -45,7 +48,7 @@ def disjoint(
     owner = np.full(count, -1)
     notes = []
     kept = []
-    order = sorted(range(len(sets)), key=lambda i: len(sets[i].members))
+    order = sorted(range(len(sets)), key=lambda i: (sets[i].weak, len(sets[i].members)))
     for index in order:
         members = sets[index].members
         taken = owner[members]
@@ -72,14 +75,16 @@ def _one_of_each_name(sets: Sequence[Named]) -> list[Named]:
     """Return the sets with those of the same name put together, without empty ones."""
     members: dict[str, list[np.ndarray]] = {}
     tags: dict[str, int | None] = {}
+    weak: dict[str, bool] = {}
     for named in sets:
+        weak[named.name] = weak.get(named.name, True) and named.weak
         members.setdefault(named.name, []).append(named.members)
         tags.setdefault(named.name, named.tag)
     result = []
     for name, tables in members.items():
         together = np.unique(np.concatenate(tables))
         if len(together):
-            result.append(Named(name, tags[name], together))
+            result.append(Named(name, tags[name], together, weak[name]))
     return result
 
 

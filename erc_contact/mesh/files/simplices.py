@@ -204,6 +204,6 @@ def _check_volumes(simplices: Simplices) -> None:
 def _refuse(number: int, shape: str, at: np.ndarray, what: str) -> None:
     """Raise an error about cells of a shape."""
     raise InputError(
-        f"{counted(number, shape)} {what}, the first near {place(at)}; mesh there anew, or move a "
-        "point."
+        f"cells {what}: {counted(number, shape)}, the first near {place(at)}; mesh there anew, or "
+        "move a point."
     )

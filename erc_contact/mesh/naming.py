@@ -1,0 +1,328 @@
+"""Name parts and regions of a mesh by rules.
+
+A facet has one name. So a part that is named by a rule takes its facets from the parts
+that had them, and these keep what remains. Sides of pairs are not taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.mesh.lying import Facets, lying_against
+from erc_contact.mesh.named import NamedMesh
+from erc_contact.mesh.seams import Interface
+from erc_contact.mesh.sides import boundary_sides, facets_of_cells, inner_facets
+from erc_contact.mesh.simplex import facet_vertices, outward_normals
+from erc_contact.mesh.tags import NO_TAG, listed, tag_table, tags_of
+from erc_contact.mesh.where import EXAMPLE, as_rules, where
+
+BOUNDARY = -2
+"""Stands for the region across a facet of the boundary, where there is none."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Hold rules by the names that they give.
+
+    Attributes:
+        parts: Name of each part -> what says where it is; one entry must hold.
+        regions: Name of each region -> the same.
+    """
+
+    parts: Mapping[str, list[where]]
+    regions: Mapping[str, list[where]]
+
+    @classmethod
+    def of(cls, parts: Any, regions: Any) -> Rules:
+        """Make them of what a user gave.
+
+        Raises:
+            InputError: If these are no mappings from names to rules, or there is none.
+        """
+        rules = cls(_by_name("parts", parts), _by_name("regions", regions))
+        if not rules.parts and not rules.regions:
+            raise InputError(f"named: no rule is given; e.g. {EXAMPLE}.")
+        for name, entries in rules.regions.items():
+            if not all(entry.is_of_points for entry in entries):
+                raise InputError(
+                    f"named: the region {name!r} has a rule about facets; a region is told by a "
+                    "function of points, or by x=, y=, z=."
+                )
+        return rules
+
+    def check_before(self, interfaces: Sequence[Interface]) -> None:
+        """Check that no region is named after a domain was split.
+
+        Raises:
+            InputError: If one is.
+        """
+        if interfaces and self.regions:
+            pairs = ", ".join("/".join(interface.names) for interface in interfaces)
+            raise InputError(
+                f"named: the domain is split already ({pairs}), between the regions that it has; "
+                "name regions first, and split the result."
+            )
+
+
+def _by_name(argument: str, rules: Any) -> dict[str, list[where]]:
+    """Return lists of rules by name.
+
+    Raises:
+        InputError: If it is no mapping from names to rules.
+    """
+    if rules is None:
+        return {}
+    is_mapping = isinstance(rules, Mapping)
+    if not is_mapping or not all(isinstance(name, str) and name.strip() for name in rules):
+        raise InputError(
+            f"named: {argument} are {checks.description(rules)}; give a mapping from names to "
+            f"rules, e.g. {EXAMPLE}."
+        )
+    return {name: as_rules(name, rule) for name, rule in rules.items()}
+
+
+def regions_named(
+    mesh: NamedMesh, rules: Mapping[str, list[where]]
+) -> tuple[dmesh.MeshTags | None, dict[str, int]]:
+    """Return the tags of cells and the regions of a mesh after rules; collective.
+
+    Args:
+        mesh: The mesh.
+        rules: Rules by the names of regions.
+
+    Raises:
+        InputError: If a rule holds in no cell, or two hold in the same one.
+    """
+    if not rules:
+        return mesh.cell_tags, dict(mesh.regions)
+    comm = mesh.comm
+    nodes = mesh.mesh.geometry.dofmaps[0]
+    middles = mesh.mesh.geometry.x[nodes].mean(axis=1)
+    owned = np.arange(len(nodes)) < mesh.owned_cells
+    table = np.full(len(nodes), NO_TAG, dtype=np.int32)
+    if mesh.cell_tags is not None:
+        table = tag_table(mesh.cell_tags)
+    holds = {}
+    for name, entries in rules.items():
+        holds[name] = np.zeros(len(nodes), dtype=bool)
+        for entry in entries:
+            at_corners = _at_points(mesh, entry, mesh.mesh.geometry.x)[nodes].all(axis=1)
+            # All corners of a cell beside a curved side may lie on it, on either side.
+            holds[name] |= at_corners & _at_points(mesh, entry, middles)
+    _check_claims(mesh, holds, owned, "cell")
+    used = [int(table.max(initial=0)), *mesh.regions.values()]
+    last_tag = comm.allreduce(max(used), MPI.MAX)
+    table, regions = _painted(comm, table, mesh.regions, holds, last_tag)
+    return tags_of(mesh.mesh, mesh.dim, np.arange(len(table)), table), regions
+
+
+def parts_named(
+    mesh: NamedMesh, rules: Mapping[str, list[where]], taken: np.ndarray, last_tag: int
+) -> tuple[dmesh.MeshTags, dict[str, int]]:
+    """Return the tags of facets and the names of a mesh after rules; collective.
+
+    Args:
+        mesh: The mesh, whose regions have their names.
+        rules: Rules by the names of parts.
+        taken: Whether a facet of this rank is the side of a pair, shape (facets,).
+        last_tag: The greatest tag that is used.
+
+    Raises:
+        InputError: If a rule holds on no facet, or two hold on the same one.
+    """
+    sides = _sides(mesh, taken)
+    table = tag_table(mesh.facet_tags)
+    owned = mesh.mesh.topology.index_map(mesh.dim - 1).size_local
+    # The ranks that own facets name them, and share the names later.
+    table[owned:] = NO_TAG
+    holds = {}
+    for name, entries in rules.items():
+        holds[name] = np.zeros(len(table), dtype=bool)
+        for entry in entries:
+            holds[name][sides.facet[_on_sides(mesh, sides, entry)]] = True
+    _check_claims(mesh, holds, np.arange(len(table)) < owned, "facet")
+    table, names = _painted(mesh.comm, table, mesh.names, holds, last_tag)
+    return tags_of(mesh.mesh, mesh.dim - 1, np.arange(len(table)), table), names
+
+
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """Hold the sides on this rank that may get a name.
+
+    Attributes:
+        facet: Number of the facet, shape (n,).
+        nodes: Its nodes, shape (n, d).
+        normal: Its normal out of the cell, shape (n, d).
+        region: Tag of the region of the cell, shape (n,).
+        across: Tag of the region of the cell beyond; :data:`BOUNDARY` for none.
+    """
+
+    facet: np.ndarray
+    nodes: np.ndarray
+    normal: np.ndarray
+    region: np.ndarray
+    across: np.ndarray
+
+
+def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
+    """Return the sides of owned facets: on the boundary, and between two regions."""
+    topology = mesh.mesh.topology
+    d = mesh.dim
+    owned = topology.index_map(d - 1).size_local
+    region_of = np.full(len(mesh.mesh.geometry.dofmaps[0]), NO_TAG, dtype=np.int32)
+    if mesh.cell_tags is not None:
+        region_of = tag_table(mesh.cell_tags)
+    outer = dmesh.exterior_facet_indices(topology)
+    outer = outer[~taken[outer]]
+    cell, local = boundary_sides(mesh.mesh, outer)
+    inner, beside = inner_facets(mesh.mesh)
+    between = (region_of[beside[:, 0]] != region_of[beside[:, 1]]) & (inner < owned)
+    between &= ~taken[inner]
+    inner = inner[between]
+    beside = beside[between]
+    facets = [outer]
+    cells = [cell]
+    locals_ = [local]
+    across = [np.full(len(outer), BOUNDARY)]
+    for side in range(2):
+        own = beside[:, side]
+        facets.append(inner)
+        cells.append(own)
+        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own] == inner[:, None], axis=1))
+        across.append(region_of[beside[:, 1 - side]])
+    facet = np.concatenate(facets)
+    cell = np.concatenate(cells)
+    local = np.concatenate(locals_)
+    corners = mesh.mesh.geometry.dofmaps[0][cell]
+    x = mesh.mesh.geometry.x[:, :d]
+    return _Sides(
+        facet,
+        np.take_along_axis(corners, facet_vertices(d)[local], axis=1),
+        outward_normals(x[corners], local),
+        region_of[cell],
+        np.concatenate(across),
+    )
+
+
+def _at_points(mesh: NamedMesh, rule: where, points: np.ndarray) -> np.ndarray:
+    """Return at which of some points (n, 3) a rule about places holds; collective."""
+    extents = np.append(mesh.sides, [0.0] * (3 - mesh.dim))
+    return together(mesh.comm, rule.at_points, points.T, extents)
+
+
+def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
+    """Return on which sides a rule holds, shape (n,); collective.
+
+    Raises:
+        InputError: If the rule cannot be worked with.
+    """
+    comm = mesh.comm
+    holds = _at_points(mesh, rule, mesh.mesh.geometry.x)[sides.nodes].all(axis=1)
+    holds &= together(comm, rule.along_normal, sides.normal)
+    if rule.region is not None:
+        holds &= sides.region == together(comm, _region_tag, mesh, rule.region)
+    on_boundary = sides.across == BOUNDARY
+    if rule.against is None:
+        return holds & on_boundary
+    other = together(comm, _region_tag, mesh, rule.against)
+    shared = holds & (sides.across == other)
+    corners = mesh.mesh.geometry.x[sides.nodes][..., : mesh.dim]
+    every = Facets(corners, sides.normal)
+    here = np.flatnonzero(holds & on_boundary & (sides.region != other))
+    there = on_boundary & (sides.region == other)
+    lies = lying_against(comm, every.chosen(here), every.chosen(there))
+    shared[here[lies]] = True
+    return shared
+
+
+def _region_tag(mesh: NamedMesh, name: str) -> int:
+    """Return the tag of a region.
+
+    Raises:
+        InputError: If there is none of this name.
+    """
+    if name not in mesh.regions:
+        raise InputError(
+            f"named: no cell region is called {name!r}; this domain has {listed(mesh.regions)}."
+        )
+    return mesh.regions[name]
+
+
+def _check_claims(
+    mesh: NamedMesh, holds: Mapping[str, np.ndarray], owned: np.ndarray, kind: str
+) -> None:
+    """Check that each rule holds somewhere, and no two at one place; collective.
+
+    Args:
+        mesh: The mesh.
+        holds: By name, which entities of this rank are meant.
+        owned: Which of them this rank owns.
+        kind: "facet" or "cell".
+
+    Raises:
+        InputError: If it is not so.
+    """
+    names = list(holds)
+    claims = np.array([holds[name] & owned for name in names])
+    shared = (claims[:, None] & claims[None]).sum(axis=2)
+    counts = mesh.comm.allreduce(shared, MPI.SUM)
+    low, high = mesh.corners
+    error = None
+    for i, name in enumerate(names):
+        if not counts[i, i]:
+            error = InputError(
+                f"named: the rule of {name!r} holds on no {kind}; it must hold at all vertices of "
+                f"a {kind}. The mesh goes from {_words(low)} to {_words(high)}"
+                + (", and sides of pairs are not taken." if kind == "facet" else ".")
+            )
+        for j in range(i):
+            if counts[i, j] and counts[i, i]:
+                error = InputError(
+                    f"named: {names[j]!r} and {name!r} have {counts[i, j]} {kind}s in common; each "
+                    "can have one name only, so make the rules exclude each other."
+                )
+    raise_together(mesh.comm, error)
+
+
+def _painted(
+    comm: MPI.Comm,
+    table: np.ndarray,
+    names: Mapping[str, int],
+    holds: Mapping[str, np.ndarray],
+    last_tag: int,
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Return tags and names after new names have taken their own; collective.
+
+    Args:
+        comm: Communicator.
+        table: The tag of each facet or cell of this rank.
+        names: The names and their tags.
+        holds: By new name, which are meant.
+        last_tag: The greatest tag that is used.
+    """
+    table = table.copy()
+    result = dict(names)
+    for name in holds:
+        if name in result:
+            table[table == result.pop(name)] = NO_TAG
+    for number, (name, which) in enumerate(holds.items(), start=last_tag + 1):
+        result[name] = number
+        table[which] = number
+    # What has lost all its facets or cells is no longer there.
+    here = np.isin(list(result.values()), table).astype(int)
+    remains = comm.allreduce(here, MPI.SUM)
+    left = {name: tag for (name, tag), n in zip(result.items(), remains, strict=True) if n}
+    return table, left
+
+
+def _words(corner: np.ndarray) -> str:
+    """Return a place in words."""
+    return f"({', '.join(f'{value:.4g}' for value in corner)})"
