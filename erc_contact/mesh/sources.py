@@ -263,7 +263,7 @@ def read_mesh(
             :meth:`Domain.named`. The file needs no groups of facets then.
         regions: Name of each region -> the same.
         size: Greatest edge of the cells of a drawing [length]; small circles have at
-            least 12 edges. A ``.geo`` file may have sizes of its own.
+            least 8 edges. A ``.geo`` file may have sizes of its own.
         heal: Tolerance [length] up to which gaps of a drawing are closed; True takes
             1e-6 of its extent.
         defeature: Faces of a drawing that are narrower than this, and edges that are

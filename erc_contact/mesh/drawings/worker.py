@@ -19,7 +19,7 @@ import numpy as np
 
 from erc_contact.mesh.drawings import kept, opened, pieces, small
 
-EDGES_OF_CIRCLE = 12
+EDGES_OF_CIRCLE = 8
 """Number of edges along a full circle of small radius."""
 SMALLEST = 1 / 10
 """Least edge that curvature asks for, over the size of cells [-].
