@@ -50,7 +50,7 @@ def turned_springs(seed: int, number: int) -> tuple[float, str]:
         if held_by == "support":
             held["supports"] = ec.Displacement("bottom", (0.0, 0.0))
         elif held_by == "contact":
-            held["contacts"] = ec.Contact("bottom", ec.Tresca(press))
+            held["contacts"] = ec.Contact("bottom", friction=ec.Tresca(press))
         else:
             springs.append(ec.Spring("bottom", stiffness, along))
         scene = ec.Scene(ec.Elastic(1.0, nu), loads=loads, springs=springs, **held)

@@ -90,7 +90,7 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
         sides = (-1.0,) * (d - 1), (1.0,) * (d - 1)
         make: Any = ec.rectangle if d == 2 else ec.box
         block = make((*sides[0], 0.0), (*sides[1], height), cells=cells)
-        foundation = ec.Contact("bottom", friction, gap=gap)
+        foundation = ec.Contact("bottom", friction=friction, gap=gap)
         loads = [ec.Traction("top", pull)]
         scene = ec.Scene(ec.Elastic(1.0, nu), loads=loads, contacts=[foundation])
         return Case(name, f"{law}, on a foundation", scene, block, degree)
@@ -100,7 +100,7 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
         material,
         [ec.Displacement("lower outer", (0.0,) * d)],
         [ec.Traction("upper outer", pull)],
-        [ec.Contact(first, friction, gap=gap, against=second)],
+        [ec.Contact(first, friction=friction, gap=gap, against=second)],
     )
     name += f", below E {E_below:.1e}, nu {nu_below}, {first} first"
     blocks = bricks(d, cells, heights=(height, 1.0))

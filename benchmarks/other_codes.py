@@ -105,7 +105,7 @@ def scene() -> ec.Scene:
     return ec.Scene(
         material=ec.Elastic(MODULI, NU),
         supports=[ec.Displacement("top", MOVED), ec.Displacement("bottom", (0.0, 0.0))],
-        contacts=[ec.Contact("foot", MU, against="seat")],
+        contacts=[ec.Contact("foot", friction=MU, against="seat")],
     )
 
 

@@ -58,7 +58,7 @@ def slipping_blocks() -> Result:
         "left": (-1, -1, -1, 1),
     }
     material = ec.Elastic({"upper": 1000.0, "lower": 250.0}, {"upper": 0.3, "lower": 0.2})
-    contact = ec.Contact("foot", 0.3, against="seat")
+    contact = ec.Contact("foot", friction=0.3, against="seat")
     domain = drawn(bricks, parts, 0.5).split({"foot": "upper", "seat": "lower"})
     meshes = Meshes(ec.Scene(material, supports, loads, [contact]), domain, 1e-3)
     normal = meshes.force("foot", UP, "force/length", "normal force")
@@ -151,7 +151,7 @@ def two_blocks() -> Result:
     scene = ec.Scene(
         ec.Elastic({"upper": 1000.0, "lower": 3000.0}, 0.3),
         [ec.Displacement("top", (0.01, -0.02)), ec.Displacement("bottom", (0.0, 0.0))],
-        contacts=[ec.Contact("foot", 0.3, against="seat")],
+        contacts=[ec.Contact("foot", friction=0.3, against="seat")],
     )
     domain = drawn(bricks, parts, 0.5).split({"foot": "upper", "seat": "lower"})
     meshes = Meshes(scene, domain, 3e-4)

@@ -234,7 +234,7 @@ def sheared(accuracy: float) -> tuple[ec.Evolution, list[float]]:
     def scene_at(t: float) -> ec.Scene:
         push = 0.032 * float(np.interp(t, [0.0, 1.0, 3.0, 5.0], [0.0, 1.0, -1.0, 1.0]))
         law = mu if t > 0 else 0.0
-        contact = ec.Contact("bottom", law, gap=lambda x: x[0] ** 2 / (2 * radius))
+        contact = ec.Contact("bottom", friction=law, gap=lambda x: x[0] ** 2 / (2 * radius))
         supports = [ec.Displacement("top", (push, -0.05))]
         return ec.Scene(ec.Elastic(1.0, 0.4999), supports, contacts=[contact])
 

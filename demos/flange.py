@@ -92,7 +92,7 @@ def scene_at(t):
         ec.Displacement("bottom", (0.0, 0.0, 0.0)),
         ec.Displacement("symmetry", (None, 0.0, None)),
     ]
-    joint = ec.Contact("foot", MU, against="seat")
+    joint = ec.Contact("foot", friction=MU, against="seat")
     bolt = ec.Contact("upper end", gap=TIGHTENED, bilateral=True, against="lower end")
     pull = ec.Traction("top", (0.0, 0.0, t * PULL))
     return ec.Scene(ec.Elastic(E, NU), supports, pull, contacts=[joint, bolt])

@@ -41,7 +41,7 @@ ec.log_to_console()
 scene = ec.Scene(
     material=ec.Elastic(1.0, 0.3),
     supports=ec.Displacement("top", (0.1, lambda x: 0.02 - 0.04 * x[0])),
-    contacts=ec.Contact("bottom", ec.Tresca(LIMIT)),
+    contacts=ec.Contact("bottom", friction=ec.Tresca(LIMIT)),
 )
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
 errors, bounds = [], []
@@ -63,7 +63,9 @@ history.save(FOLDER, pictures=True)
 # With Coulomb's friction the same numbers are estimates, and say so. And a much better
 # solution, to compare with.
 
-coulomb = ec.Scene(scene.material, scene.supports, contacts=ec.Contact("bottom", 0.3))
+coulomb = ec.Scene(
+    scene.material, scene.supports, contacts=ec.Contact("bottom", friction=0.3)
+)
 estimate = ec.resultant(ec.adapt(coulomb, block, accuracy=0.05).error, "bottom", (0, 1))
 fine = ec.adapt(scene, block, accuracy=0.003, degree=2)
 exact = *fine.force("bottom").force, ec.potential_energy(fine.error).value

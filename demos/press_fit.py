@@ -161,7 +161,9 @@ def scene_at(t):
     turn = t * T_max / stiffness
     turned = (lambda x: core * x[0] - turn * x[1], lambda x: core * x[1] + turn * x[0])
     held = (lambda x: rim * x[0], lambda x: rim * x[1])
-    contact = ec.Contact("rim", MU if t > 0 else 0.0, gap=-DELTA, against="bore")
+    contact = ec.Contact(
+        "rim", friction=MU if t > 0 else 0.0, gap=-DELTA, against="bore"
+    )
     supports = [ec.Displacement("core", turned), ec.Displacement("outside", held)]
     return ec.Scene(steel, supports, contacts=contact)
 

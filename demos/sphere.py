@@ -43,7 +43,9 @@ block = ec.read_mesh(Path(__file__).resolve().parents[1] / "meshes" / "dome.geo"
 scene = ec.Scene(
     material=ec.Elastic(E, NU),
     supports=ec.Displacement("top", (0.01, 0.0, -0.05)),
-    contacts=ec.Contact("bottom", MU, gap=lambda x: (x[0] ** 2 + x[1] ** 2) / (2 * R)),
+    contacts=ec.Contact(
+        "bottom", friction=MU, gap=lambda x: (x[0] ** 2 + x[1] ** 2) / (2 * R)
+    ),
 )
 history = ec.adapt(scene, block, accuracy=0.1, degree=2, strategy=ec.SizeMap())
 history.save(FOLDER, pictures=True)

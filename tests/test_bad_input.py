@@ -1440,12 +1440,12 @@ CLASSES_THAT_FAIL = {
     "not linear": ({}, Quadratic(), ("equations of Quadratic must be linear",)),
     "unhashable": ({}, Unhashable(), ("not hashable", "frozen dataclass")),
     "no attribute": (
-        {"contacts": [ec.Contact("bottom", NamesTooMuch())]},
+        {"contacts": [ec.Contact("bottom", friction=NamesTooMuch())]},
         None,
         ("NamesTooMuch", "no such attribute"),
     ),
     "no number": (
-        {"contacts": [ec.Contact("bottom", InWords())]},
+        {"contacts": [ec.Contact("bottom", friction=InWords())]},
         None,
         ("is 'much'; give a number",),
     ),

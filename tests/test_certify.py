@@ -178,7 +178,9 @@ def pressed_ball(d):
     """A block on a curved foundation, of which a part is closed."""
     corners = ((-1.0,) * (d - 1) + (0.0,), (1.0,) * d)
     body = ec.rectangle(*corners, cells=(4, 2)) if d == 2 else ec.box(*corners, cells=(4, 4, 2))
-    contact = ec.Contact("bottom", 0.3, gap=lambda x: 0.2 * sum(x[i] ** 2 for i in range(d - 1)))
+    contact = ec.Contact(
+        "bottom", friction=0.3, gap=lambda x: 0.2 * sum(x[i] ** 2 for i in range(d - 1))
+    )
     down = ec.Displacement("top", (0.0,) * (d - 1) + (-0.1,))
     return ec.Scene(ec.Elastic(1.0, 0.3), down, contacts=contact), body
 

@@ -250,12 +250,18 @@ OTHER = {
     "loads": {"loads": [ec.BodyForce((0.0, -1e-3))]},
     "friction": {
         "contacts": [
-            ec.Contact("bottom", lambda x: 0.3 + 0.1 * x[0], lambda x: 0.010000001 * x[0] ** 2)
+            ec.Contact(
+                "bottom", friction=lambda x: 0.3 + 0.1 * x[0], gap=lambda x: 0.010000001 * x[0] ** 2
+            )
         ]
     },
     "law": {
         "contacts": [
-            ec.Contact("bottom", ec.Tresca(lambda x: 0.3 + 0.1 * x[0]), lambda x: 0.01 * x[0] ** 2)
+            ec.Contact(
+                "bottom",
+                friction=ec.Tresca(lambda x: 0.3 + 0.1 * x[0]),
+                gap=lambda x: 0.01 * x[0] ** 2,
+            )
         ]
     },
     "rows": {"strains": ec.Eigenstrain(lambda x: ((0.01 * x[0], 0.0), (0.0, 0.0)))},
@@ -290,7 +296,9 @@ def test_fingerprint_knows_what_decides():
         (changed(), block(2), {"strategy": ec.Mark(0.4)}),
     ]
     laws = [Steeper(0.1, 1.0), Steeper(0.1, 1.1), Steeper(0.2, 1.0)]
-    others += [(changed(contacts=[ec.Contact("bottom", law)]), block(2), {}) for law in laws]
+    others += [
+        (changed(contacts=[ec.Contact("bottom", friction=law)]), block(2), {}) for law in laws
+    ]
     found = [COMM.bcast(fingerprint(*other)) for other in others]
     assert all(a != b for i, a in enumerate([first, *found]) for b in found[i:])
 

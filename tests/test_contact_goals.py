@@ -108,7 +108,9 @@ def test_corner_and_symmetry():
     for part in ("left", "bottom"):
         moment = ec.interval(coarse, ec.Moment(part, about=ABOUT))
         assert moment.low < moment_about(fine.force(part), ABOUT)[0] < moment.high
-    rough = certified(corner(*(ec.Contact(p, ec.Tresca(0.001)) for p in ("left", "bottom"))), block)
+    rough = certified(
+        corner(*(ec.Contact(p, friction=ec.Tresca(0.001)) for p in ("left", "bottom"))), block
+    )
     refused(lambda: ec.interval(rough, ec.Resultant("left", (1.0, 0.0))), "friction", "share")
     pressed = ec.Displacement("top", (0.0, -0.01))
     half = ec.Scene(ec.Elastic(1.0, 0.3), [pressed, ec.Symmetry("left")], [], ec.Contact("bottom"))

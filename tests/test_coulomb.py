@@ -48,7 +48,7 @@ def pressed(friction: object, d: int = 2, E: object = 1.0, gap: object = 0.0) ->
         ec.Elastic(E, 0.3),
         [ec.Displacement("top", push)],
         [],
-        [ec.Contact("bottom", friction, gap=gap)],
+        [ec.Contact("bottom", friction=friction, gap=gap)],
     )
 
 
@@ -281,7 +281,7 @@ def test_the_change_of_q_holds_on_the_refined_mesh(name):
         ec.Elastic(lambda x: 1.2 + 0.24 * x[0] / width + 0.79 * x[1], 0.33),
         [ec.Displacement("top", (push, lambda x: 0.01 * x[0] - 0.03))],
         [ec.Traction("right", (push, 0.0))],
-        [ec.Contact("bottom", mu)],
+        [ec.Contact("bottom", friction=mu)],
     )
     domain = ec.rectangle((0.0, 0.0), (width, 1.0), cells=cells)
     error, found = certified(scene, domain, degree=degree)
@@ -357,7 +357,7 @@ def test_a_slender_body_that_slips_gets_no_bound():
         error.solution.scene.material,
         [ec.Displacement("top", (1.0, -0.05))],
         [],
-        [ec.Contact("bottom", 0.3)],
+        [ec.Contact("bottom", friction=0.3)],
     )
     slips = certified(far, block_of(8))[1]
     assert slips.q == pytest.approx(2.2, abs=slips.q_change)
@@ -377,7 +377,7 @@ def test_round_off_is_no_work_on_a_roller():
         ec.Elastic(1.0, 0.37),
         [ec.Displacement("left", (0.0, None))],
         [ec.Traction("top", (0.0, -0.042))],
-        [ec.Contact("bottom", 0.26, gap=lambda x: 0.013 * (x[0] - 1.65) ** 2)],
+        [ec.Contact("bottom", friction=0.26, gap=lambda x: 0.013 * (x[0] - 1.65) ** 2)],
     )
     domain = ec.rectangle((0.0, 0.0), (2.913369516582126, 1.0), cells=(15, 5)).refined()
     error, found = certified(scene, domain, degree=2)
@@ -455,7 +455,7 @@ def test_ranks_change_nothing_where_data_vary(seed):
         [
             ec.Contact(
                 "bottom",
-                lambda x: least + more * x[0] / size[0],
+                friction=lambda x: least + more * x[0] / size[0],
                 gap=lambda x: 0.1 * gap * (x[0] - 0.3) ** 2,
             )
         ],

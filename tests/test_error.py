@@ -220,7 +220,10 @@ def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, fric
     def relative(slide, press):
         moved = (slide, *[0.0] * (dim - 2), -press)
         scene = ec.Scene(
-            ec.Elastic(1.0, 0.3), [ec.Displacement(top, moved)], [], [ec.Contact(bottom, friction)]
+            ec.Elastic(1.0, 0.3),
+            [ec.Displacement(top, moved)],
+            [],
+            [ec.Contact(bottom, friction=friction)],
         )
         return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method))).relative
 

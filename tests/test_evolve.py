@@ -72,7 +72,7 @@ def test_a_curved_body_from_rest(strategy):
 
     def scene_at(t):
         top = ec.Displacement("top", (0.004 * max(t - 1, 0), -0.02 * min(t, 1)))
-        contact = ec.Contact("arc", MU, gap=lambda x: x[1], normal=(0.0, -1.0))
+        contact = ec.Contact("arc", friction=MU, gap=lambda x: x[1], normal=(0.0, -1.0))
         return ec.Scene(ec.Elastic(1.0, 0.3), top, contacts=contact)
 
     disc = ec.read_mesh(MESHES / "half_disc.geo")
@@ -221,7 +221,7 @@ def test_dissipation_where_a_contact_opens():
         return ec.Scene(
             ec.Elastic(1.0, 0.14),
             top,
-            contacts=ec.Contact("bottom", 0.5, gap=lambda x: 0.001 * x[0]),
+            contacts=ec.Contact("bottom", friction=0.5, gap=lambda x: 0.001 * x[0]),
         )
 
     history = ec.evolve(
@@ -490,7 +490,10 @@ def test_a_weight_alone_is_written(shared_tmp_path):
 
     def weighted(t):
         return ec.Scene(
-            ec.Elastic(1.0, 0.3), [], [ec.BodyForce((0.002 * t, -0.02))], [ec.Contact("bottom", MU)]
+            ec.Elastic(1.0, 0.3),
+            [],
+            [ec.BodyForce((0.002 * t, -0.02))],
+            [ec.Contact("bottom", friction=MU)],
         )
 
     ec.evolve(weighted, box(), [0.0, 1.0], 0.9).save(shared_tmp_path, pictures=True)

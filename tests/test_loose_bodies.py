@@ -46,7 +46,7 @@ def pushed(share: float, friction: object, height: float = 1.0) -> ec.Scene:
     return ec.Scene(
         ec.Elastic(1.0, 0.45),
         loads=[ec.Traction("top", (share * PRESS, -PRESS))],
-        contacts=[ec.Contact("bottom", friction)],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
 
 
@@ -56,7 +56,7 @@ def on_body(friction: object) -> ec.Scene:
         ec.Elastic({"upper": 1.0, "lower": 0.05}, {"upper": 0.3, "lower": 0.4999}),
         [ec.Displacement("lower outer", (0.0, 0.0))],
         [ec.Traction("upper outer", (0.002 * PRESS, -0.05 * PRESS))],
-        [ec.Contact(NAMES[0], friction, against=NAMES[1])],
+        [ec.Contact(NAMES[0], friction=friction, against=NAMES[1])],
     )
 
 

@@ -214,7 +214,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
 def test_a_body_of_one_row_of_cells():
     """Nearly all of its equations are those of the contact: MUMPS has little to eliminate."""
     layer = ec.rectangle((0.0, 0.0), (1.0, 0.1), cells=(40, 1))
-    law = ec.Contact("bottom", ec.Tresca(0.01))
+    law = ec.Contact("bottom", friction=ec.Tresca(0.01))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", (0.0, -0.02))], contacts=law)
     layers = [ec.solve(scene, layer, solver=solver) for solver in ("direct", "iterative")]
     heights = [solution.u.x.array[1::2] for solution in layers]

@@ -98,7 +98,7 @@ def test_released_curved_body_makes_no_meshes():
         load = ec.Traction(
             "top", (0.0, -0.01 * float(np.interp(t, [0.0, 1.0, 2.0], [0.0, 1.0, 0.0])))
         )
-        foot = ec.Contact("arc", 0.3, gap=lambda x: x[1], normal=(0.0, -1.0))
+        foot = ec.Contact("arc", friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))
         return ec.Scene(ec.Elastic(1.0, 0.3), [], [load], [foot])
 
     history = ec.evolve(

@@ -32,14 +32,19 @@ COMM = MPI.COMM_WORLD
 def one_square() -> tuple[ec.Scene, ec.Domain]:
     """Two triangles: on three ranks one has none, and no node is inside a part."""
     scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [], [ec.Traction("top", pressure=0.1)], [ec.Contact("bottom", 0.3)]
+        ec.Elastic(1.0, 0.3),
+        [],
+        [ec.Traction("top", pressure=0.1)],
+        [ec.Contact("bottom", friction=0.3)],
     )
     return scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
 
 
 def two_bodies() -> tuple[ec.Scene, ec.Domain]:
     supports = [ec.Displacement(f"top{i}", (0.01, -0.02)) for i in (1, 2)]
-    return ec.Scene(ec.Elastic(1.0, 0.3), supports, [], [ec.Contact("bottom1", 0.3)]), two_squares()
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3), supports, [], [ec.Contact("bottom1", friction=0.3)]
+    ), two_squares()
 
 
 def no_contact() -> tuple[ec.Scene, ec.Domain]:
@@ -187,7 +192,7 @@ def test_compressed_factors_solve_as_the_others(monkeypatch):
         scene = ec.Scene(
             ec.Elastic(E, 0.3),
             ec.Displacement("top", (0.02, -0.05)),
-            contacts=ec.Contact("bottom", 0.3),
+            contacts=ec.Contact("bottom", friction=0.3),
         )
         elastic = Stiffness(bind(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(120, 120)), 1))
         matrix = elastic.stiffness()

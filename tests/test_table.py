@@ -142,7 +142,7 @@ def test_a_grid_in_space():
     errors = []
     for gap in gaps:
         scene = ec.Scene(
-            ec.Elastic(1.0, 0.3), pressed(3), contacts=ec.Contact("bottom", 0.3, gap=gap)
+            ec.Elastic(1.0, 0.3), pressed(3), contacts=ec.Contact("bottom", friction=0.3, gap=gap)
         )
         errors.append(error_of(scene, body(3, cells=2), 1).relative)
     assert errors[0] == pytest.approx(errors[1], rel=1e-4)
@@ -207,7 +207,7 @@ def test_a_run_with_kinks_refines_and_says_its_numbers():
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
         pressed(2),
-        contacts=ec.Contact("bottom", 0.3, ec.table(POINTS, VALUES)),
+        contacts=ec.Contact("bottom", friction=0.3, gap=ec.table(POINTS, VALUES)),
     )
     history = ec.adapt(scene, body(2), accuracy=0.2)
     assert history.error.relative <= 0.2

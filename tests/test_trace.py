@@ -172,7 +172,7 @@ class TestTwoSides:
 def test_foundation(degree):
     block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
     top = ec.Displacement("top", (0.01, -0.02))
-    scene = ec.Scene(ec.Elastic(2.0, 0.3), top, contacts=ec.Contact("bottom", 0.3))
+    scene = ec.Scene(ec.Elastic(2.0, 0.3), top, contacts=ec.Contact("bottom", friction=0.3))
     method = ec.AugmentedLagrangian()
     first = ec.solve(scene, block, method, degree=degree)
     model = ec.solve(scene, block, method, degree=degree, after=first).model
@@ -195,7 +195,7 @@ def test_jump_of_a_test_function_is_its_variation(degree):
     """The derivative of the jump in a direction v is the jump of v, with a history and without."""
     block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
     top = ec.Displacement("top", (0.01, -0.02))
-    scene = ec.Scene(ec.Elastic(2.0, 0.3), top, contacts=ec.Contact("bottom", 0.3))
+    scene = ec.Scene(ec.Elastic(2.0, 0.3), top, contacts=ec.Contact("bottom", friction=0.3))
     first = ec.solve(scene, block, degree=degree)
     second = ec.solve(scene, block, degree=degree, after=first)
     for solution in (first, second):

@@ -48,7 +48,7 @@ def dragged(friction):
     scene = ec.Scene(
         material=ec.Elastic(E=1.0, nu=0.3),
         supports=[ec.Displacement("top", (0.1, -0.02))],
-        contacts=[ec.Contact("bottom", friction)],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
     return ec.adapt(
         scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4)), accuracy=0.05

@@ -69,7 +69,9 @@ wall, weight = (
     ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(4, 8)),
     ec.BodyForce((0.0, -2.4)),
 )
-dam = solved(wall, [Water("left", 1.0, 1.5), weight], ec.Contact("bottom", 0.7))
+dam = solved(
+    wall, [Water("left", 1.0, 1.5), weight], ec.Contact("bottom", friction=0.7)
+)
 dam.save("results/load", pictures=True)
 assert dam.reached
 assert np.allclose(

@@ -81,7 +81,7 @@ def pressed(angle, friction, *supports):
     scene = ec.Scene(
         Fibres(1.0, 1.0, 20.0, angle),
         supports,
-        contacts=[ec.Contact("bottom", friction)],
+        contacts=[ec.Contact("bottom", friction=friction)],
     )
     return ec.adapt(
         scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), accuracy=0.15

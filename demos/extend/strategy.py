@@ -48,7 +48,7 @@ class Maximum:
 scene = ec.Scene(
     ec.Elastic(1.0, 0.3),
     ec.Displacement("top", (0.1, -0.05)),
-    contacts=ec.Contact("bottom", 0.3),
+    contacts=ec.Contact("bottom", friction=0.3),
 )
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
 strategies = {

@@ -79,7 +79,7 @@ class Bodies(NamedMesh):
         names = ", ".join(self.names)
         if self.regions:
             names += f", regions {', '.join(self.regions)}"
-        if self.seams is not None:
+        if self.pairs:
             names += f", pairs {self.seams}"
         return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
 
@@ -89,7 +89,7 @@ class Bodies(NamedMesh):
         rows.append(("boundary parts", ", ".join(self.names)))
         if self.regions:
             rows.append(("regions", ", ".join(self.regions)))
-        if self.seams is not None:
+        if self.pairs:
             rows.append(("pairs", self.seams))
         curved = self.curved_facets is not None
         rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))

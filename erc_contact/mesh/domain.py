@@ -27,9 +27,16 @@ from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.size_field import labels_of
-from erc_contact.mesh.splitting import NO_INTERFACE, Carried, claimed, side_tags
+from erc_contact.mesh.splitting import (
+    NO_INTERFACE,
+    Carried,
+    claimed,
+    side_tags,
+    touching_regions,
+)
 from erc_contact.mesh.surface import snap
 from erc_contact.mesh.tags import shared, tag_table, tags_of
+from erc_contact.mesh.touching import Pairs, touching
 from erc_contact.mesh.transfer import spread
 from erc_contact.mesh.where import Rule
 
@@ -187,7 +194,7 @@ class Domain(Bodies):
         interfaces = () if self.seams is None else self.seams.interfaces
         together(self.comm, rules.check_before, interfaces)
         result = whole.renamed(rules, joining.last_tag(self), interfaces)
-        return result.cut(interfaces) if interfaces else result
+        return result if self.glued is None else result.cut(interfaces)
 
     def renamed(
         self, rules: Rules, last_tag: int, interfaces: tuple[Interface, ...] = ()
@@ -216,8 +223,8 @@ class Domain(Bodies):
         shape = NamedShape(self.geometry, known, rules, last_tag, sizes)
         return replace(result, geometry=shape)
 
-    def split(self, sides: Mapping[str, str], *, on: str | None = None) -> Domain:
-        """Split the nodes along the facets between two regions; collective.
+    def split(self, sides: Mapping[str, str] | None = None, *, on: str | None = None) -> Domain:
+        """Split the nodes along the facets between regions; collective.
 
         The facets become two boundary parts that face each other facet by facet, also
         after ``refined`` and ``remeshed``. The rim of the interface, where it ends
@@ -225,7 +232,10 @@ class Domain(Bodies):
         are no longer there.
 
         Args:
-            sides: Name of each new boundary part -> the region on its side.
+            sides: Name of each new boundary part -> the region on its side. None
+                splits between all regions that share facets: of "nut" and "bolt" the
+                parts are "nut on bolt" and "bolt on nut". Regions that touch along a
+                line or at a point only are kept apart then, too.
             on: Name of a part inside the body: only its facets are split. None splits
                 all facets between the regions.
 
@@ -242,13 +252,60 @@ class Domain(Bodies):
         """
         glued = self if self.glued is None else self.glued
         comm = self.comm
+        if sides is None and on is None:
+            return self._split_everywhere()
         together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
         tag = joining.last_tag(self) + 1
+        assert sides is not None
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
         on_tag = None if on is None else self.names[on]
         before = () if self.seams is None else self.seams.interfaces
         return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
+
+    def _split_everywhere(self) -> Domain:
+        """Split between all regions that share facets; collective."""
+        glued = self if self.glued is None else self.glued
+        interfaces = () if self.seams is None else self.seams.interfaces
+        if glued.cell_tags is not None:
+            assert isinstance(glued.facet_tags, dmesh.MeshTags)
+            before = claimed(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
+            name_of = {tag: name for name, tag in self.regions.items()}
+            tag = joining.last_tag(self) + 1
+            for regions in touching_regions(glued.mesh, glued.cell_tags, before):
+                first, second = (name_of[region] for region in regions)
+                names = (f"{first} on {second}", f"{second} on {first}")
+                sides = dict(zip(names, (first, second), strict=True))
+                taken = {**self.names, **glued.names}
+                together(self.comm, parts.check_sides, sides, None, taken, taken, self.regions)
+                interfaces += (Interface(names, (tag, tag + 1), regions, None),)
+                tag += 2
+        if len(interfaces) == len(self.pairs):
+            return self
+        return glued.cut(interfaces)
+
+    def touching(self, *regions: str, within: float = 0.0) -> Pairs:
+        """List which parts lie against which, with areas and distances; collective.
+
+        Each row is a pair of parts, which a contact or a tied joint takes as it is::
+
+            contacts = [ec.Contact(*pair, friction=0.15) for pair in bodies.touching()]
+
+        Args:
+            regions: Name of a region, or a pattern such as "nut *": only pairs of which
+                one part belongs to it. Two names: only pairs between them.
+            within: Greatest distance [length]: parts that are no pair and as near as
+                that are listed, too. :meth:`joined` makes pairs of them (``apart=``).
+
+        Raises:
+            InputError: If no region has such a name, or the distance is negative.
+
+        Example:
+            >>> print(bodies.split().touching())
+            part            against         area  distance
+            lower on upper  upper on lower     2         0
+        """
+        return touching(self, regions, within)
 
     def joined(self, here: str, there: str, *, tied: bool = False, apart: float = 0.0) -> Domain:
         """Glue two bodies that were meshed apart, and split them there; collective.

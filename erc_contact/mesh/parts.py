@@ -72,15 +72,22 @@ def parts_inside(
     Raises:
         InputError: If a part has no facet.
     """
+    # A ghost facet is counted by the rank that owns it.
     owned = mesh.topology.index_map(mesh.topology.dim - 1).size_local
-    exterior = dmesh.exterior_facet_indices(mesh.topology)
+    of_rank = facet_tags.indices < owned
+    facets = facet_tags.indices[of_rank]
+    at_boundary = np.isin(facets, dmesh.exterior_facet_indices(mesh.topology))
+    tags = np.array(list(names.values()))
+    known, place = np.unique(tags, return_inverse=True)
+    row = np.searchsorted(known, facet_tags.values[of_rank])
+    row[row == len(known)] = 0
+    named = known[row] == facet_tags.values[of_rank]
+    counts = [
+        np.bincount(row[which], minlength=len(known)) for which in (named, named & at_boundary)
+    ]
+    totals = lasting(mesh.comm).allreduce(np.array(counts), MPI.SUM)[:, place]
     inside = set()
-    for name, tag in names.items():
-        facets = facet_tags.find(tag)
-        # A ghost facet is counted by the rank that owns it.
-        facets = facets[facets < owned]
-        local_counts = np.array([len(facets), np.isin(facets, exterior).sum()])
-        count, exterior_count = lasting(mesh.comm).allreduce(local_counts, MPI.SUM)
+    for (name, tag), count, exterior_count in zip(names.items(), *totals, strict=True):
         if not count:
             raise InputError(
                 f"Boundary part {name!r} (tag {tag}) has no facet; remove it or tag its facets."

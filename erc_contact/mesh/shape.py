@@ -22,6 +22,7 @@ from mpi4py import MPI
 
 from erc_contact.mesh.assembled import Assembled, of_model
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.drawings.kept import MARK_PREFIX
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.remeshing import meshed
 from erc_contact.mesh.simplex import in_space
@@ -35,10 +36,6 @@ SIDES = {
 
 They are those of the low and the high end of x, y and z. The last axis is up.
 """
-MARK_PREFIX = "erc_contact mark "
-"""Beginning of the names of physical groups that keep marks."""
-FLAT_TYPES = ("Line", "Plane")
-"""gmsh's types of curves and surfaces that facets represent exactly."""
 SIDE_ROUND_OFF = 1e-12
 """Distance from a side of a brick that is round-off, as a share of its length [-]."""
 
@@ -226,40 +223,6 @@ class Drawing:
 
         with session(comm, build, "The geometry"):
             return comm.scatter(answers if comm.rank == 0 else None)
-
-
-def drawing_of(model: Any) -> tuple[str, str, frozenset[int]] | None:
-    """Return suffix, text and curved marks of the :class:`Drawing` of gmsh's model.
-
-    It is None if the model has none. A model from a mesh file has no geometry. One that
-    mixes gmsh's two kernels cannot be kept by either format.
-    """
-    import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
-
-    entities = set(model.getEntities())
-    occ_entities = set(model.occ.getEntities())
-    discrete = any(model.getType(*entity).startswith("Discrete") for entity in entities)
-    mixed = bool(occ_entities) and occ_entities != entities
-    if discrete or mixed:
-        return None
-    suffix = ".xao" if occ_entities else ".geo_unrolled"
-    facets = model.getEntities(model.getDimension() - 1)
-    curved_tags = [tag for dim, tag in facets if model.getType(dim, tag) not in FLAT_TYPES]
-    curved = frozenset(map(int, curved_tags))
-    groups = []
-    if curved and occ_entities:
-        # OpenCASCADE does not keep tags, so physical groups carry them to the file.
-        for dim, tag in facets:
-            group = model.addPhysicalGroup(dim, [tag], name=f"{MARK_PREFIX}{tag}")
-            groups.append((dim, group))
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / f"body{suffix}"
-            gmsh.write(str(path))
-            return suffix, path.read_text(), curved
-    finally:
-        if groups:  # no groups would mean all
-            model.removePhysicalGroups(groups)
 
 
 def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:

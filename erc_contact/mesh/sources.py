@@ -18,16 +18,18 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.drawings.kept import Kept, drawing_of
+from erc_contact.mesh.drawings.reading import Wanted, has_geometry, open_geometry
 from erc_contact.mesh.files.building import Built, Spread, built, spread_from
 from erc_contact.mesh.files.file_mesh import FacetSet
 from erc_contact.mesh.files.of_gmsh import grouped, marked_entities, mesh_of_model
 from erc_contact.mesh.files.reading import read
 from erc_contact.mesh.files.renaming import renamed
 from erc_contact.mesh.gmsh_session import session
-from erc_contact.mesh.mesh_files import DRAWINGS, open_drawing
 from erc_contact.mesh.partition import partitioner
-from erc_contact.mesh.shape import Brick, Drawing, drawing_of
+from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.tags import tags_of
+from erc_contact.mesh.touching import tell_gaps
 from erc_contact.mesh.where import Rule
 
 NEAR_SIDE = 1e-6
@@ -228,10 +230,13 @@ def read_mesh(
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     names: Mapping[int | tuple[int, int], str] | None = None,
+    size: float | None = None,
+    heal: float | bool = False,
+    defeature: float | None = None,
     parts: Mapping[str, Rule] | None = None,
     regions: Mapping[str, Rule] | None = None,
 ) -> Domain:
-    """Read a mesh file; collective.
+    """Read a mesh file or mesh a drawing; collective.
 
     A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio:
     boundary parts and regions are the cell data gmsh:physical, medit:ref or cell_tags,
@@ -240,6 +245,13 @@ def read_mesh(
     says::
 
         block = ec.read_mesh("block.vtu", names={1: "bottom", 2: "top", 9: "steel"})
+
+    A drawing (STEP, IGES, BREP, or ``.geo`` without groups) is meshed by gmsh, in a
+    process of its own. Its solids are regions with the names of the file, its faces
+    parts with numbers. Solids that touch are a pair of parts, "nut on bolt" and "bolt
+    on nut", see :meth:`Domain.touching`; what touches along a line or at a point only
+    is kept apart. Lengths are in the unit of the file. Tiny edges and faces, and
+    distances that look like gaps of the drawing, are told as warnings.
 
     Args:
         path: The file.
@@ -250,11 +262,18 @@ def read_mesh(
         parts: Name of each part -> a rule that says where it is, see
             :meth:`Domain.named`. The file needs no groups of facets then.
         regions: Name of each region -> the same.
+        size: Greatest edge of the cells of a drawing [length]; small circles have at
+            least 8 edges. A ``.geo`` file may have sizes of its own.
+        heal: Tolerance [length] up to which gaps of a drawing are closed; True takes
+            1e-6 of its extent.
+        defeature: Faces of a drawing that are narrower than this, and edges that are
+            shorter, are removed [length]: fillets, chamfers, small holes.
 
     Raises:
-        InputError: If the file is missing or unreadable, has no groups of facets and
-            there are no rules, or is not of straight-sided simplices; or if the file
-            does not have a tag of ``names``, or a name is given twice.
+        InputError: If the file is missing or unreadable, has no groups of facets, or is
+            not of straight-sided simplices; if the file does not have a tag of
+            ``names``, or a name is given twice; or if a drawing has no solid, solids
+            overlap, or gmsh cannot mesh it.
 
     Example:
         >>> ec.read_mesh("square.msh")  # a square with groups "body", "top", "bottom"
@@ -263,11 +282,12 @@ def read_mesh(
     if not isinstance(path, str | Path):
         raise InputError(f"read_mesh: the path is {path!r}; give the name of a file.")
     path = Path(path)
+    wanted = Wanted(size, heal, defeature)
     has_rules = parts is not None or regions is not None
     subject = f"The mesh file {str(path)!r}"
-    if path.suffix.lower() in DRAWINGS:
-        with session(comm, lambda gmsh: open_drawing(gmsh, path), subject) as model:
-            domain = _from_model(model, comm, 0, names=names, has_rules=has_rules)
+    is_drawing = False
+    if has_geometry(path, wanted):
+        domain, is_drawing = _of_geometry(path, comm, wanted, names, has_rules=has_rules)
     else:
 
         def make() -> Built:
@@ -275,7 +295,39 @@ def read_mesh(
             return built(mesh if names is None else renamed(mesh, names), numbered=not has_rules)
 
         domain = _domain_of(spread_from(comm, 0, make, subject))
-    return domain.named(parts, regions=regions) if has_rules else domain
+    if has_rules:
+        domain = domain.named(parts, regions=regions)
+    if not is_drawing:
+        return domain
+    bodies = domain.split()
+    if size is not None and len(bodies.regions) > 1:
+        tell_gaps(bodies, size)
+    return bodies
+
+
+def _of_geometry(
+    path: Path,
+    comm: MPI.Comm,
+    wanted: Wanted,
+    names: Mapping[int | tuple[int, int], str] | None,
+    *,
+    has_rules: bool,
+) -> tuple[Domain, bool]:
+    """Read a file that has the true shape of bodies; collective.
+
+    Returns:
+        The bodies in one piece, and whether they are a drawing, without groups.
+    """
+    kept: list[Kept | None] = []
+
+    def build(gmsh: Any) -> None:
+        kept.extend(open_geometry(gmsh, path, wanted))
+
+    with session(comm, build, f"The drawing {str(path)!r}") as model:
+        is_drawing = comm.bcast(bool(kept))
+        of_drawing = kept[0] if kept else None
+        domain = _from_model(model, comm, 0, None, names, of_drawing, has_rules=has_rules)
+    return domain, is_drawing
 
 
 def _from_model(
@@ -284,6 +336,7 @@ def _from_model(
     rank: int,
     geometry: Brick | None = None,
     names: Mapping[int | tuple[int, int], str] | None = None,
+    kept: Kept | None = None,
     *,
     has_rules: bool = False,
 ) -> Domain:
@@ -292,12 +345,12 @@ def _from_model(
     It keeps the geometry that is given, else the drawing of the model. If rules name
     parts, what is in no group gets no name.
     """
-    drawing: list[tuple[str, str, frozenset[int]]] = []
+    drawing: list[Kept] = []
 
     def make() -> Built:
         with grouped(model, numbered=not has_rules):
             marks: list[FacetSet] = []
-            found = None if geometry else drawing_of(model)
+            found = None if geometry else kept or drawing_of(model)
             if found is not None:
                 drawing.append(found)
                 *_, curved = found

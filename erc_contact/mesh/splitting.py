@@ -27,7 +27,7 @@ from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.seams import Interface, Seams
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
-from erc_contact.mesh.tags import tag_table
+from erc_contact.mesh.tags import NO_TAG, tag_table
 
 NO_INTERFACE = -1
 """Number that stands for no interface."""
@@ -97,6 +97,24 @@ def _hinges(mesh: dmesh.Mesh, tags: np.ndarray, interface: Interface) -> str:
         " common facets: let them overlap before, or mesh them apart and join their sides by"
         " assembly and joined."
     )
+
+
+def touching_regions(
+    mesh: dmesh.Mesh, cell_tags: dmesh.MeshTags, interface_of_facet: np.ndarray
+) -> list[tuple[int, int]]:
+    """Return the tags of each two regions that share facets; collective.
+
+    Args:
+        mesh: The glued mesh.
+        cell_tags: Tags of its cells.
+        interface_of_facet: What :func:`claimed` returned; facets of an interface do not
+            count.
+    """
+    facets, cells = inner_facets(mesh)
+    beside = tag_table(cell_tags)[cells[interface_of_facet[facets] == NO_INTERFACE]]
+    between = beside[(beside[:, 0] != beside[:, 1]) & np.all(beside != NO_TAG, axis=1)]
+    here = {(int(first), int(second)) for first, second in np.unique(np.sort(between), axis=0)}
+    return sorted(set().union(*lasting(mesh.comm).allgather(here)))
 
 
 def side_tags(

@@ -252,14 +252,14 @@ class Restored:
         table = self._tables.get  # None on the other ranks
         points = table("VTKHDF/Points")
         cells = table("cells")
-        interfaces = about.get("interfaces", [])
-        if interfaces and points is not None and cells is not None:
+        is_split = "glued" in about["tags"]
+        if is_split and points is not None and cells is not None:
             points, cells = glued_mesh(points, cells, self._tables["glued"])
         rows = CellRows(comm, points, cells, about["dim"])
         domain = self._domain(rows)
-        if not interfaces:
+        if not is_split:
             return rows, domain
-        split = domain.cut(tuple(Interface.of(plain) for plain in interfaces))
+        split = domain.cut(tuple(Interface.of(plain) for plain in about["interfaces"]))
         return rows.of_split(split), split
 
     def _domain(self, rows: CellRows) -> Domain:

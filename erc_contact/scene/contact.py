@@ -57,6 +57,9 @@ class Contact:
 
     Args:
         facets: Name of the boundary part that may touch the foundation or other body.
+        against: Name of the boundary part of another body that the part faces, see
+            :meth:`Domain.split`; None for a foundation. ``Contact(*pair)`` takes a row
+            of :meth:`Domain.touching`.
         friction: Coulomb's friction coefficient mu >= 0 [-], number or callable of x (0
             is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
             own.
@@ -70,8 +73,6 @@ class Contact:
             on a foundation.
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
-        against: Name of the boundary part of another body that the part faces, see
-            :meth:`Domain.split`; None for a foundation.
         foundation: A compliant foundation, :class:`Foundation`; None for a rigid one.
 
     Raises:
@@ -80,16 +81,16 @@ class Contact:
 
     Example:
         >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
-        Contact(facets='bottom', friction=0.3, gap=<function ...>, normal=None,
-                bilateral=False, against=None, foundation=None)
+        Contact(facets='bottom', against=None, friction=0.3, gap=<function ...>,
+                normal=None, bilateral=False, foundation=None)
     """
 
     facets: str
+    against: str | None = None
     friction: Value | Law = 0.0
     gap: Value = 0.0
     normal: Sequence[float] | Callable[[Any], Any] | str | None = None
     bilateral: bool = False
-    against: str | None = None
     foundation: Foundation | None = None
 
     def __post_init__(self) -> None:
@@ -97,6 +98,11 @@ class Contact:
         check_name("Contact", self.facets)
         what = f"Contact({self.facets!r})"
         if self.against is not None:
+            if not isinstance(self.against, str):
+                raise InputError(
+                    f"{what}: against is {self.against!r}; give the facing part of another body, "
+                    "or None. Friction is given by its name, friction=0.3."
+                )
             check_name(f"{what}: against", self.against)
             if self.against == self.facets:
                 raise InputError(
@@ -205,13 +211,13 @@ class Symmetry(Contact):
         (Symmetry(facets='left'),)
     """
 
+    against: str | None = field(default=None, init=False, repr=False)
     friction: Value | Law = field(default=0.0, init=False, repr=False)
     gap: Value = field(default=0.0, init=False, repr=False)
     normal: Sequence[float] | Callable[[Any], Any] | str | None = field(
         default=None, init=False, repr=False
     )
     bilateral: bool = field(default=True, init=False, repr=False)
-    against: str | None = field(default=None, init=False, repr=False)
     foundation: Foundation | None = field(default=None, init=False, repr=False)
 
 

@@ -1,0 +1,1 @@
+"""Mesh drawings of CAD programs: solids become regions, their faces get numbers."""

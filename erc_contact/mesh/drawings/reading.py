@@ -1,0 +1,164 @@
+"""Read drawings on rank 0, by a process that meshes them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import subprocess
+import sys
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from erc_contact.base import checks
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.drawings.kept import Kept
+from erc_contact.mesh.drawings.opened import CAD
+
+PACKAGE = Path(__file__).resolve().parents[2]
+"""Folder of the package."""
+GEOMETRIES = (".geo", ".geo_unrolled", ".xao")
+"""Endings of gmsh's files of geometry, which may have groups."""
+LEVELS = {"info": logging.INFO, "warning": logging.WARNING}
+"""Level of each kind of sentence."""
+START = """
+import sys, types
+package = types.ModuleType("erc_contact")
+package.__path__ = [sys.argv.pop(1)]
+sys.modules["erc_contact"] = package
+from erc_contact.mesh.drawings.worker import main
+main()
+"""
+"""Program of the process: the package's modules without what starts MPI."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Say how a drawing is to be meshed.
+
+    Args:
+        size: Greatest edge of the cells [length]; None leaves it to a .geo file.
+        heal: Tolerance up to which gaps are closed [length]; True takes 1e-6 of the
+            extent, False none.
+        defeature: Width up to which faces and edges are removed [length], or None.
+
+    Raises:
+        InputError: If a length is no number > 0.
+    """
+
+    size: float | None = None
+    heal: float | bool = False
+    defeature: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the lengths."""
+        if self.size is not None:
+            checks.positive("read_mesh: size", self.size, "the greatest edge of cells, > 0")
+        if not isinstance(self.heal, bool):
+            checks.positive("read_mesh: heal", self.heal, "True or a tolerance > 0 [length]")
+        if self.defeature is not None:
+            checks.positive("read_mesh: defeature", self.defeature, "a width > 0 [length]")
+
+    @property
+    def given(self) -> bool:
+        """Tell whether something is asked for."""
+        return self != Wanted()
+
+
+def has_geometry(path: Path, wanted: Wanted) -> bool:
+    """Tell whether a file has the true shape of bodies, by its ending.
+
+    Raises:
+        InputError: If something is asked for that a mesh file does not have.
+    """
+    if path.suffix.lower() in (*CAD, *GEOMETRIES):
+        return True
+    if wanted.given:
+        raise InputError(
+            f"read_mesh: size=, heal= and defeature= mesh a drawing ({', '.join(CAD)}, .geo); "
+            f"{str(path)!r} is none. Cells of a mesh file get other sizes by refined or remeshed."
+        )
+    return False
+
+
+def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
+    """Open a file with the true shape of bodies in gmsh's current session.
+
+    Returns:
+        The geometry of a drawing as text, or None if it cannot be kept; an empty list
+        of a file whose groups say what it is.
+
+    Raises:
+        InputError: If the file is missing or cannot be meshed.
+    """
+    if not path.is_file():
+        raise InputError(
+            f"The drawing {str(path)!r} does not exist; look at the path and the working folder."
+        )
+    if path.suffix.lower() in CAD:
+        if wanted.size is None:
+            raise InputError(
+                f"The drawing {str(path)!r} has no size of cells; give read_mesh(..., size=), a "
+                "length."
+            )
+        return [_meshed(gmsh, path, wanted)]
+    if wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
+        return [_meshed(gmsh, path, wanted)]
+    gmsh.open(str(path))
+    return []
+
+
+def _meshed(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
+    """Mesh a drawing, and open the mesh in gmsh's current session."""
+    with tempfile.TemporaryDirectory() as folder:
+        job = asdict(wanted) | {"path": str(path.resolve()), "folder": folder}
+        _run(job, f"The drawing {str(path)!r}")
+        gmsh.merge(str(Path(folder) / "mesh.msh"))
+        kept = json.loads((Path(folder) / "result.json").read_text())
+    if kept is None:
+        return None
+    suffix, text, curved = kept
+    return suffix, text, frozenset(curved)
+
+
+def _run(job: dict[str, Any], what: str) -> None:
+    """Let a process mesh a drawing; log what it tells.
+
+    Raises:
+        InputError: If it fails or dies.
+    """
+    command = [sys.executable, "-c", START, str(PACKAGE), json.dumps(job)]
+    log = logging.getLogger("erc_contact")
+    stage = "starting"
+    problem = None
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            kind, sentence = json.loads(line)
+            if kind == "stage":
+                stage = sentence
+            elif kind in LEVELS:
+                log.log(LEVELS[kind], "%s: %s.", what, sentence)
+            elif kind == "refused":
+                problem = f"{what} cannot be used: {sentence}."
+            else:
+                problem = _in_words(what, stage, sentence)
+    if problem is None and stage != "done":
+        how = f"signal {-process.returncode}" if process.returncode < 0 else "an error"
+        problem = _in_words(what, stage, f"gmsh's process ended by {how}")
+    if problem is not None:
+        raise InputError(problem)
+
+
+def _in_words(what: str, stage: str, reason: str) -> str:
+    """Return what failed at which stage, and what to try."""
+    advice = {
+        "starting": "See that gmsh is installed: python -c 'import gmsh'",
+        "reading": "Open it in a CAD program and export it as STEP again",
+        "meshing": "Give another size=, or heal= and defeature= for tiny edges and faces",
+    }
+    advised = advice.get(stage, "Give heal=True, or another tolerance")
+    return f"{what} cannot be used; {stage}: {reason.strip().rstrip('.')}. {advised}."

@@ -1,0 +1,272 @@
+"""List which parts of bodies lie against which, with areas and distances."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from itertools import combinations
+from numbers import Real
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.html import table
+from erc_contact.base.logs import log_of
+from erc_contact.base.ranks import from_first
+from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.closest import closest
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.simplex import facet_vertices, in_space
+from erc_contact.mesh.tags import listed
+from erc_contact.mesh.transfer import gathered_mesh
+
+OPPOSED = -0.7
+"""Greatest cosine of the angle of outward normals of facets that face each other."""
+NEAR = 1e-3
+"""Distance of faces that is no clearance, over the size of cells [-]."""
+Key = tuple[int, int]
+"""Tags of two parts."""
+
+
+@dataclass(frozen=True)
+class Touching:
+    """Describe two parts that lie against each other.
+
+    Unpacked it is the names of both parts.
+
+    Attributes:
+        facets: Name of the first part.
+        against: Name of the part that it faces.
+        regions: Names of the regions that they belong to.
+        area: Area that faces the other part [length^(d-1)].
+        distance: Least distance [length]; 0 of parts that are a pair of the domain.
+    """
+
+    facets: str
+    against: str
+    regions: tuple[str, str]
+    area: float
+    distance: float = 0.0
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of both parts."""
+        return iter((self.facets, self.against))
+
+
+class Pairs(tuple[Touching, ...]):
+    """Hold rows of :meth:`Domain.touching`, and print them as a table."""
+
+    __slots__ = ()
+    HEADER = ("part", "against", "area", "distance")
+
+    def __str__(self) -> str:
+        """Return the table as text."""
+        rows = [self.HEADER, *self._rows()]
+        widths = [max(len(row[column]) for row in rows) for column in range(4)]
+        lines = []
+        for first, second, *numbers in rows:
+            words = [first.ljust(widths[0]), second.ljust(widths[1])]
+            words += [n.rjust(width) for n, width in zip(numbers, widths[2:], strict=True)]
+            lines.append("  ".join(words))
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """Return the table for a notebook."""
+        return table(self._rows(), self.HEADER)
+
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        """Return the entries as text."""
+        return [(row.facets, row.against, f"{row.area:.4g}", f"{row.distance:.3g}") for row in self]
+
+
+def touching(domain: Bodies, regions: Sequence[str], within: float) -> Pairs:
+    """List which parts of a domain lie against which, see :meth:`Domain.touching`."""
+    chosen = together(domain.comm, _checked, domain, regions, within)
+    rows = _pairs(domain)
+    if within > 0:
+        rows += _near(domain, within)
+    return Pairs(row for row in rows if _is_chosen(row.regions, chosen))
+
+
+def tell_gaps(domain: Bodies, size: float) -> None:
+    """Tell which parts of a drawing nearly touch; collective.
+
+    Args:
+        domain: The mesh of the drawing.
+        size: Size of its cells [length]: distances below a thousandth of it are told.
+    """
+    rows = _near(domain, NEAR * size)
+    if rows:
+        row = min(rows, key=lambda row: row.distance)
+        log_of(domain.comm).warning(
+            "%d pairs of faces are near and do not touch, the nearest %s of %s and %s of %s, "
+            "%.3g apart: touching(within=%.2g) lists them, joined(..., apart=) makes pairs of "
+            "them, heal=%.2g closes the gaps.",
+            len(rows),
+            row.facets,
+            row.regions[0],
+            row.against,
+            row.regions[1],
+            row.distance,
+            NEAR * size,
+            2 * row.distance,
+        )
+
+
+def _checked(domain: Bodies, regions: Sequence[str], within: float) -> list[set[str]]:
+    """Return the regions that each pattern means.
+
+    Raises:
+        InputError: If it is none, there are more than two, or the distance is no
+            number >= 0.
+    """
+    is_number = isinstance(within, Real) and not isinstance(within, bool)
+    if not is_number or not 0 <= within < np.inf:
+        raise InputError(f"touching: within is {within!r}; give a distance >= 0 [length].")
+    if len(regions) > 2:
+        raise InputError(f"touching: got {len(regions)} regions; give none, one or two.")
+    chosen = []
+    for pattern in regions:
+        is_text = isinstance(pattern, str)
+        matching = {name for name in domain.regions if is_text and fnmatchcase(name, pattern)}
+        if not matching:
+            raise InputError(
+                f"touching: no cell region is called {pattern!r}; this domain has "
+                f"{listed(domain.regions)}. Patterns such as 'nut *' name several."
+            )
+        chosen.append(matching)
+    return chosen
+
+
+def _is_chosen(regions: tuple[str, str], chosen: list[set[str]]) -> bool:
+    """Tell whether a pair is between regions that were asked for."""
+    here, there = regions
+    if len(chosen) == 2:
+        first, second = chosen
+        return (here in first and there in second) or (there in first and here in second)
+    return all(here in names or there in names for names in chosen)
+
+
+def _pairs(domain: Bodies) -> list[Touching]:
+    """Return the pairs of a split domain that are not tied; collective."""
+    if domain.seams is None:
+        return []
+    name_of = {tag: name for name, tag in domain.regions.items()}
+    rows = []
+    areas = []
+    for interface in domain.seams.interfaces:
+        if interface.tied:
+            continue
+        sides = []
+        for side in interface.regions:
+            tags = side if isinstance(side, tuple) else (side,)
+            sides.append(" and ".join(name_of[tag] for tag in tags))
+        here, _ = domain.facing(*interface.names)
+        areas.append(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
+        rows.append((*interface.names, (sides[0], sides[1])))
+    total = domain.comm.allreduce(np.array(areas), MPI.SUM)
+    return [Touching(*row, float(area)) for row, area in zip(rows, total, strict=True)]
+
+
+def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
+    """Return the areas of sides (cell, local facet) [length^(d-1)], shape (n,)."""
+    nodes = domain.mesh.geometry.dofmaps[0][sides[:, 0]]
+    nodes = np.take_along_axis(nodes, facet_vertices(domain.dim)[sides[:, 1]], axis=1)
+    return np.linalg.norm(_normals(domain.mesh.geometry.x[nodes]), axis=1)
+
+
+def _normals(corners: np.ndarray) -> np.ndarray:
+    """Return normals of facets as long as their area, shape (n, d, 3) -> (n, 3)."""
+    along = corners[:, 1] - corners[:, 0]
+    if corners.shape[1] == 2:
+        return np.cross(along, [0.0, 0.0, 1.0])
+    return np.cross(along, corners[:, 2] - corners[:, 0]) / 2
+
+
+def _near(domain: Bodies, within: float) -> list[Touching]:
+    """Return parts of two regions that are near each other and no pair; collective."""
+    plain = gathered_mesh(domain)
+    rows: list[Touching] | None = None
+    if domain.comm.rank == 0:
+        paired = {domain.names[name] for pair in domain.pairs for name in pair}
+        tags = {tag: name for name, tag in domain.names.items() if tag not in paired}
+        regions = {tag: name for name, tag in domain.regions.items()}
+        rows = []
+        for here, there in combinations(_surfaces(plain, regions, tags), 2):
+            found = here.near(there, within)
+            for (first, second), (area, distance) in sorted(found.items()):
+                names = (regions[here.region], regions[there.region])
+                rows.append(Touching(tags[first], tags[second], names, area, distance))
+    return list(from_first(domain.comm, rows))
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Hold the named facets on the boundary of a region.
+
+    Attributes:
+        region: Tag of the region.
+        corners: Corners of the facets [length], shape (n, d, 3).
+        normals: Outward normals, as long as the areas, shape (n, 3).
+        tags: Tags of the facets, shape (n,).
+    """
+
+    region: int
+    corners: np.ndarray
+    normals: np.ndarray
+    tags: np.ndarray
+
+    def near(self, there: _Surface, within: float) -> dict[Key, tuple[float, float]]:
+        """Return area and distance of the parts of two surfaces that are near."""
+        result: dict[Key, tuple[float, float]] = {}
+        back = {key[::-1]: found for key, found in there._near_facets(self, within).items()}
+        for found in (self._near_facets(there, within), back):
+            for key, (area, distance) in found.items():
+                # The larger facets of one side may have no middle over the other one.
+                known = result.get(key, (area, distance))
+                result[key] = (min(area, known[0]), min(distance, known[1]))
+        return result
+
+    def _near_facets(self, there: _Surface, within: float) -> dict[Key, tuple[float, float]]:
+        """Return the same, by the facet nearest to the middle of each facet here."""
+        middles = self.corners.mean(axis=1)
+        low = there.corners.min(axis=(0, 1)) - within
+        high = there.corners.max(axis=(0, 1)) + within
+        rows = np.flatnonzero(np.all((middles >= low) & (middles <= high), axis=1))
+        if not len(rows):
+            return {}
+        nearest, _, distance = closest(middles[rows], there.corners)
+        here, other = self.normals[rows], there.normals[nearest]
+        area = np.linalg.norm(here, axis=1)
+        opposed = np.sum(here * other, axis=1) < OPPOSED * area * np.linalg.norm(other, axis=1)
+        sums: defaultdict[Key, list[float]] = defaultdict(lambda: [0.0, np.inf])
+        for row in np.flatnonzero(opposed & (distance <= within)):
+            entry = sums[int(self.tags[rows[row]]), int(there.tags[nearest[row]])]
+            entry[0] += float(area[row])
+            entry[1] = min(entry[1], float(distance[row]))
+        return {key: (area, distance) for key, (area, distance) in sums.items()}
+
+
+def _surfaces(
+    plain: PlainMesh, regions: dict[int, str], tags: dict[int, str]
+) -> Iterator[_Surface]:
+    """Iterate over the named surfaces of regions."""
+    sides = np.argwhere(np.isin(plain.tags, list(tags)))
+    every = np.argwhere(np.ones_like(plain.tags, dtype=bool))
+    numbers, of_sides = row_numbers(plain.points_of(every), plain.points_of(sides))
+    sides = sides[np.bincount(numbers)[of_sides] == 1]
+    corners = in_space(plain.x)[plain.points_of(sides)]
+    normals = _normals(corners)
+    opposite = in_space(plain.x)[plain.cells[tuple(sides.T)]]
+    outward = np.sum(normals * (corners[:, 0] - opposite), axis=1)
+    normals *= np.sign(outward)[:, None]
+    for region in regions:
+        of_region = plain.regions[sides[:, 0]] == region
+        if of_region.any():
+            kept = sides[of_region]
+            tags_of = plain.tags[tuple(kept.T)]
+            yield _Surface(region, corners[of_region], normals[of_region], tags_of)
