@@ -63,7 +63,7 @@ def write(path, draw, names=(), unit=None):
 def volume(domain, region):
     cells = domain.region(region)
     cells = cells[cells < domain.owned_cells]
-    x = domain.mesh.geometry.x[domain.mesh.geometry.dofmaps[0][cells]]
+    x = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cells]]
     edges = x[:, 1:] - x[:, :1]
     measure = abs(np.linalg.det(edges[:, :, :3])).sum() / 6 if domain.dim == 3 else 0.0
     return domain.comm.allreduce(float(measure), MPI.SUM)
@@ -72,7 +72,7 @@ def volume(domain, region):
 def middle(domain, name):
     """The middle of the vertices of the facets of a part."""
     sides = domain.owned_facets(name)
-    nodes = domain.mesh.geometry.dofmaps[0][sides[:, 0]]
+    nodes = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
     corners = facet_vertices(domain.dim)[sides[:, 1]]
     x = domain.mesh.geometry.x[np.take_along_axis(nodes, corners, axis=1)].reshape(-1, 3)
     total = domain.comm.allreduce(np.append(x.sum(axis=0), len(x)), MPI.SUM)

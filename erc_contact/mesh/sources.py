@@ -238,9 +238,10 @@ def read_mesh(
 ) -> Domain:
     """Read a mesh file or mesh a drawing; collective.
 
-    A ``.msh`` (or ``.geo``) file is read by gmsh. Any other format goes through meshio:
-    boundary parts and regions are the cell data gmsh:physical, medit:ref or cell_tags,
-    else the first integer cell data, else the cell sets. A vtu or xdmf file has tags
+    Files of gmsh (msh, unv, med, cgns, bdf), VTK and Exodus, Abaqus and CalculiX (inp),
+    XDMF and what meshio reads come in with their sets as parts and regions. Cells of
+    other shapes are split into simplices, those of second order at their corners; what
+    is left out or changed is told as a warning. A vtu or xdmf file may have tags
     without names; a part is then called by its tag, "3" for instance, or as ``names``
     says::
 

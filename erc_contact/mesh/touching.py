@@ -16,6 +16,7 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
 from erc_contact.base.logs import log_of
 from erc_contact.base.ranks import from_first
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.plain import PlainMesh
@@ -174,7 +175,7 @@ def _pairs(domain: Bodies) -> list[Touching]:
 
 def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
     """Return the areas of sides (cell, local facet) [length^(d-1)], shape (n,)."""
-    nodes = domain.mesh.geometry.dofmaps[0][sides[:, 0]]
+    nodes = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
     nodes = np.take_along_axis(nodes, facet_vertices(domain.dim)[sides[:, 1]], axis=1)
     return np.linalg.norm(_normals(domain.mesh.geometry.x[nodes]), axis=1)
 

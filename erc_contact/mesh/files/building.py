@@ -177,10 +177,16 @@ def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[
 
 def _without_all(sets: list[Named], outer: np.ndarray) -> list[Named]:
     """Return the sets without those that have all outer faces, if others have some."""
-    whole = [len(outer) <= len(np.intersect1d(outer, named.members)) for named in sets]
-    if all(whole):
-        return sets[:1]
-    return [named for named, has_all in zip(sets, whole, strict=True) if not has_all]
+    shared = [len(np.intersect1d(outer, named.members)) for named in sets]
+    if any(0 < count < len(outer) for count in shared):
+        return [named for named, count in zip(sets, shared, strict=True) if count < len(outer)]
+    # The first of several sets that have all of them is as good as any.
+    first = shared.index(len(outer)) if len(outer) in shared else -1
+    return [
+        named
+        for number, (named, count) in enumerate(zip(sets, shared, strict=True))
+        if count < len(outer) or number == first
+    ]
 
 
 def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.base.releases import cell_nodes
+from erc_contact.base.releases import cell_nodes, coordinate_map
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.files.building import Built, built, spread_from
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, padded
@@ -27,7 +27,7 @@ def has_other_cells(mesh: dmesh.Mesh) -> bool:
     """Tell whether the cells of a mesh fill its space and are no straight simplices."""
     shape = mesh.topology.cell_type.name
     fills_space = mesh.topology.dim == mesh.geometry.dim >= 2
-    return fills_space and (shape in SPLIT or mesh.geometry.cmaps[0].degree > 1)
+    return fills_space and (shape in SPLIT or coordinate_map(mesh.geometry).degree > 1)
 
 
 def simplicial(
