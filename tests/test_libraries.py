@@ -71,7 +71,7 @@ mesh = create_unit_square(MPI.COMM_SELF, 1, 1)
 import erc_contact as ec
 {CHANGED}
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(2, 7))
-scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.1, -0.05)), contacts=ec.Contact("bottom", 0.3))
+scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.1, -0.05)), contacts=ec.Contact("bottom", friction=0.3))
 ec.adapt(scene, block, accuracy=0.5)
 {CHANGED}
 """
