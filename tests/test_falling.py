@@ -27,7 +27,7 @@ def plate(gap, friction=0.3, method=None, solver="auto", comm=None):
     scene = ec.Scene(
         ec.Elastic(STEEL, 0.3),
         loads=ec.BodyForce((0.0, -WEIGHT)),
-        contacts=ec.Contact("bottom", friction, gap=gap),
+        contacts=ec.Contact("bottom", friction=friction, gap=gap),
     )
     return ec.solve(scene, body, method, solver=solver)
 
@@ -56,8 +56,8 @@ def bricks_apart(gaps, comm=None, moduli=(1.0, 1.0)):
         ec.Elastic({"lower": moduli[0], "upper": moduli[1]}, 0.3),
         loads=ec.BodyForce((0.0, -1e-8)),
         contacts=[
-            ec.Contact("lower bottom", 0.3, gap=gaps[0]),
-            ec.Contact("upper bottom", 0.3, against="lower top", gap=gaps[1]),
+            ec.Contact("lower bottom", friction=0.3, gap=gaps[0]),
+            ec.Contact("upper bottom", friction=0.3, against="lower top", gap=gaps[1]),
         ],
     )
     return scene, bodies
@@ -90,7 +90,7 @@ def test_the_motion_rests_on_a_tilted_plane(friction):
         ec.Elastic(1.0, 0.3),
         supports,
         ec.BodyForce((1e-3 if friction else 0.0, 0.0, -1e-2)),
-        ec.Contact("bottom", friction, gap=lambda x: 0.01 + 0.005 * x[0] * bool(friction)),
+        ec.Contact("bottom", friction=friction, gap=lambda x: 0.01 + 0.005 * x[0] * bool(friction)),
     )
     model = bind(scene, cube)
     motion = motion_at_rest(model, Stiffness(model).load_vector())
@@ -110,7 +110,7 @@ def test_no_forces_of_contacts_have_no_motion():
         scene = ec.Scene(
             ec.Elastic(1.0, 0.3),
             loads=ec.BodyForce((push, -1.0)),
-            contacts=ec.Contact("bottom", 0.3, gap=0.1),
+            contacts=ec.Contact("bottom", friction=0.3, gap=0.1),
         )
         model = bind(scene, block)
         motion = motion_at_rest(model, Stiffness(model).load_vector())
@@ -127,7 +127,7 @@ def test_a_history_goes_on_from_a_fallen_body(method):
         return ec.Scene(
             ec.Elastic(1e3, 0.3),
             loads=[ec.BodyForce((0.0, -1e-4)), ec.Traction("left", (push, 0.0))],
-            contacts=ec.Contact("bottom", 0.5, gap=gap),
+            contacts=ec.Contact("bottom", friction=0.5, gap=gap),
         )
 
     profiles = []

@@ -35,7 +35,7 @@ def solution(degree: int = 1, friction: float = 0.3) -> ec.Solution:
         ec.Elastic(1.0, 0.3),
         [ec.Displacement("top", (0.1, -0.05))],
         [ec.Traction("right", (-0.002, 0.001)), ec.BodyForce((0.001, -0.002))],
-        [ec.Contact("bottom", friction)],
+        [ec.Contact("bottom", friction=friction)],
     )
     return ec.solve(scene, block(4), degree=degree)
 

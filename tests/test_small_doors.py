@@ -59,7 +59,7 @@ def scene(gap, density, E, top):
         ec.Elastic(E, 0.3),
         [ec.Displacement("top", top)],
         [ec.BodyForce(density)],
-        ec.Contact("bottom", 0.2, gap=gap),
+        ec.Contact("bottom", friction=0.2, gap=gap),
     )
 
 

@@ -85,7 +85,7 @@ class Coulomb:
         InputError: If the number is negative.
 
     Example:
-        >>> ec.Contact("bottom", ec.Coulomb(0.3))  # the same as friction=0.3
+        >>> ec.Contact("bottom", friction=ec.Coulomb(0.3))  # the same as friction=0.3
         Contact(facets='bottom', friction=Coulomb(friction=0.3), gap=0.0, ...)
     """
 
@@ -112,7 +112,7 @@ class Tresca:
         InputError: If the number is negative.
 
     Example:
-        >>> ec.Contact("bottom", ec.Tresca(1.5))  # a bound in [force/area]
+        >>> ec.Contact("bottom", friction=ec.Tresca(1.5))  # a bound in [force/area]
         Contact(facets='bottom', friction=Tresca(limit=1.5), gap=0.0, ...)
     """
 
