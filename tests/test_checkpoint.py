@@ -81,7 +81,7 @@ def of_space(comm=COMM):
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
         [ec.Displacement("top", (0.02, 0.01, -0.05))],
-        contacts=[ec.Contact("bottom", friction=friction=0.3)],
+        contacts=[ec.Contact("bottom", friction=0.3)],
     )
     domain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2), comm=comm)
     return scene, domain, {"strategy": ec.Mark(0.2), "method": ec.Nitsche()}
@@ -92,7 +92,7 @@ def of_curves(comm=COMM):
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
         [ec.Displacement("top", (0.0, -0.02))],
-        contacts=[ec.Contact("arc", friction=friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))],
+        contacts=[ec.Contact("arc", friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
     return (
         scene,
@@ -225,7 +225,7 @@ def changed(**changes):
             ec.Traction("right", lambda x: ufl.as_vector([0.0, 1e-3 * ufl.sin(x[1])])),
             ec.BodyForce((0.0, -1e-3)),
         ],
-        [ec.Contact("bottom", friction=friction=lambda x: 0.3 + 0.1 * x[0], gap=lambda x: 0.01 * x[0] ** 2)],
+        [ec.Contact("bottom", friction=lambda x: 0.3 + 0.1 * x[0], gap=lambda x: 0.01 * x[0] ** 2)],
     )
     return dataclasses.replace(scene, **changes)
 
@@ -297,7 +297,7 @@ def test_fingerprint_knows_what_decides():
     ]
     laws = [Steeper(0.1, 1.0), Steeper(0.1, 1.1), Steeper(0.2, 1.0)]
     others += [
-        (changed(contacts=[ec.Contact("bottom", friction=friction=law)]), block(2), {}) for law in laws
+        (changed(contacts=[ec.Contact("bottom", friction=law)]), block(2), {}) for law in laws
     ]
     found = [COMM.bcast(fingerprint(*other)) for other in others]
     assert all(a != b for i, a in enumerate([first, *found]) for b in found[i:])

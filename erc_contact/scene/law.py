@@ -86,7 +86,7 @@ class Coulomb:
 
     Example:
         >>> ec.Contact("bottom", friction=ec.Coulomb(0.3))  # the same as friction=0.3
-        Contact(facets='bottom', friction=Coulomb(friction=0.3), gap=0.0, ...)
+        Contact(facets='bottom', against=None, friction=Coulomb(friction=0.3), ...)
     """
 
     friction: Value
@@ -113,7 +113,7 @@ class Tresca:
 
     Example:
         >>> ec.Contact("bottom", friction=ec.Tresca(1.5))  # a bound in [force/area]
-        Contact(facets='bottom', friction=Tresca(limit=1.5), gap=0.0, ...)
+        Contact(facets='bottom', against=None, friction=Tresca(limit=1.5), ...)
     """
 
     limit: Value
