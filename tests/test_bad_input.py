@@ -890,12 +890,13 @@ def test_function_as_a_value(block):
 
 
 @pytest.mark.parametrize("suffix", [".step", ".STP", ".igs"])
-def test_drawing_instead_of_a_mesh(suffix, shared_tmp_path):
+def test_drawings_that_cannot_be_meshed(suffix, shared_tmp_path):
     path = shared_tmp_path / f"part{suffix}"
     if COMM.rank == 0:
         path.write_text("ISO-10303-21;\n")
     COMM.barrier()
-    refused(lambda: ec.read_mesh(path), path.name, "from_gmsh", "importShapes", "addPhysicalGroup")
+    refused(lambda: ec.read_mesh(path), path.name, "no size of cells", "size=")
+    refused(lambda: ec.read_mesh(path, size=0.5), path.name)
 
 
 def test_values_tell_in_a_line_what_they_are(block):

@@ -71,7 +71,7 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
         NotHeldError: If no contact traction that the law allows balances the loads on a
             free rigid motion.
         NotBalanced: If sigma^ is not in equilibrium, see
-            :mod:`erc_contact.admissible.imbalance`.
+            ``erc_contact.admissible.imbalance``.
 
     Example:
         >>> ec.equilibrate(solution)

@@ -62,7 +62,7 @@ class Admissible:
         correction: What they have added to ``facet_moments`` [force]; None without any.
         imbalance: Greatest force that is missing in the equilibrium of sigma^, over the
             greatest one on a facet [-]: round-off, see
-            :mod:`erc_contact.admissible.imbalance`.
+            ``erc_contact.admissible.imbalance``.
         seconds: Wall time, the largest over the ranks [s].
 
     Example:

@@ -292,8 +292,8 @@ class Domain(Bodies):
             contacts = [ec.Contact(*pair, friction=0.15) for pair in bodies.touching()]
 
         Args:
-            regions: Name of a region, or a pattern such as "nut *": only pairs of which
-                one part belongs to it. Two names: only pairs between them.
+            regions: Name of a region, or a pattern such as ``"nut *"``: only pairs of
+                which one part belongs to it. Two names: only pairs between them.
             within: Greatest distance [length]: parts that are no pair and as near as
                 that are listed, too. :meth:`joined` makes pairs of them (``apart=``).
 

@@ -44,7 +44,7 @@ class BoundContact:
             it does not vary.
         friction: Friction law, or None without friction.
         gap: Gap [length], UFL; None where it is zero. On facets of two bodies along
-            which normals turn it is g |M|, see :mod:`erc_contact.model.normals`.
+            which normals turn it is ``g |M|``, see ``erc_contact.model.normals``.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
         stiffness: k of a compliant foundation [force/length^3], UFL; None for a rigid
@@ -126,7 +126,7 @@ class BoundContact:
 
     @property
     def gap_lengths(self) -> np.ndarray:
-        """Return the factor |M| of the gap at the nodes of facets, (f, m or 1) [-]."""
+        """Return the factor ``|M|`` of the gap at nodes of facets, (f, m or 1) [-]."""
         if self.gap_vectors is None:
             return np.ones((len(self.facets), 1))
         return np.linalg.norm(np.matmul(self.trace.here.shares_of_nodes, self.gap_vectors), axis=-1)

@@ -72,7 +72,7 @@ def gap_by_coefficients(space: Space, contact: BoundContact, gaps: np.ndarray) -
 
     Returns:
         The gap [length], UFL; where normals turn along facets, g by its coefficients
-        times |M| at the nodes; itself if it is a number, None without one.
+        times ``|M|`` at the nodes; itself if it is a number, None without one.
     """
     if not contact.gap_varies:
         return contact.gap
