@@ -5,6 +5,9 @@ own, on any number of ranks and after refinement; what is then not held is refus
 the place, and what is held is solved and in balance.
 """
 
+import logging
+import re
+
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
@@ -17,16 +20,20 @@ from erc_contact.mesh.partition import distributed
 COMM = MPI.COMM_WORLD
 
 
-def bricks(d: int, places: list[tuple[int, ...]]) -> ec.Domain:
-    """Unit bricks in one mesh, whose lower corners are at places; each is a region."""
+def bricks(d: int, places: list[tuple[int, ...]], *, merged: bool = True) -> ec.Domain:
+    """Unit bricks in one mesh, whose lower corners are at places; each is a region.
+
+    Without ``merged`` each has nodes of its own.
+    """
     brick = ec.rectangle if d == 2 else ec.box
     unit = brick((0.0,) * d, (1.0,) * d, cells=(2,) * d, comm=MPI.COMM_SELF)
     x = unit.mesh.geometry.x[:, :d]
     cells = cell_nodes(unit.mesh.geometry)
     points = np.concatenate([x + np.array(place) for place in places])
     all_cells = np.concatenate([cells + len(x) * i for i in range(len(places))])
-    points, number = np.unique(points.round(6), axis=0, return_inverse=True)
-    all_cells = number.ravel()[all_cells]
+    if merged:
+        points, number = np.unique(points.round(6), axis=0, return_inverse=True)
+        all_cells = number.ravel()[all_cells]
     if COMM.rank > 0:
         points, all_cells = points[:0], all_cells[:0]
     mesh = distributed(COMM, all_cells.astype(np.int64), points)
@@ -106,3 +113,26 @@ def test_a_ring_that_touches_itself():
     at_hinge = np.linalg.norm(x - np.array([2.0, 2.0]), axis=1) < 1e-9
     owned = domain.mesh.geometry.index_map().size_local
     assert COMM.allreduce(int(at_hinge[:owned].sum())) == 2
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_pieces_that_lie_on_each_other_are_told_once(d, caplog):
+    """Whether both are held, or one is loose; what shares its nodes says nothing."""
+    caplog.set_level(logging.WARNING, logger="erc_contact")
+    floor = ec.Displacement("floor", (0.0,) * d)
+    roof = ec.Displacement("roof", (*(0.0,) * (d - 1), -0.02))
+    places = [(0,) * d, (*(0,) * (d - 1), 1)]
+    pieces = bricks(d, places, merged=False)
+    facets = 2 if d == 2 else 8
+    words = rf"{facets} facets of two bodies lie on each other .* middles \(.*, 1\)"
+    held = ec.Scene(ec.Elastic(1.0, 0.3), [floor, roof])
+    for domain, count in ((pieces, 1), (bricks(d, places), 0)):
+        caplog.clear()
+        ec.adapt(held, domain, accuracy=1e-9, max_steps=2, strategy=ec.Uniform())
+        told = [record.getMessage() for record in caplog.records if "lie on" in record.getMessage()]
+        assert len(told) == (count if COMM.rank == 0 else 0)
+        if told:
+            assert re.search(words, told[0])
+    push = ec.Traction("roof", (*(0.0,) * (d - 1), -0.01))
+    with pytest.raises(ec.NotHeldError, match=words):
+        ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), floor, push), pieces)

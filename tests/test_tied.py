@@ -143,6 +143,18 @@ def test_two_bodies_that_are_tied_touch_a_third():
     refused(lambda: ec.solve(ending, domain), "'b bottom'", "ends inside")
 
 
+def test_a_loose_body_beside_a_joint_is_told():
+    domain = beside_each_other()
+    supports = [ec.Displacement("c bottom", (0.0, 0.0))]
+    contacts = [ec.Contact("a bottom", against="c top")]
+    contacts.append(ec.Contact("b bottom", against="c top outside"))
+    tie = ec.Tied("a right", "b left")
+    material = ec.Elastic({"a": 1.0, "b": 5.0, "c": 2.0}, 0.3)
+    loose = ec.Scene(material, supports, [], contacts, ties=tie)
+    with pytest.raises(ec.NotHeldError, match="translation in x"):
+        ec.solve(loose, domain)
+
+
 def test_wrong_ties():
     refused(lambda: ec.Tied("a", "a"), "itself")
     refused(lambda: scene(2, [TIE, TIE]), "2 tied joints")

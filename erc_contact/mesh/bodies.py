@@ -153,6 +153,14 @@ class Bodies(NamedMesh):
         return tuple(interface.names for interface in self.seams.interfaces)
 
     @property
+    def paired_sides(self) -> list[np.ndarray]:
+        """Return the sides (cell, local facet) of all pairs, shape (n, 2) each.
+
+        Pairs of tied joints are among them, which are no parts of the boundary.
+        """
+        return [sides for pair in self.pairs for sides in self.facing(*pair)]
+
+    @property
     def tied_sides(self) -> list[np.ndarray]:
         """Return the sides (cell, local facet) of tied joints, shape (n, 2) each."""
         result: list[np.ndarray] = []

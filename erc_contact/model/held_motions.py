@@ -10,11 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.hinges import told, touching
+from erc_contact.mesh.sides import boundary_sides
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.motions import (
     block_diagonal,
@@ -26,6 +28,9 @@ from erc_contact.model.motions import (
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
+
+COINCIDENT = 2.0**-30
+"""Distance of middles of facets that counts as none, over the extent [-]."""
 
 
 def free_motions(
@@ -190,7 +195,76 @@ def _check_all_held(
         f"Nothing holds the body against: {'; '.join(loose)} (no support, and contact"
         " cannot hold it). Add a Displacement (None leaves a component free), or friction."
     )
-    raise NotHeldError(message + _hinges(space, body, np.unique(greatest // len(names))))
+    lying = lying_words(space, body, count)
+    touching_words = f" {lying}" if lying else ""
+    if not lying:
+        touching_words = _hinges(space, body, np.unique(greatest // len(names)))
+    raise NotHeldError(message + touching_words)
+
+
+def lying_words(space: Space, body: np.ndarray, count: int) -> str:
+    """Say where facets of two bodies coincide that are no pair; collective.
+
+    Args:
+        space: The mesh.
+        body: Body of each node.
+        count: Number of bodies.
+
+    Returns:
+        Words with the number of facets and their middles; empty if there are none.
+    """
+    if count == 1:
+        return ""
+    middles, of_facet = _facets_near_other_bodies(space, body, count)
+    # Files give equal points with the digits that they have.
+    grain = COINCIDENT * space.domain.extent
+    points, _ = touching(space.comm, np.round(middles / grain) * grain, of_facet)
+    if len(points) == 0:
+        return ""
+    number = len(np.unique(points, axis=0))
+    return (
+        f"{number} facets of two bodies lie on each other without common nodes, with middles"
+        f" {told(points, space.domain.extent)}: nothing passes from one body to the other there."
+        " Merge the nodes where the mesh is made. For a contact, or a joint, give both bodies"
+        " regions of their own, and make a pair of the two sides by domain.joined, for a Contact"
+        " or Tied."
+    )
+
+
+def _facets_near_other_bodies(
+    space: Space, body: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return middles of facets in the boxes around other bodies; collective.
+
+    Args:
+        space: The mesh.
+        body: Body of each node.
+        count: Number of bodies.
+
+    Returns:
+        Middles [length], shape (n, d), and bodies, shape (n,), of facets of the
+        boundary that this rank owns and that belong to no pair.
+    """
+    domain = space.domain
+    paired = np.zeros(space.facet_count, dtype=bool)
+    for sides in domain.paired_sides:
+        paired[space.facet_numbers(sides)] = True
+    facets = dmesh.exterior_facet_indices(space.mesh.topology)
+    cells, local = boundary_sides(space.mesh, facets[~paired[facets]])
+    middles = space.facet_corners(np.column_stack([cells, local])).mean(axis=1)
+    of_facet = body[space.nodes[cells, 0]]
+    low = np.full((count, space.d), np.inf)
+    high = np.full((count, space.d), -np.inf)
+    np.minimum.at(low, of_facet, middles)
+    np.maximum.at(high, of_facet, middles)
+    space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    margin = 2.0 * COINCIDENT * domain.extent
+    near = np.zeros(len(middles), dtype=bool)
+    for number in range(count):
+        inside = (middles >= low[number] - margin) & (middles <= high[number] + margin)
+        near |= inside.all(axis=1) & (of_facet != number)
+    return middles[near], of_facet[near]
 
 
 def _hinges(space: Space, body: np.ndarray, loose: np.ndarray) -> str:
@@ -203,8 +277,8 @@ def _hinges(space: Space, body: np.ndarray, loose: np.ndarray) -> str:
     """
     domain = space.domain
     facing = np.zeros(len(body), dtype=bool)
-    for name in (name for pair in domain.pairs for name in pair):
-        facing[space.facet_nodes(domain.facets(name))] = True
+    for sides in domain.paired_sides:
+        facing[space.facet_nodes(sides)] = True
     nodes = space.vertices[: domain.owned_cells]
     alone = ~facing[nodes]
     geometry = space.mesh.geometry

@@ -18,6 +18,7 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.held_motions import lying_words
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
 from erc_contact.newton.solution import Solution
@@ -76,6 +77,9 @@ def doubts(solution: Solution) -> Doubts:
             "error does not contain what this costs. Look at the units, or take a code for large "
             "displacements."
         )
+    lying = lying_words(model, *model.bodies)
+    if lying:
+        found["lying", ""] = lying
     for contact in model.contacts:
         found |= _of_contact(model, contact, solution, moved)
     return found | _of_pairs(model, solution, moved)
