@@ -258,6 +258,46 @@ def test_e_bounds_both_errors(law, degree):
 
 
 @pytest.mark.serial
+def test_a_damaged_turn_is_refused(monkeypatch):
+    """Whoever bends a traction out of its cone is told by the pair."""
+    solution = ec.solve(sliding(2, (0.0, 0.0, 0.01), 0.0, 0.1), fit(rings, 2, 4.0), degree=2)
+    ec.equilibrate(solution)
+    whole = Turning.tractions
+
+    def bent(self, z):
+        return whole(self, z) @ np.array([[1.0, 1e-4], [-1e-4, 1.0]])
+
+    monkeypatch.setattr(Turning, "tractions", bent)
+    with pytest.raises(ec.NotBalanced, match="in the law of Contact"):
+        ec.equilibrate(solution)
+
+
+@pytest.mark.serial
+def test_flat_sides_ask_nothing_of_the_drawing(monkeypatch):
+    """A curved hole elsewhere changes nothing for them."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    occ = gmsh.model.occ
+    occ.addRectangle(0, 0, 0, 4, 1)
+    occ.addRectangle(0, 1, 0, 4, 1)
+    occ.fragment(occ.cut([(2, 1)], [(2, occ.addDisk(2, 0.4, 0, 0.2, 0.2))])[0], [(2, 2)])
+    occ.synchronize()
+    rules = {"foot": ec.where(y=0.0), "roof": ec.where(y=2.0)}
+    regions = {"low": ec.where(y=(0.0, 1.0)), "high": ec.where(y=(1.0, 2.0))}
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    domain = ec.from_gmsh(gmsh.model, parts=rules, regions=regions)
+    gmsh.finalize()
+    assert domain.curved_facets is not None
+    domain = domain.split({"top": "low", "bottom": "high"})
+    supports = [ec.Displacement("foot", (0.0, 0.0)), ec.Displacement("roof", (0.0, -0.01))]
+    scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=ec.Contact("top", against="bottom"))
+    monkeypatch.setattr("erc_contact.mesh.shape.session", None)
+    contact = Model(scene, domain, 1, None).contacts[0]
+    assert contact.trace.corner_normals is None
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_error_of_a_sliding_fit_falls_at_the_rate(degree):
     scene = sliding(2, (0.0, 0.0, 0.01), 0.0, 0.1)

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.mesh.normals import spread
 from erc_contact.mesh.simplex import at_nodes, bernstein, nodes
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.normals import SAME_NORMAL
 from erc_contact.model.trace import split
-
-SAME_NORMAL = 1e-9
-"""Difference of two unit normals that counts as none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +69,9 @@ class ContactTraction:
     def in_law(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return what the law compares: pressure, friction and its bound [force/area].
 
-        They are those of the coefficients, whose cone contains the values. Where
-        normals turn along facets, the coefficients have no cone of their own, and the
-        values at the nodes are returned. Shape (n, m) each.
+        Coefficients are compared, whose cone contains the values. Where normals turn
+        along facets, the coefficients have no cone of their own, and values at the
+        nodes are compared. Shape (n, m) each.
         """
         if self.contact.trace.corner_normals is None:
             shear = np.linalg.norm(self.tangential_part, axis=-1)
@@ -87,8 +86,4 @@ def is_kinked(comm: MPI.Comm, contact: BoundContact) -> bool:
     """Tell whether the normals of a contact jump from facet to facet; collective."""
     if contact.trace.corner_normals is not None:
         return False
-    low = contact.direction.min(axis=0, initial=np.inf)
-    high = contact.direction.max(axis=0, initial=-np.inf)
-    lowest = np.min(comm.allgather(low), axis=0)
-    highest = np.max(comm.allgather(high), axis=0)
-    return bool(np.any(highest - lowest > SAME_NORMAL))
+    return spread(comm, contact.direction) > SAME_NORMAL

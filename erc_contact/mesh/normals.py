@@ -21,8 +21,24 @@ SHARP = np.cos(np.radians(40.0))
 """Cosine of the angle between two facets beyond which their common edge is sharp."""
 ON_QUADRIC = 1e-10
 """Distance of vertices from a quadric that counts as none, over the extent [-]."""
+AMONG = 32
+"""Corners of facets among which vertices are counted, over the number wanted [-]."""
 UNIQUE_QUADRIC = 1e-5
 """Least distance of the vertices from any second quadric, over the extent [-]."""
+
+
+def spread(comm: MPI.Comm, normals: np.ndarray) -> float:
+    """Return by how much components of unit normals differ, at most; collective.
+
+    Args:
+        comm: The ranks.
+        normals: Normals of this rank, shape (n, d).
+    """
+    low = normals.min(axis=0, initial=np.inf)
+    high = normals.max(axis=0, initial=-np.inf)
+    lowest = np.min(comm.allgather(low), axis=0)
+    highest = np.max(comm.allgather(high), axis=0)
+    return float((highest - lowest).max())
 
 
 def vertex_normals(
@@ -30,8 +46,8 @@ def vertex_normals(
 ) -> np.ndarray:
     """Estimate the unit normals of a side at the vertices of its facets; collective.
 
-    A facet is complete on a rank that has all facets around its vertices. The results
-    of other facets are those of a smaller side.
+    A facet is complete on a rank that has all facets around its vertices. Normals of
+    other facets may be normals of a smaller side.
 
     Args:
         comm: The ranks.
@@ -133,7 +149,7 @@ def _quadric_normals(comm: MPI.Comm, corners: np.ndarray) -> np.ndarray | None:
     rows = np.column_stack([y[:, first] * y[:, second], y, np.ones(len(y))])
     # Few vertices lie on a quadric by chance.
     enough = 2 * rows.shape[1]
-    some = np.unique(rows, axis=0)[:enough]
+    some = np.unique(rows[: AMONG * enough], axis=0)[:enough]
     if len(np.unique(np.concatenate(comm.allgather(some)), axis=0)) < enough:
         return None
     triangle = np.linalg.qr(rows, mode="r")

@@ -211,8 +211,10 @@ class Drawing:
     ) -> np.ndarray:
         """Ask gmsh's model of the geometry about points of all ranks; collective.
 
-        gmsh runs on rank 0 only, which works for all ranks.
+        gmsh runs on rank 0 only, which works for all ranks, and not at all for none.
         """
+        if comm.allreduce(len(points), MPI.SUM) == 0:
+            return points
         parts = comm.gather((points, marks))
         answers: list[np.ndarray] = []
 

@@ -26,7 +26,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.normals import vertex_normals
+from erc_contact.mesh.normals import spread, vertex_normals
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side
@@ -48,12 +48,14 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
         corners: Their vertices [length], shape (f, d, d).
 
     Returns:
-        Shape (f, d, d): facet, vertex, component. Those of ghosts may be of a smaller
-        side.
+        Shape (f, d, d): facet, vertex, component. Normals of ghosts may be normals of a
+        smaller side.
     """
     own = space.outward_normals(facets)
-    vertices = space.facet_nodes(facets)[:, : space.d]
-    estimated = vertex_normals(space.comm, corners, vertices, own)
+    estimated = np.repeat(own[:, None], space.d, axis=1)
+    if spread(space.comm, own) > SAME_NORMAL:
+        vertices = space.facet_nodes(facets)[:, : space.d]
+        estimated = vertex_normals(space.comm, corners, vertices, own)
     true = space.domain.true_normals(facets, corners)
     outward = np.where(np.einsum("fid,fd->fi", true, own) < 0, -1.0, 1.0)[..., None] * true
     return np.where(np.isnan(outward), estimated, outward)
@@ -73,8 +75,8 @@ def normal_field(
     Args:
         space: The mesh.
         facets: Facets (cell, local facet), ghosts included, shape (f, 2).
-        of_corners: Unit normals at their vertices, shape (f, d, d). Those of facets
-            that this rank owns count.
+        of_corners: Unit normals at their vertices, shape (f, d, d), of which the
+            normals of facets that this rank owns count.
 
     Returns:
         The field N as UFL, and the normals at the vertices of all facets.
@@ -99,8 +101,8 @@ def normal_field(
 def gap_vectors(space: Space, side: Side, of_corners: np.ndarray) -> np.ndarray:
     """Return M at the vertices of facets, shape (f, d, d) [-].
 
-    The factor of a normal is the mean of those of the facets around the vertex. It is
-    right on facets that this rank owns.
+    The factor of a normal is the mean of the factors of the facets around the vertex.
+    It is right on facets that this rank owns.
     """
     points, weights = rule(space.d - 1, LENGTH_DEGREE)
     lengths = np.linalg.norm(np.matmul(barycentric(points), of_corners), axis=-1) @ weights

@@ -73,7 +73,7 @@ def profile_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.n
     It is projected on polynomials of the degree of u on each facet, which have the same
     force: on a gap that curves within a facet that of Nitsche's method is far from its
     mean at single points. So it may pull a little on the facet where a contact ends.
-    Where normals turn along facets, the polynomials are those of r^, see
+    Where normals turn along facets, the polynomials turn as r^ does, see
     :mod:`erc_contact.model.turning`.
     """
     samples, weights = rule(model.d - 1, model.contact_degree)

@@ -147,7 +147,7 @@ class Trace:
     def normals_at(self, points: np.ndarray) -> np.ndarray:
         """Return the unit normals at points of the facets [-].
 
-        They are those of a linear field with unit normals at the vertices.
+        A linear field with unit normals at the vertices gives them.
 
         Args:
             points: Reference points, the same on all facets, shape (q, d-1).

@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.mesh.normals import spread
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
@@ -94,7 +95,7 @@ def displacement_back_at_rest(
         off = max(off, float(abs(stretched).max(initial=0.0)))
     for contact in model.contacts:
         if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:
-            _, slip, _ = split(contact.trace.since(rest.x.array), contact.direction[:, None, :])
+            _, slip, _ = split(contact.trace.since(rest.x.array), contact.trace.normals)
             off = max(off, float(abs(slip).max(initial=0.0)))
     return rest if model.comm.allreduce(off, MPI.MAX) <= round_off else None
 
@@ -149,14 +150,7 @@ def _is_loose_on_a_plane(model: Model) -> bool:
         needs_pressure = contact.friction is None or contact.friction.dependence == PROPORTIONAL
         pressed = pressed or contact.bilateral or not needs_pressure
     normals = np.concatenate([contact.direction for contact in model.contacts])
-    low = np.full(model.d, np.inf)
-    high = np.full(model.d, -np.inf)
-    if len(normals):
-        low = normals.min(axis=0)
-        high = normals.max(axis=0)
-    lowest = np.min(model.comm.allgather(low), axis=0)
-    highest = np.max(model.comm.allgather(high), axis=0)
-    is_plane = bool(np.all(highest - lowest <= PARALLEL))
+    is_plane = spread(model.comm, normals) <= PARALLEL
     return not model.comm.allreduce(pressed, MPI.LOR) and is_plane
 
 

@@ -239,7 +239,7 @@ def _normals(contact: BoundContact) -> list[np.ndarray]:
     """Return normals of facets whose cones together hold all tractions, (f, d) each.
 
     The cone about a sum of normals lies in the sum of the cones about them, so where
-    normals turn along a facet, those of its vertices do.
+    normals turn along a facet, the normals at its vertices are enough.
     """
     of_corners = contact.trace.corner_normals
     if of_corners is None:

@@ -116,7 +116,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     )
     if not parts:
         return None
-    # Of the contact only the normals are those of all ranks.
+    # Of the contact only the normals belong to all ranks.
     turns = contact.trace.corner_normals is not None
     of_corners = parts["normals"] if turns else None
     trace = replace(contact.trace, direction=parts["direction"], corner_normals=of_corners)
