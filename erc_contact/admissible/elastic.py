@@ -44,8 +44,8 @@ def strain_digits(cells: CellGeometry, u: fem.Function, count: int) -> np.ndarra
     """Return the last digit of the strain of a displacement in each cell [-].
 
     The digits of a displacement of size |u| end at ``eps |u|``, with the accuracy eps
-    of double precision, so those of its strain in a cell of the least height h at ``eps
-    |u|/h``.
+    of double precision, so its strain in a cell of the least height h has digits to
+    ``eps |u|/h``.
 
     Returns:
         Shape (count,).

@@ -9,7 +9,7 @@ for round-off.
 - On each facet of a cell: ``sigma^ n`` less the traction of the facet, times the area.
   The two cells of a facet have opposite tractions: on one rank they are the same
   numbers, and between two ranks their sum is computed.
-- On each facet of the boundary: its moments less those of the loads, of r^ and of the
+- On each facet of the boundary: its moments less the moments of loads, r^ and the
   pull of springs, but for components that a support holds.
 - On each contact: what pulls in r^, and what is beyond its friction bound.
 - On each rigid face: the resultants of its free motions less the given ones.
@@ -26,7 +26,7 @@ last digit of the greatest force on any body, as one solve is for all; where a b
 moves far, the last digit of ``C eps(u)``; and where a cell is flat, the last digit of a
 stress that is mapped to it.
 
-Symbols: d dimension, k degree, n cells, m coefficients of a facet, N_k those of a cell,
+Symbols: d dimension, k degree, n cells, m coefficients of a facet, N_k of a cell,
 s Mandel components.
 """
 
@@ -48,6 +48,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.mesh.simplex import local_facet_nodes, node_between
 from erc_contact.model.model import Model
+from erc_contact.model.motions import greatest_of_bodies
 from erc_contact.model.rigid_faces import RigidFace
 
 UNBALANCED = 1e-9
@@ -110,7 +111,7 @@ def proved_imbalance(
     """
     missing, size = _of_cells(cells, stress, forces, given.force)
     greatest = _by_body(model, cells, size)
-    # One solve is for all bodies: its last digits are those of the greatest forces.
+    # One solve is for all bodies: the greatest forces set its last digits.
     greatest = np.maximum(greatest, np.finfo(float).eps / UNBALANCED * greatest.max())
     of_boundary = _of_boundary(model, cells, moment, given)
     found = [("in a cell", missing, np.arange(len(size))), ("on the boundary", *of_boundary)]
@@ -119,26 +120,26 @@ def proved_imbalance(
     found += [_of_law(traction) for traction in given.tractions]
     for face in model.loose_faces:
         found.append(_of_face(model, cells, face, moment))
-    worst = _worst(model, cells, found, greatest)
-    if worst.ratio > UNBALANCED:
+    amounts = np.concatenate([of_place for _, of_place, _ in found])
+    nodes = cells.nodes[np.concatenate([of_cells for _, _, of_cells in found]), 0]
+    most = greatest_of_bodies(model.comm, model.bodies, nodes, amounts)
+    ratio = float(_ratios(most, greatest).max())
+    if ratio > UNBALANCED:
         digits = strain_digits(cells, u, len(size)) * greatest_moduli(model, cells, len(size))
         area = _greatest_areas(cells, len(size))
         of_digits = _by_body(model, cells, digits * area)
         of_shapes = _by_body(model, cells, size * _shape_digits(cells, area))
         digits_of_body = np.maximum(of_digits, of_shapes) / UNBALANCED
         worst = _worst(model, cells, found, np.maximum(greatest, digits_of_body))
-    if worst.ratio > UNBALANCED:
-        raise NotBalanced(str(worst))
-    return worst.ratio
+        ratio = worst.ratio
+        if ratio > UNBALANCED:
+            raise NotBalanced(str(worst))
+    return ratio
 
 
 def _by_body(model: Model, cells: CellGeometry, forces: np.ndarray) -> np.ndarray:
     """Return the greatest of some forces of owned cells in each body; collective."""
-    body, count = model.bodies
-    greatest = np.zeros(count)
-    with np.errstate(invalid="ignore"):  # what is no number stays
-        np.maximum.at(greatest, body[cells.nodes[: len(forces), 0]], forces)
-    return np.asarray(np.max(model.comm.allgather(greatest), axis=0))
+    return greatest_of_bodies(model.comm, model.bodies, cells.nodes[: len(forces), 0], forces)
 
 
 def _greatest_areas(cells: CellGeometry, count: int) -> np.ndarray:
@@ -216,7 +217,7 @@ def _tables(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     Returns:
         The nodes whose coefficients make up coefficient c of the derivative by
         barycentric coordinate j, shape (N_(k-1), d+1); those on facet i, which
-        sub-simplex i has in common with the cell, shape (d+1, m); those of sub-simplex
+        sub-simplex i has in common with the cell, shape (d+1, m); nodes of sub-simplex
         i on its facet with sub-simplex j, in an order that both have, shape (d+1, d+1,
         m).
     """
@@ -241,7 +242,7 @@ def _of_cells(
     """Return the greatest missing force in each cell, and the greatest force [force].
 
     The missing forces are those in sub-simplices, between them, and on the facets of
-    the cell. The arguments are those of :func:`proved_imbalance`.
+    the cell. Arguments are as in :func:`proved_imbalance`.
     """
     d, k = cells.d, cells.degree
     slopes, on_facet, common = _tables(d, k)
@@ -298,8 +299,8 @@ def _between_ranks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the missing force on each facet between two ranks [force], and its cell.
 
-    The rank of each of the two cells has its own moments. Those of one side are minus
-    those of the other, which a sum over the ranks shows, with weights of the nodes that
+    The rank of each of the two cells has its own moments. Moments of one side are minus
+    moments of the other side: a sum over the ranks shows it, with weights of nodes that
     no order changes.
     """
     d = cells.d

@@ -28,6 +28,7 @@ from erc_contact.admissible.springs import (
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
 from erc_contact.model.held_motions import unsupported_motions
 from erc_contact.model.model import Model
+from erc_contact.model.motions import greatest_of_bodies
 from erc_contact.newton.linear.solver import ElasticSolver
 
 FORCE_ROUND_OFF = 1e-12
@@ -239,24 +240,20 @@ def _residual(
     total = residual.copy()
     total.x.scatter_reverse(la.InsertMode.add)
     nodal = total.x.array.reshape(-1, d)
-    body, count = model.bodies
-    nodes = model.V.dofmap.index_map.size_local
-    unbalanced = np.zeros(count)
-    greatest = np.zeros(count)
-    left = np.where(model.fixed[:nodes], 0.0, abs(nodal[:nodes])).max(axis=1)
-    np.maximum.at(unbalanced, body[:nodes], left)
-    loads = np.where(model.fixed, 0.0, abs(b.x.array.reshape(-1, d))).max(axis=1)
-    np.maximum.at(greatest, body, loads)
-    of_stress = abs(by_cell).max(axis=(1, 2))
-    np.maximum.at(greatest, body[cells.nodes[:owned, 0]], of_stress)
+    bodies = model.bodies
+    nodes = np.arange(model.V.dofmap.index_map.size_local)
+    left = np.where(model.fixed[nodes], 0.0, abs(nodal[nodes]))
+    unbalanced = greatest_of_bodies(model.comm, bodies, nodes, left)
+    loads = np.where(model.fixed, 0.0, abs(b.x.array.reshape(-1, d)))
+    of_loads = greatest_of_bodies(model.comm, bodies, np.arange(len(loads)), loads)
+    of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], abs(by_cell))
+    greatest = np.maximum(of_loads, of_stress)
     for face in model.loose_faces:
         # On the free motions of a face its resultants and the reactions do no work.
         of_face = (face.work(nodal) / face.sizes)[face.free]
-        number = face.body(body)
+        number = face.body(bodies[0])
         unbalanced[number] = max(unbalanced[number], abs(of_face).max(initial=0.0))
-    model.comm.Allreduce(MPI.IN_PLACE, unbalanced, MPI.MAX)
-    model.comm.Allreduce(MPI.IN_PLACE, greatest, MPI.MAX)
-    # One solve is for all bodies: its last digits are those of the greatest forces.
+    # One solve is for all bodies: the greatest forces set its last digits.
     greatest = np.maximum(greatest, np.finfo(float).eps / FORCE_ROUND_OFF * greatest.max())
-    sizes = np.divide(unbalanced, greatest, out=np.zeros(count), where=greatest > 0)
+    sizes = np.divide(unbalanced, greatest, out=np.zeros_like(greatest), where=greatest > 0)
     return residual, float(sizes.max())

@@ -65,7 +65,7 @@ def coordinate_map(geometry: dmesh.Geometry) -> Any:
 
 
 def geometry_element(element: Any) -> Any:
-    """Return a coordinate element for ``create_geometry``: in 0.10 that of C++."""
+    """Return a coordinate element for ``create_geometry``: in 0.10 the C++ object."""
     return element._cpp_object if IS_0_10 else element
 
 

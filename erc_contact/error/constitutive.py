@@ -262,7 +262,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     Returns:
         e, eps, their parts and eps_E. If the solution has no stress but round-off (at
         rest, in a rigid motion, in a free expansion, back at rest in a history), e is
-        that of round-off, and what is relative is zero by convention.
+        round-off, and what is relative is zero by convention.
 
     Raises:
         InputError: If the energy overflows or underflows double precision.

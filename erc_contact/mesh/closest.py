@@ -103,7 +103,7 @@ def _feet_on_edges(points: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _distance(points: np.ndarray, corners: np.ndarray, shape: np.ndarray) -> np.ndarray:
-    """Return the distances of points from those of barycentric coordinates."""
+    """Return the distances of points from places in barycentric coordinates."""
     feet = np.sum(shape[..., None] * corners, axis=-2)
     return np.asarray(np.linalg.norm(feet - points, axis=-1))
 

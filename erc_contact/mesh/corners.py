@@ -2,7 +2,7 @@
 
 Where two sides are nearer to each other than a thousandth of their facets, they are
 taken to be drawn in one place, and the corners of one side move to the other side. The
-bodies are then those of the mesh that results, which a message says.
+bodies are then the bodies of the mesh that results, which a message says.
 """
 
 from __future__ import annotations

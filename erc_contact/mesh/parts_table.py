@@ -30,7 +30,7 @@ ROUND_OFF = 1e-9
 class Parts:
     """Hold a table of the parts of a domain; it prints, and has columns.
 
-    The last row, "(no name)", is that of all facets of the boundary without a name, if
+    The last row, "(no name)", has all facets of the boundary without a name, if
     there are any.
 
     Attributes:

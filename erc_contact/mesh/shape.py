@@ -115,7 +115,7 @@ class Brick:
         return points
 
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """Return nan: the normals are those of the facets."""
+        """Return nan: the facets have the normals."""
         return np.full(points.shape, np.nan)
 
 

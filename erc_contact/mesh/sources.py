@@ -240,7 +240,7 @@ def read_mesh(
 
     Files of gmsh (msh, unv, med, cgns, bdf), VTK and Exodus, Abaqus and CalculiX (inp),
     XDMF and what meshio reads come in with their sets as parts and regions. Cells of
-    other shapes are split into simplices, those of second order at their corners; what
+    other shapes are split into simplices, cells of second order at their corners; what
     is left out or changed is told as a warning. A vtu or xdmf file may have tags
     without names; a part is then called by its tag, "3" for instance, or as ``names``
     says::

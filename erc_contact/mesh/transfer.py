@@ -65,7 +65,7 @@ def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
         plain: The mesh on one rank, one without cells on the other ranks.
 
     Returns:
-        What relates the cells of the mesh of all ranks to those of ``plain``.
+        What relates the cells of the mesh of all ranks to cells of ``plain``.
     """
     cells = plain.cells.astype(np.int64)
     mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
@@ -79,7 +79,7 @@ def spread(comm: MPI.Comm, plain: PlainMesh) -> tuple[dmesh.Mesh, dmesh.MeshTags
     """Distribute the mesh of rank 0 over all ranks; collective.
 
     Returns:
-        The mesh, the tags of its facets and those of its cells.
+        The mesh, the tags of its facets and the tags of its cells.
     """
     given = given_cells(comm, plain)
     return given.mesh, given.facet_tags(plain.tags), given.cell_tags(plain.regions)

@@ -37,7 +37,7 @@ each other on any two meshes.
 
 @dataclass(frozen=True)
 class Greatest:
-    """Hold the sizes of a history so far. Their round-off is that of the next step.
+    """Hold the sizes of a history so far. The next step has their round-off.
 
     Attributes:
         displacement: The greatest component of the displacement [length].

@@ -51,6 +51,31 @@ def nearest_motion(space: Space, motions: np.ndarray, values: np.ndarray) -> np.
     return total
 
 
+def greatest_of_bodies(
+    comm: MPI.Comm, bodies: tuple[np.ndarray, int], nodes: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Return the greatest value of each body, zero without any; collective.
+
+    Args:
+        comm: The ranks.
+        bodies: Body of each node, and number of bodies.
+        nodes: A node of the body of each row of values, shape (n,).
+        values: Values >= 0, or no numbers, which stay, shape (n, ...).
+
+    Returns:
+        Shape (bodies,).
+    """
+    body, count = bodies
+    greatest = np.zeros(count)
+    with np.errstate(invalid="ignore"):
+        if count == 1:
+            greatest[0] = values.max(initial=0.0)
+        else:
+            of_rows = values.reshape(len(values), -1).max(axis=1, initial=0.0)
+            np.maximum.at(greatest, body[nodes], of_rows)
+    return np.asarray(np.max(comm.allgather(greatest), axis=0))
+
+
 def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """Number the bodies of the mesh, from 0 over all ranks; collective.
 

@@ -319,7 +319,7 @@ def _let_ascend(
         table: Rows of the points of each facet, which begin with x and y, shape
             (f, q, c). All facets of a curve have its direction.
         vertices: First and last vertex of each facet, shape (f, 2).
-        signed: Columns whose sign is that of the direction.
+        signed: Columns that have the sign of the direction.
         extent: Extent of the body [length].
     """
     successor = successors(*vertices.T)

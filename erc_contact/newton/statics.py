@@ -51,7 +51,7 @@ SAMPLE = 1000
 GAIN = 1e-12
 """Gain of a force that is none, over the greatest cost [-]."""
 NO_LOAD = 1e-12
-"""Work of loads on a motion that is round-off, over that of their sizes [-]."""
+"""Work of loads on a motion that is round-off, over the work of their sizes [-]."""
 
 
 @dataclass(frozen=True, eq=False)

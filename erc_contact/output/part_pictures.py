@@ -46,7 +46,7 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     Args:
         domain: The domain.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+        ax: Axes of matplotlib to draw on, in 2D; by default axes of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
@@ -86,7 +86,7 @@ class _Shown:
     """Hold the facets of all ranks by parts; on rank 0.
 
     Args:
-        names: Names of the parts; the last one is that of facets without a name.
+        names: Names of the parts; the last name stands for facets without a name.
         part: Number of the part of each facet, shape (n,).
         corners: Corners of the facets [length], shape (n, d, d).
         normals: Their outward normals, shape (n, d).

@@ -1,6 +1,6 @@
 """Hold a mesh as files have it: points, cells of several shapes, sets with names.
 
-The order of the corners of a shape is that of VTK, gmsh, Abaqus and Exodus. Cells of
+Corners of a shape have the order of VTK, gmsh, Abaqus and Exodus. Cells of
 higher order list their corners first. The orientation of a whole cell has no meaning,
 but the faces of a cell all turn the same way.
 """
@@ -155,7 +155,7 @@ class FileMesh:
     Attributes:
         points: Points [length], shape (n, 3).
         blocks: The elements, of any dimension.
-        element_sets: Sets of elements. Those of the body become regions, those of its
+        element_sets: Sets of elements. Sets of the body become regions, sets of its
             sides become parts of the boundary.
         facet_sets: Sets of sides of cells.
         node_sets: Sets of nodes. The sides all of whose corners are in a set become a
@@ -179,7 +179,7 @@ class FileMesh:
 
 
 def padded(corners: np.ndarray) -> np.ndarray:
-    """Return corners of facets in space with four columns, those of edges as they are.
+    """Return corners of facets in space with four columns, of edges as they are.
 
     A triangle has its last corner twice.
     """

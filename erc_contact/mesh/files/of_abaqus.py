@@ -46,7 +46,7 @@ SIDES = (
 )
 """The same for types of elements that may lie on the sides of solids.
 
-Programs write facets so. The numbers of beams are those of nodes but for B31 and B21.
+Programs write facets so. The numbers of beams are numbers of nodes but for B31 and B21.
 """
 FACES = {
     "tetrahedron": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
@@ -162,7 +162,7 @@ Instance = tuple[str, list[str], list[Card]]
 
 
 def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Instance], list[Card]]:
-    """Take the cards of parts and of instances from those of the file.
+    """Take the cards of parts and of instances from the cards of the file.
 
     Returns:
         Cards of each part by its name in capitals, the instances by name, and the cards
@@ -360,7 +360,7 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
     element_sets = []
     node_sets = []
     root, *instances = mesh.spaces
-    # The sets of an assembly stand for those of its parts.
+    # The sets of an assembly stand for the sets of its parts.
     of_elements = [root] if root.element_sets else mesh.spaces
     of_nodes = [root] if root.node_sets else mesh.spaces
     several = _names_of_several(mesh.spaces)
@@ -397,7 +397,7 @@ def _names_of_several(spaces: Sequence[_Space]) -> set[str]:
 
 
 def _called(space: _Space, name: str, several: set[str]) -> str:
-    """Return the name of a set, with that of its instance if several have it."""
+    """Return the name of a set, with the name of its instance if several have it."""
     spelled = space.spelling.get(name, name)
     return f"{space.name}.{spelled}" if space.name and name in several else spelled
 

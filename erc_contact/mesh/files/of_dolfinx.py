@@ -18,7 +18,7 @@ TENSOR_ORDER = {
     "hexahedron": [0, 1, 3, 2, 4, 5, 7, 6],
     "pyramid": [0, 1, 3, 2, 4],
 }
-"""Order of the corners, which DOLFINx counts as those of products."""
+"""Order of the corners, which DOLFINx counts as corners of products."""
 SPLIT = ("quadrilateral", "hexahedron", "prism", "pyramid")
 """Cells that become simplices."""
 

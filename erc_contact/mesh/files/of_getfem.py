@@ -32,7 +32,7 @@ SHAPES_OF_PRODUCTS = {
 
 
 def is_getfem(path: Path) -> bool:
-    """Tell whether a file begins as those of GetFEM do."""
+    """Tell whether a file begins as files of GetFEM do."""
     with path.open("rb") as file:
         head = file.read(3000)
     return b"GETFEM" in head or b"BEGIN POINTS LIST" in head

@@ -1,4 +1,4 @@
-"""Read files of XDMF, those of DOLFINx with mesh tags and functions, too.
+"""Read files of XDMF, files of DOLFINx with mesh tags and functions, too.
 
 DOLFINx writes each set of tags as a grid of its own, with the tagged cells or facets as
 its topology.

@@ -36,7 +36,7 @@ def disjoint(
     "right".
 
     Args:
-        sets: The sets. Those of the same name are one.
+        sets: The sets. Sets of the same name are one.
         count: How many facets or cells there are.
         kind: The word for a set, "part" or "region".
 
@@ -72,7 +72,7 @@ def disjoint(
 
 
 def _one_of_each_name(sets: Sequence[Named]) -> list[Named]:
-    """Return the sets with those of the same name put together, without empty ones."""
+    """Return sets, of which equal names are put together, without empty sets."""
     members: dict[str, list[np.ndarray]] = {}
     tags: dict[str, int | None] = {}
     weak: dict[str, bool] = {}
@@ -89,7 +89,7 @@ def _one_of_each_name(sets: Sequence[Named]) -> list[Named]:
 
 
 def _tags(sets: Sequence[Named], kept: Sequence[int]) -> tuple[list[int], dict[str, int]]:
-    """Return different tags of the sets that are kept, those of the file if any."""
+    """Return different tags of the sets that are kept, tags of the file if any."""
     given = [sets[index].tag for index in kept]
     next_tag = max((tag for tag in given if tag is not None), default=0) + 1
     tags: list[int] = []

@@ -35,7 +35,7 @@ class Simplices:
     """Hold the simplices of a body.
 
     Attributes:
-        x: Points [length], those of the body first, shape (n, d).
+        x: Points [length], points of the body first, shape (n, d).
         cells: Their points, shape (m, d+1).
         parents: Number of the cell of each, shape (m,).
     """

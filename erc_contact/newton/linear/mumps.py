@@ -2,7 +2,8 @@
 
 MUMPS has an absolute threshold: a Schur complement of a matrix whose entries are below
 about 1e-16 is wrong by a tenth. So each matrix K is factorised as D K D, with powers of
-two on the diagonal of D for which that of D K D is between 1/2 and 2. No digit changes.
+two on the diagonal of D that bring the diagonal of D K D between 1/2 and 2. No digit
+changes.
 
 petsc4py has no names for Schur complements, so PETSc's own functions are called through
 ctypes.
