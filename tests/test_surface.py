@@ -61,6 +61,20 @@ INCLUSION = (
     'Physical Surface("bottom") = s(); Mesh.MeshSizeMax = 1;\n'
 )
 
+# Pin, sleeve and plate meet along one circle, and each two of them along a surface that ends there.
+PIN_IN_SLEEVE = (
+    'SetFactory("OpenCASCADE"); Box(1) = {-2, -2, -1, 4, 4, 1}; Box(2) = {-2, -2, 0, 4, 4, 1};\n'
+    "Cylinder(3) = {0, 0, 0, 0, 0, 1, 1};\n"
+    "BooleanFragments { Volume{1, 2}; Delete; }{ Volume{3}; Delete; } e = 1e-3;\n"
+    "pin() = Volume In BoundingBox {-1 - e, -1 - e, -e, 1 + e, 1 + e, 1 + e};\n"
+    "plate() = Volume In BoundingBox {-2 - e, -2 - e, -1 - e, 2 + e, 2 + e, e};\n"
+    "sleeve() = Volume{:}; sleeve() -= {pin(), plate()};\n"
+    'Physical Volume("pin") = pin(); Physical Volume("plate") = plate();\n'
+    'Physical Volume("sleeve") = sleeve();\n'
+    "under() = Surface In BoundingBox {-2 - e, -2 - e, -1 - e, 2 + e, 2 + e, -1 + e};\n"
+    'Physical Surface("under") = under(); Mesh.MeshSizeMax = 2;\n'
+)
+
 
 def off_surface(domain, part, centre):
     """Greatest distance of the vertices of a part from the circle or sphere of radius 1, over all ranks."""
@@ -99,6 +113,25 @@ def test_refined_ball_is_on_sphere_and_rim(shared_tmp_path, measures):
         domain = domain.refined()
     if COMM.size == 1:
         assert missing[2] / missing[1] == pytest.approx(0.25, rel=0.15)
+
+
+def test_rim_where_three_surfaces_meet_is_round(shared_tmp_path):
+    """New vertices of the foot of a pin go to the circle, as all vertices above them do."""
+    bodies = from_script(PIN_IN_SLEEVE, shared_tmp_path, "pin").split(
+        {"foot": "pin", "seat": "plate"}
+    )
+    bodies = bodies.split({"side": "pin", "bore": "sleeve"})
+    for _ in range(2):
+        bodies = bodies.refined()
+        for part in ("side", "bore"):
+            sides = bodies.facets(part)
+            local = facet_vertices(3)[sides[:, 1]]
+            nodes = np.unique(cell_nodes(bodies.mesh.geometry)[sides[:, :1], local])
+            x = bodies.mesh.geometry.x[nodes]
+            radius = np.linalg.norm(x[:, :2], axis=1)
+            assert np.allclose(radius, 1.0, rtol=1e-9)
+        at_foot = COMM.allreduce(int((abs(x[:, 2]) < 1e-9).sum()))
+        assert at_foot > 0
 
 
 def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):

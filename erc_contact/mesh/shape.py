@@ -230,33 +230,32 @@ class Drawing:
 def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
     """Find the nearest points on the curves or surfaces of marks [length].
 
-    A point with two marks goes to the common edge of both.
+    A point with several marks goes to the common edge of all of them.
 
     Args:
         model: gmsh's current model.
         tags: gmsh's tag of each mark.
         x: Points [length], shape (n, d).
-        marks: One or two marks of each point, the second one -1 if there is one only,
-            shape (n, 2).
+        marks: The marks of each point, then -1, shape (n, m).
 
     Returns:
         Shape (n, d).
     """
     d = x.shape[1]
     result = x.copy()
-    for pair in np.unique(marks, axis=0):
-        selected = np.all(marks == pair, axis=1)
-        places = [(d - 1, tags[pair[0]])]
-        if pair[1] >= 0:
-            first = set(map(int, model.getAdjacencies(d - 1, tags[pair[0]])[1]))
-            second = set(map(int, model.getAdjacencies(d - 1, tags[pair[1]])[1]))
-            places = [(d - 2, tag) for tag in first & second]
+    for row in np.unique(marks, axis=0):
+        selected = np.all(marks == row, axis=1)
+        faces = [tags[mark] for mark in row if mark >= 0]
+        places = [(d - 1, faces[0])]
+        if len(faces) > 1:
+            edges = [set(map(int, model.getAdjacencies(d - 1, face)[1])) for face in faces]
+            places = [(d - 2, edge) for edge in set.intersection(*edges)]
         flat = in_space(x[selected]).ravel()
         candidates = []
         for place in places:
             closest = np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))
             candidates.append(closest[:, :d])
-        # Two surfaces may have several common edges, or none: then points stay.
+        # Surfaces may have several common edges, or none: then points stay.
         if candidates:
             points = np.array(candidates)
             best = np.linalg.norm(points - x[selected], axis=2).argmin(axis=0)

@@ -26,9 +26,9 @@ from erc_contact.mesh.simplex import facet_vertices, lagrange, rule
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the nearest points (n, d) of the true surface; collective. It
-gets the communicator, points (n, d) and their marks (n, 2). A point of facets of one
-mark has this mark and -1. A point where two marks meet has both, and goes to their
-common edge.
+gets the communicator, points (n, d) and their marks (n, m), -1 where a point has fewer
+than m. A point where several marks meet goes to the edge that all of them have, and
+stays where there is no such edge: it is a corner of the drawing.
 """
 LEAST_VOLUME = 0.3
 """Share of its volume that each cell keeps when vertices move to the true surface [-].
@@ -163,8 +163,9 @@ def _moves(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the vectors from nodes of marked facets to the true surface; collective.
 
-    A node where two marks meet in 2D, or three in 3D, is a corner of the drawing. It is
-    left out and stays in place.
+    A node of one mark goes to its surface. In 3D, a node where two marks meet goes to
+    their common edge; so does a node of three or more marks where bodies meet along one
+    edge, as a pin, its sleeve and the plate below both do. Corners of the drawing stay.
 
     Args:
         mesh: The mesh.
@@ -188,13 +189,14 @@ def _moves(
     node_marks = np.unique(node_marks, axis=0)
     node_marks = node_marks[node_marks[:, 0] < owned]
     chosen, first, count = np.unique(node_marks[:, 0], return_index=True, return_counts=True)
-    two_marks = np.full((len(chosen), 2), -1)
-    two_marks[:, 0] = node_marks[first, 1]
-    several = count > 1
-    two_marks[several, 1] = node_marks[first[several] + 1, 1]
-    keep = count < d
-    chosen = chosen[keep]
-    move = nearest(lasting(mesh.comm), x[chosen], two_marks[keep]) - x[chosen]
+    most = lasting(mesh.comm).allreduce(int(count.max(initial=1)), MPI.MAX)
+    marks_of_node = np.full((len(chosen), most), -1)
+    row = np.repeat(np.arange(len(chosen)), count)
+    marks_of_node[row, np.arange(len(row)) - first[row]] = node_marks[:, 1]
+    # In 2D two curves meet at a corner.
+    may_move = (count == 1) | (d == 3)
+    chosen = chosen[may_move]
+    move = nearest(lasting(mesh.comm), x[chosen], marks_of_node[may_move]) - x[chosen]
     size = lasting(mesh.comm).allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)
     move[abs(move).max(axis=1, initial=0.0) <= OFFSET_ROUND_OFF * size] = 0.0
     return chosen, move
