@@ -179,6 +179,21 @@ def test_a_body_back_at_rest_has_no_stress(kind, units, degree, method):
         assert error.maximum(quantity).value <= 1e-9 * greatest
 
 
+@pytest.mark.on_ranks("strategy0")
+@pytest.mark.parametrize("strategy", [ec.SizeMap(), ec.Mark()])
+def test_a_body_back_at_rest_keeps_the_mesh_of_its_load(strategy):
+    """The step to rest begins with a slip that the refined or new mesh has taken over."""
+    scene_at = back_to_rest("pressed", 1.0, 1.0)
+    body = ec.rectangle((0.0, 0.0), (2.0, 1.0), size=0.3)
+    history = ec.evolve(scene_at, body, [0.0, 0.5, 1.0], accuracy=0.02, strategy=strategy)
+    cells = history.column("cells")
+    assert cells[1] > cells[0]
+    assert cells[2] == cells[1]
+    assert history.column("meshes").tolist()[::2] == [1, 1]
+    assert history.error.solution.at_rest
+    assert history.error.scale == 0.0
+
+
 @pytest.mark.serial
 def test_a_step_to_rest_is_read_from_a_checkpoint(tmp_path):
     scene_at = back_to_rest("pressed", 1.0, 1.0)
