@@ -171,7 +171,7 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     J = stored - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
-        J += foundation_energy(model, traction, u, 2 * ROUND_OFF * stored.value)
+        J += foundation_energy(model, traction.contact, u, 2 * ROUND_OFF * stored.value)
     facets = error.geometry_error**2 / 2
     # The round-off of strains does work on the stresses.
     unknown = J.bound + error.round_off * (error.scale + error.absolute)

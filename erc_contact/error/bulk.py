@@ -13,7 +13,6 @@ from erc_contact.admissible.elastic import act, elastic_coefficients, macro_modu
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
-from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein
@@ -50,24 +49,6 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     if not data_vary(model):
         return difference, both, 0.0
     return _adapted_squares(admissible, float(both.sum()))
-
-
-def add_springs(admissible: Admissible, difference: np.ndarray, both: np.ndarray) -> None:
-    """Add the squares of springs to those of their cells, in place.
-
-    Their energy is outside of the cells, so the estimate of the geometry is without it.
-
-    Args:
-        admissible: The pair.
-        difference: Squares of the difference on each owned cell [force length].
-        both: Those of the sum.
-    """
-    model = admissible.model
-    if model.springs:
-        u = admissible.displacement
-        of_difference, of_both = spring_squares(model, u, admissible.spring_tractions)
-        difference += of_difference
-        both += of_both
 
 
 def data_vary(model: Model) -> bool:

@@ -41,15 +41,21 @@ from mpi4py import MPI
 
 from erc_contact.admissible.fields import FIELD_DEGREE, integral
 from erc_contact.admissible.pair import Admissible
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.bulk import add_springs, bulk_squares, geometry_squares
-from erc_contact.error.foundations import add_foundations
+from erc_contact.error.bulk import geometry_squares
+from erc_contact.error.laws import body_error, contact_law_error, spring_error
 from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.error.oscillation import UNKNOWN_SHARE, Oscillations
+from erc_contact.error.oscillation import (
+    UNKNOWN_SHARE,
+    Oscillations,
+    of_history,
+    of_loads,
+    of_supports,
+)
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
-from erc_contact.error.squares import contact_and_oscillations, raise_if_no_number
 from erc_contact.error.tiny_edges import tell_tiny_edges
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.forces import Force
@@ -273,20 +279,33 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         '12.3%'
     """
     began = perf_counter()
-    comm = admissible.model.comm
-    cells_2, both_2, moduli_2 = bulk_squares(admissible)
+    model = admissible.model
+    comm = model.comm
+    body = body_error(admissible)
+    springs = spring_error(admissible)
     unknown = strain_round_off(admissible)
-    cells_2 = (np.sqrt(cells_2) + unknown) ** 2
-    geometry_cells_2 = geometry_squares(admissible, both_2)
-    add_springs(admissible, cells_2, both_2)
-    add_foundations(admissible, both_2)
-    local = np.array([cells_2.sum(), both_2.sum(), geometry_cells_2.sum(), unknown @ unknown])
-    bulk_2, scale_2, geometry_2, unknown_2 = comm.allreduce(local, MPI.SUM)
-    contact_2, oscillations_2 = contact_and_oscillations(
-        admissible, cells_2, moduli_2, UNKNOWN_SHARE * float(bulk_2)
-    )
+    bulk_cells_2 = (np.sqrt(body.gap) + unknown) ** 2 + springs.gap
+    # Springs are outside of the cells, so the estimate of the geometry is without them.
+    geometry_cells_2 = geometry_squares(admissible, body.both)
+    bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
+    contacts = contact_law_error(admissible, UNKNOWN_SHARE * float(bulk_2))
+    cells_2 = bulk_cells_2 + contacts.gap
+    both_2 = body.both + springs.both + contacts.both
+    # In the order of the attributes of Oscillations.
+    of_data_2 = [
+        of_loads(model, admissible.cell_geometry, admissible.cell_forces),
+        of_supports(model),
+        body.moduli,
+        contacts.gaps,
+        contacts.friction,
+        of_history(model),
+    ]
+    norms = [both_2.sum(), geometry_cells_2.sum(), unknown @ unknown, contacts.gap.sum()]
+    total = comm.allreduce(np.array([*norms, *of_data_2]), MPI.SUM)
+    scale_2, geometry_2, unknown_2, contact_2 = total[:4]
+    oscillations_2 = total[4:]
     floor_2, lost = round_off(admissible)
-    raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
+    _raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
     # What is left of a motion without stress is round-off: no part of a scale.
     is_noise = scale_2 <= RIGID_NOISE**2 * floor_2
     if admissible.solution.at_rest or (is_noise and is_free(admissible, floor_2)):
@@ -294,7 +313,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
-    tell_tiny_edges(admissible.model, cells_2, float(bulk_2 + contact_2), float(scale_2))
+    tell_tiny_edges(model, cells_2, float(bulk_2 + contact_2), float(scale_2))
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible=admissible,
@@ -309,3 +328,17 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         total_indicators=np.sqrt(cells_2 + geometry_cells_2) / (scale or 1.0),
         seconds=seconds,
     )
+
+
+def _raise_if_no_number(lost: bool, squares: np.ndarray) -> None:
+    """Raise an error if an energy overflows or underflows.
+
+    Args:
+        lost: Whether the round-off underflows.
+        squares: Squares of norms [force length].
+    """
+    if lost or not np.isfinite(squares).all():
+        raise InputError(
+            "The energy of this scene is no number of double precision; loads or moduli are too "
+            "large or too small. Choose units in which they are nearer to 1."
+        )

@@ -11,12 +11,14 @@ ours.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.contact_term import cancelled, contact_density
+from erc_contact.error.contact_term import cancelled, contact_density, law_sum
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
@@ -37,18 +39,34 @@ That is so in space where the slip is far from zero, and where normals turn.
 """
 
 
+class ContactSquares(NamedTuple):
+    """Hold what a contact adds to e^2 and to the oscillations [force length].
+
+    Attributes:
+        parts: Twice the contact term on each facet, 0 for ghosts, shape (f,).
+        both: Square of the sum of both pressures of a compliant foundation, likewise; 0
+            on a rigid one.
+        gaps: Square of the oscillation of the gap on this rank.
+        friction: Square of the oscillation of the friction bound.
+    """
+
+    parts: np.ndarray
+    both: np.ndarray
+    gaps: float = 0.0
+    friction: float = 0.0
+
+
 def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
     """Integrate twice the contact term over each facet [force length]; collective.
 
     Facets of ghosts get 0.
     """
-    parts, _, _ = contact_squares(model, hat, traction, 0.0)
-    return parts
+    return contact_squares(model, hat, traction, 0.0).parts
 
 
 def contact_squares(
     model: Model, hat: fem.Function, traction: ContactTraction, floor: float
-) -> tuple[np.ndarray, float, float]:
+) -> ContactSquares:
     """Compute the contact part of each facet, and oscillations; collective.
 
     The integrals are exact where the integrand is a polynomial or, in the plane, one on
@@ -63,10 +81,6 @@ def contact_squares(
         hat: The admissible displacement u^ [length].
         traction: r^ on the contact.
         floor: What the integrals may leave unknown [force length].
-
-    Returns:
-        :func:`contact_parts`, shape (f,), and the squares of the oscillations of the
-        gap and of the friction bound on this rank.
     """
     contact = traction.contact
     friction = contact.friction
@@ -86,15 +100,16 @@ def contact_squares(
     else:
         points, weights = same_rule(model.d, CONTACT_DEGREE)
     parts = area * _means(model, traction, of_w, of_s, points, weights, both)
+    no_sum = np.zeros(len(parts))
     if friction is None or (model.d == 2 and not turns):
-        return parts, 0.0, 0.0
+        return ContactSquares(parts, no_sum)
     # The length of a slip that may vanish has a kink at a point that is no corner of a
     # piece.
     kinked = slip_may_vanish(contact, of_w - of_s)
-    adapted, gaps, bounds = _adapted_squares(
+    adapted = _adapted_squares(
         model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, both
     )
-    return np.where(kinked, adapted, parts), gaps, bounds
+    return adapted._replace(parts=np.where(kinked, adapted.parts, parts))
 
 
 def _means(
@@ -145,7 +160,7 @@ def _adapted_squares(
     area: np.ndarray,
     floor: float,
     both: np.ndarray,
-) -> tuple[np.ndarray, float, float]:
+) -> ContactSquares:
     """Compute the numbers of :func:`contact_squares` by adapted integrals; collective.
 
     Args:
@@ -163,7 +178,7 @@ def _adapted_squares(
     least_force = _round_off(model, traction.values)
 
     def terms(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the contact term, and what gap, normal and bound are exceeded by."""
+        """Evaluate the contact term, what data are exceeded by, and the law's sum."""
         n = contact.trace.normals_at_places(places, facet)
         shape = polynomials(model.degree, places)
         r = np.matmul(shape, traction.values[facet])
@@ -179,8 +194,11 @@ def _adapted_squares(
 
         opening = (w * normal).sum(axis=-1) - gap
         beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
+        of_sum = np.zeros(opening.shape)
         if stiffness is not None:
             beyond = np.zeros(opening.shape)  # the foundation gives way
+            entry = (w * n).sum(axis=-1) - gap
+            of_sum = law_sum(entry, np.maximum(-r_n, 0.0), stiffness)
         beyond = np.where(beyond <= least_gap, 0.0, beyond)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         turned = np.where(turned <= least_force, 0.0, turned)
@@ -190,7 +208,7 @@ def _adapted_squares(
         # normal and bound as that of a load, h/E |.|^2.
         compliance = (1 / contact.trace.stiffness)[facet][:, None]
         gaps = beyond**2 / compliance + turned**2 * compliance
-        return np.stack([density, gaps, excess**2 * compliance], axis=-1)
+        return np.stack([density, gaps, excess**2 * compliance, of_sum], axis=-1)
 
     corners = contact.trace.here.corners
     total = integrate(
@@ -199,25 +217,22 @@ def _adapted_squares(
         corners,
         area,
         facet_pieces(model.d - 1),
-        share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE]),
-        floor=np.array([floor, 0.0, 0.0]),
+        share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE, UNKNOWN_SHARE]),
+        floor=np.array([floor, 0.0, 0.0, 0.0]),
         cuts=kinks_on_facets(model, contact.data, contact.facets),
     )
     return _with_unknown(contact, total)
 
 
-def _with_unknown(contact: BoundContact, total: Integral) -> tuple[np.ndarray, float, float]:
+def _with_unknown(contact: BoundContact, total: Integral) -> ContactSquares:
     """Add what adapted integrals leave unknown to the parts and to the oscillations.
 
     Args:
         contact: The contact.
-        total: Integrals of the contact term, and of the oscillations of the gap and of
-            the friction bound, on each facet.
-
-    Returns:
-        The results of :func:`contact_squares`.
+        total: Integrals of the contact term, of the oscillations of the gap and of the
+            friction bound, and of the sum of both pressures, on each facet.
     """
-    parts, of_gap, of_friction = total.value.T
+    parts, of_gap, of_friction, both = total.value.T
     parts_unknown = total.rest[:, 0]
     gap_unknown = 0.0
     friction_unknown = 0.0
@@ -230,7 +245,7 @@ def _with_unknown(contact: BoundContact, total: Integral) -> tuple[np.ndarray, f
             friction_unknown = float(parts_unknown.sum())
     gaps_2 = float(of_gap.sum()) + gap_unknown
     friction_2 = float(of_friction.sum()) + friction_unknown
-    return parts + parts_unknown, gaps_2, friction_2
+    return ContactSquares(parts + parts_unknown, both, gaps_2, friction_2)
 
 
 def _round_off(model: Model, values: np.ndarray) -> float:

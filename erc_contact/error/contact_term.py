@@ -80,6 +80,15 @@ def law_error(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) ->
     return np.where(entry > 0, touching, lifted)
 
 
+def law_sum(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Evaluate the square of the sum of both pressures [force/length^(d-2)].
+
+    It is ``(p^ + k <w_n - g>_+)^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body. The
+    arguments are those of :func:`law_error`.
+    """
+    return (pressure + stiffness * np.maximum(entry, 0.0)) ** 2 / stiffness
+
+
 def cancelled(trace: Trace, u: np.ndarray) -> np.ndarray:
     """Bound the displacements that cancel in w, whose round-off w has [length], (f, 1).
 

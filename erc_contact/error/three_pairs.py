@@ -63,8 +63,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.bulk import add_springs, bulk_squares
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.laws import body_error, spring_error
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
@@ -289,6 +289,4 @@ def _bulk(
         stress=pair.stress + h / t * (more.stress - less.stress),
         spring_tractions=of_springs,
     )
-    difference, both, _ = bulk_squares(moved)
-    add_springs(moved, difference, both)
-    return difference
+    return body_error(moved).gap + spring_error(moved).gap

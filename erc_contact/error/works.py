@@ -145,12 +145,12 @@ def friction_work(
 
 
 def foundation_energy(
-    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+    model: Model, contact: BoundContact, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Add up :func:`foundation_energies`, 0 on a rigid foundation; collective."""
-    if traction.contact.stiffness is None:
+    if contact.stiffness is None:
         return BoundedNumber(0.0)
-    return BoundedNumber.summed(model.comm, foundation_energies(model, traction, u, floor))
+    return BoundedNumber.summed(model.comm, foundation_energies(model, contact, u, floor))
 
 
 def friction_works(
