@@ -31,7 +31,7 @@ nitpick_ignore = [
         "admissible.cells.CellGeometry",
         "mesh.naming.Rules",
         "mesh.seams.Interface",
-        "model.elasticity.ElasticMatrix",
+        "model.constitution.Constitution",
         "model.friction.Friction",
         "model.last_step.LastStep",
         "newton.nodal_values.AnyField",

@@ -18,6 +18,7 @@ from erc_contact.mesh.simplex import (
     projection,
     rule,
 )
+from erc_contact.model.constitution import act
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 
@@ -115,18 +116,6 @@ def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: 
     return model.strains(_places(model, cells, points, count, varying), _numbers(count))
 
 
-def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
-    """Multiply moduli and tensors in Mandel components.
-
-    Args:
-        moduli: Shape (n or 1, q or 1, s, s).
-        tensor: Shape (n, q or 1, s).
-    """
-    if moduli.shape[1] == 1:
-        return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
-    return np.matmul(moduli, tensor[..., None])[..., 0]
-
-
 def moduli(
     model: Model, cells: CellGeometry, points: np.ndarray, count: int, *, inverse: bool = False
 ) -> np.ndarray:
@@ -143,7 +132,8 @@ def moduli(
         Mandel components, shape (count, q, s, s), with 1 in place of count or q where
         the material does not vary.
     """
-    matrix = model.compliance if inverse else model.elasticity
+    law = model.constitution
+    matrix = law.metric if inverse else law.stiffness
     if matrix.plain is not None:
         return matrix.plain[None, None]
     varying = matrix.varies_in_cells

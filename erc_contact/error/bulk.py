@@ -9,28 +9,24 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
-from erc_contact.admissible.elastic import act, elastic_coefficients, macro_moduli, strains
+from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli, strains
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.springs import spring_squares
+from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.mesh.surface import pairs, swept
-from erc_contact.model.model import Model
 
 
-def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]:
-    """Compute the squares of difference and sum of the two stresses; collective.
+def body_error(admissible: Admissible) -> LawError:
+    """Measure how far sigma^ and u^ are from Hooke's law on each cell; collective.
 
-    These are ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``, where eps is the strain
-    without the given one. Springs are not in them.
-
-    Returns:
-        The squares of the energy norms on each owned cell [force length]. If the moduli
-        or the given strain vary inside cells, the first result contains what its
-        integral leaves unknown. The third result is the sum of this over the cells of
-        the rank if it is more than the tolerance, else 0.
+    The squares are those of ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``, where
+    eps is the strain without the given one. If the moduli or the given strain vary
+    inside cells, the gap contains what its integral leaves unknown.
     """
     model = admissible.model
     cells = admissible.cell_geometry
@@ -46,19 +42,20 @@ def bulk_squares(admissible: Admissible) -> tuple[np.ndarray, np.ndarray, float]
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
     kernels(model.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
-    if not data_vary(model):
-        return difference, both, 0.0
+    if not model.constitution.varies_in_cells:
+        return LawError(difference, both)
     return _adapted_squares(admissible, float(both.sum()))
 
 
-def data_vary(model: Model) -> bool:
-    """Tell whether moduli or given strains vary inside cells."""
-    given = model.strains is not None and model.strains.varies_in_cells
-    return given or model.elasticity.varies_in_cells
+def spring_error(admissible: Admissible) -> LawError:
+    """Measure how far t^ and u^ are from the law of springs, cell by cell."""
+    tractions = admissible.spring_tractions
+    gap, both = spring_squares(admissible.model, admissible.displacement, tractions)
+    return LawError(gap, both)
 
 
-def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Compute the results of :func:`bulk_squares` for data that vary; collective.
+def _adapted_squares(admissible: Admissible, size: float) -> LawError:
+    """Compute the result of :func:`body_error` for data that vary; collective.
 
     Args:
         admissible: The pair.
@@ -73,17 +70,9 @@ def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, n
     strain = strains(cells, admissible.displacement)[:owned]
 
     def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        compliance = model.compliance(x, of_cells[cell])
         at_points = np.matmul(polynomials(k - 1, places), strain[cell])
-        if model.strains is not None:
-            at_points = at_points - model.strains(x, of_cells[cell])
-        elastic = act(model.elasticity(x, of_cells[cell]), at_points)
         sigma = macro_values(admissible.stress, k, cell, places)
-        difference = sigma - elastic
-        both = sigma + elastic
-        difference_2 = (act(compliance, difference) * difference).sum(axis=-1)
-        both_2 = (act(compliance, both) * both).sum(axis=-1)
-        return np.stack([difference_2, both_2], axis=-1)
+        return model.constitution.squares(at_points, sigma, x, of_cells[cell])
 
     corners = sorted_corners(model, cells)[:owned]
     # An error that is round-off of the stresses need not be resolved.
@@ -98,7 +87,7 @@ def _adapted_squares(admissible: Admissible, size: float) -> tuple[np.ndarray, n
         floor=floor,
     )
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
-    return total.value[:, 0] + total.rest[:, 0], total.value[:, 1], unknown
+    return LawError(total.value[:, 0] + total.rest[:, 0], total.value[:, 1], unknown)
 
 
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
+from erc_contact.admissible.elastic import elastic_stress, macro_moduli
 from erc_contact.admissible.equilibrate import equilibrate, equilibrated
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -37,6 +37,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.files.displacements import FileField
 from erc_contact.mesh.files.results import from_file
 from erc_contact.mesh.simplex import bernstein
+from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
 from erc_contact.newton.given import by_nitsche, solution_of

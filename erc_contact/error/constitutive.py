@@ -45,8 +45,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.bulk import geometry_squares
-from erc_contact.error.laws import body_error, contact_law_error, spring_error
+from erc_contact.error.bulk import body_error, geometry_squares, spring_error
+from erc_contact.error.contact import contact_law_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.oscillation import (
     UNKNOWN_SHARE,
@@ -288,7 +288,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     # Springs are outside of the cells, so the estimate of the geometry is without them.
     geometry_cells_2 = geometry_squares(admissible, body.both)
     bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
-    contacts = contact_law_error(admissible, UNKNOWN_SHARE * float(bulk_2))
+    floor = UNKNOWN_SHARE * float(bulk_2)
+    contacts = contact_law_error(model, admissible.displacement, admissible.tractions, floor)
     cells_2 = bulk_cells_2 + contacts.gap
     both_2 = body.both + springs.both + contacts.both
     # In the order of the attributes of Oscillations.

@@ -11,6 +11,7 @@ ours.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_term import cancelled, contact_density, law_sum
+from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
@@ -29,6 +31,7 @@ from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.friction import CONCAVE
 from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import sums_of_cells
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
@@ -110,6 +113,34 @@ def contact_squares(
         model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, both
     )
     return adapted._replace(parts=np.where(kinked, adapted.parts, parts))
+
+
+def contact_law_error(
+    model: Model, hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
+) -> LawError:
+    """Measure how far a pair is from the laws of all contacts; collective.
+
+    Args:
+        model: The scene on a mesh.
+        hat: The admissible displacement u^ [length].
+        tractions: r^ on each contact.
+        floor: What the integral over each contact may leave unknown [force length].
+    """
+    gap, both = np.zeros((2, model.domain.owned_cells))
+    gaps = 0.0
+    friction = 0.0
+    for traction in tractions:
+        squares = contact_squares(model, hat, traction, floor)
+        trace = traction.contact.trace
+        of_cells = trace.share(np.maximum(squares.parts, 0.0))  # below 0 by round-off only
+        if trace.there is None:
+            gap += of_cells[: len(gap)]
+        else:
+            gap += sums_of_cells(model, of_cells)
+        both += trace.share(squares.both)[: len(both)]
+        gaps += squares.gaps
+        friction += squares.friction
+    return LawError(gap, both, gaps=gaps, friction=friction)
 
 
 def _means(

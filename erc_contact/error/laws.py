@@ -17,12 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
-from erc_contact.admissible.springs import spring_squares
-from erc_contact.error.bulk import bulk_squares
-from erc_contact.error.contact import contact_squares
-from erc_contact.model.over_ranks import sums_of_cells
-
 
 class LawError(NamedTuple):
     """Hold how far a pair is from a law, on the cells that this rank owns.
@@ -41,40 +35,3 @@ class LawError(NamedTuple):
     moduli: float = 0.0
     gaps: float = 0.0
     friction: float = 0.0
-
-
-def body_error(pair: Admissible) -> LawError:
-    """Measure the error in Hooke's law, ``|sigma^ - C eps(u^)|^2``; collective."""
-    gap, both, moduli = bulk_squares(pair)
-    return LawError(gap, both, moduli)
-
-
-def spring_error(pair: Admissible) -> LawError:
-    """Measure the error in the law of springs, for the cells that they hold."""
-    gap, both = spring_squares(pair.model, pair.displacement, pair.spring_tractions)
-    return LawError(gap, both)
-
-
-def contact_law_error(pair: Admissible, floor: float) -> LawError:
-    """Measure the error in the laws of all contacts; collective.
-
-    Args:
-        pair: The pair.
-        floor: What the integral over each contact may leave unknown [force length].
-    """
-    model = pair.model
-    gap, both = np.zeros((2, model.domain.owned_cells))
-    gaps = 0.0
-    friction = 0.0
-    for traction in pair.tractions:
-        squares = contact_squares(model, pair.displacement, traction, floor)
-        trace = traction.contact.trace
-        of_cells = trace.share(np.maximum(squares.parts, 0.0))  # below 0 by round-off only
-        if trace.there is None:
-            gap += of_cells[: len(gap)]
-        else:
-            gap += sums_of_cells(model, of_cells)
-        both += trace.share(squares.both)[: len(both)]
-        gaps += squares.gaps
-        friction += squares.friction
-    return LawError(gap, both, gaps=gaps, friction=friction)

@@ -63,8 +63,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
+from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.laws import body_error, spring_error
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work

@@ -13,7 +13,6 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
-from erc_contact.error.bulk import data_vary
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.question import LEAST_ERROR, Question
@@ -146,9 +145,8 @@ class Trials:
         high = min(ends.high for ends in self.tried)
         resolved = self.question.constant.resolved and all(ends.resolved for ends in self.tried)
         error = self.error
-        return self._of_number(
-            low, high, error.guaranteed and resolved and not data_vary(error.model)
-        )
+        varies = error.model.constitution.varies_in_cells
+        return self._of_number(low, high, error.guaranteed and resolved and not varies)
 
     def estimate(self, rough: Ends) -> Bounds:
         """Return a rough interval as one of the number."""

@@ -12,12 +12,11 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
-from erc_contact.admissible.elastic import act, macro_moduli, strains
+from erc_contact.admissible.elastic import macro_moduli, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.bulk import data_vary
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import foundation_energies
 from erc_contact.error.load_work import assembled
@@ -30,6 +29,7 @@ from erc_contact.mesh.quadrature import (
     polynomials,
 )
 from erc_contact.mesh.simplex import bernstein, mass
+from erc_contact.model.constitution import act
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.foundation import BoundContact, pressures
 from erc_contact.model.model import Model
@@ -45,7 +45,8 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
         of_springs += BoundedNumber(assembled(model, spring.work(v, w)))
     strain_v = strains(cells, v)
     strain_w = strains(cells, w)
-    if not model.elasticity.varies_in_cells:
+    law = model.constitution
+    if not law.stiffness.varies_in_cells:
         owned = model.domain.owned_cells
         stress = act(macro_moduli(model, cells, owned), strain_v[:owned])
         means = mass(model.d, model.degree - 1, model.degree - 1)
@@ -56,7 +57,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
 
     def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(model.degree - 1, places)
-        stress = act(model.elasticity(x, numbers[entity]), np.matmul(shape, strain_v[entity]))
+        stress = law.stress_change(np.matmul(shape, strain_v[entity]), x, numbers[entity])
         return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
 
     return _over_cells(pair, density) + of_springs
@@ -71,7 +72,7 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     given = model.strains
     if given is None:
         return BoundedNumber(0.0)
-    if not data_vary(model):
+    if not model.constitution.varies_in_cells:
         return BoundedNumber(assembled(model, model.strain_loads(v)))
     cells = pair.cell_geometry
     of_cells = model.owned_cells
@@ -79,7 +80,8 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 
     def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         strain = np.matmul(polynomials(model.degree - 1, places), strain_v[entity])
-        stress = act(model.elasticity(x, of_cells[entity]), given(x, of_cells[entity]))
+        cell = of_cells[entity]
+        stress = model.constitution.stress_change(given(x, cell), x, cell)
         return (stress * strain).sum(axis=-1, keepdims=True)
 
     return _over_cells(pair, density)
@@ -99,7 +101,7 @@ def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
 
     def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         strain = given(x, of_cells[entity])
-        stress = act(model.elasticity(x, of_cells[entity]), strain)
+        stress = model.constitution.stress_change(strain, x, of_cells[entity])
         return 0.5 * (stress * strain).sum(axis=-1, keepdims=True)
 
     return energy - strain_work(pair, u) + _over_cells(pair, density)

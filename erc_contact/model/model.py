@@ -12,11 +12,11 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.constitution import Constitution
 from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.coordinates import Coordinates
 from erc_contact.model.dimension import check_dimension
-from erc_contact.model.elasticity import ElasticMatrix
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
@@ -54,6 +54,7 @@ class Model(Space):
     Attributes:
         parameters: Parameters of the material, UFL.
         strains: The given strains; None without any.
+        constitution: The law between strain and stress.
         springs: The springs on parts of the boundary.
         surface_loads: Loads on parts of the boundary.
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
@@ -96,6 +97,7 @@ class Model(Space):
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters)
         self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
+        self.constitution = Constitution(scene.material, self.parameters, self.mesh, self.strains)
         self.springs = bind_springs(self, scene.springs, self.modulus)
         self.bind_supports_and_loads(scene)
         self.contacts = []
@@ -147,16 +149,6 @@ class Model(Space):
     def modulus(self) -> Ufl:
         """Return the modulus that scales contact parameters [force/area], UFL."""
         return self.scene.material.modulus(**self.parameters)
-
-    @cached_property
-    def elasticity(self) -> ElasticMatrix:
-        """Return C in Mandel components [force/area] at points; collective."""
-        return ElasticMatrix(self.scene.material, self.parameters, self.mesh)
-
-    @cached_property
-    def compliance(self) -> ElasticMatrix:
-        """Return C^-1 in Mandel components [area/force] at points; collective."""
-        return ElasticMatrix(self.scene.material, self.parameters, self.mesh, inverse=True)
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""

@@ -132,8 +132,5 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
         strains = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
     basis = mandel_basis(d)
     mandel_strains = np.einsum("bij,nij->nb", basis, strains)
-    if model.strains is not None:
-        mandel_strains -= model.strains(x[:, None], cell)[:, 0]
-    matrices = model.elasticity(x[:, None], cell)[:, 0]
-    stress = np.einsum("nab,nb->na", matrices, mandel_strains)
+    stress = model.constitution.stress(mandel_strains[:, None], x[:, None], cell)[:, 0]
     return np.einsum("na,aij->nij", stress, basis)

@@ -90,9 +90,10 @@ def _check_material(model: Model) -> None:
     points, _ = rule(model.d, 4)
     cells = model.owned_cells
     x = np.matmul(barycentric(points), model.cell_corners()[cells])
-    size = model.elasticity.size
-    C = model.elasticity(x, cells).reshape(-1, size, size)
-    S = model.compliance(x, cells).reshape(-1, size, size)
+    law = model.constitution
+    size = law.stiffness.size
+    C = law.stiffness(x, cells).reshape(-1, size, size)
+    S = law.metric(x, cells).reshape(-1, size, size)
     modulus = evaluate(model.modulus, model.mesh, points, cells)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, other = np.inf, 0.0, 0.0

@@ -1,9 +1,14 @@
-"""Evaluate stiffness and compliance of a material in Mandel components at points."""
+"""Evaluate the law between strain and stress of a body in Mandel components at points.
+
+It is ``sigma = C (eps - eps_0)`` with given strains eps_0. What else the package asks
+of a body's law is its metric, the energy norm ``C^-1 sigma : sigma`` of stresses.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Protocol
 
 import numpy as np
 from dolfinx import mesh as dmesh
@@ -14,6 +19,81 @@ from erc_contact.model.expressions import Everywhere, OfNumbers
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import constant_value, varies_in_cells
 from erc_contact.scene.material import Elastic, Material, mandel_matrix
+
+
+class StrainField(Protocol):
+    """Evaluate given strains in Mandel components at points of cells [-]."""
+
+    varies_in_cells: bool
+
+    def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the strains, see :class:`erc_contact.model.strains.Strains`."""
+
+
+class Constitution:
+    """Hold the law of a body on a mesh; matrices are made when they are first asked.
+
+    Points x are given for cells, shape (n, q, d) and (n,), and tensors in Mandel
+    components at them, shape (n, q or 1, s). All methods are collective at first.
+
+    Args:
+        material: The material.
+        parameters: Its parameters, scalar UFL.
+        mesh: Where they live.
+        given: The given strains, None without any.
+    """
+
+    def __init__(
+        self,
+        material: Material,
+        parameters: Mapping[str, Ufl],
+        mesh: dmesh.Mesh,
+        given: StrainField | None,
+    ) -> None:
+        self._of_material = material, parameters, mesh
+        self._given = given
+
+    @cached_property
+    def stiffness(self) -> ElasticMatrix:
+        """Return C [force/area]."""
+        return ElasticMatrix(*self._of_material)
+
+    @cached_property
+    def metric(self) -> ElasticMatrix:
+        """Return C^-1 [area/force], the metric of stresses."""
+        return ElasticMatrix(*self._of_material, inverse=True)
+
+    @property
+    def varies_in_cells(self) -> bool:
+        """Tell whether moduli or given strains vary inside cells."""
+        given = self._given is not None and self._given.varies_in_cells
+        return given or self.stiffness.varies_in_cells
+
+    def stress(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the stress ``C (eps - eps_0)`` of a strain [force/area]."""
+        if self._given is not None:
+            strain = strain - self._given(x, cells)
+        return self.stress_change(strain, x, cells)
+
+    def stress_change(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the stress ``C eps`` of a change of the strain [force/area]."""
+        return act(self.stiffness(x, cells), strain)
+
+    def squares(
+        self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Return the squares of how far a strain and a stress are from the law.
+
+        Returns:
+            ``|sigma - C (eps - eps_0)|^2`` and ``|sigma + C (eps - eps_0)|^2`` in the
+            metric [force/area], shape (n, q, 2).
+        """
+        metric = self.metric(x, cells)
+        elastic = self.stress(strain, x, cells)
+        squares = []
+        for tensor in (stress - elastic, stress + elastic):
+            squares.append((act(metric, tensor) * tensor).sum(axis=-1))
+        return np.stack(squares, axis=-1)
 
 
 class ElasticMatrix:
@@ -88,6 +168,18 @@ def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, 
     """Return C or C^-1 of a material in Mandel components, UFL."""
     act = material.compliance if inverse else material.stress
     return mandel_matrix(act, d, **parameters)
+
+
+def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
+    """Multiply moduli and tensors in Mandel components.
+
+    Args:
+        moduli: Shape (n or 1, q or 1, s, s).
+        tensor: Shape (n, q or 1, s).
+    """
+    if moduli.shape[1] == 1:
+        return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
+    return np.matmul(moduli, tensor[..., None])[..., 0]
 
 
 @lru_cache(maxsize=64)
