@@ -28,9 +28,9 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_families import Sample, random_sliding_block, random_sliding_box
 from attack_tables import measure_scenes, quantile_table
 
-from erc_contact.error.other_mesh import body_on
-from erc_contact.error.slip_direction import LENGTHS, slip_fields
-from erc_contact.error.surface import pair_on_surface
+from erc_contact.error.coulomb.other_mesh import body_on
+from erc_contact.error.coulomb.slip_direction import LENGTHS, slip_fields
+from erc_contact.error.coulomb.surface import pair_on_surface
 
 QUANTILES = (0.5, 0.9, 0.95, 0.98, 1.0)
 

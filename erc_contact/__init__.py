@@ -35,8 +35,8 @@ from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
-from erc_contact.error.interval import interval
+from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
+from erc_contact.error.goals.interval import interval
 from erc_contact.error.multiplicity import other_solutions
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.optimal import SizeMap

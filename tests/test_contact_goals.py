@@ -12,11 +12,11 @@ from test_bad_input import refused
 from test_moments import moment_about
 
 import erc_contact as ec
-from erc_contact.error import contact_questions, goals, trials
-from erc_contact.error.moved_pairs import moved_pairs
-from erc_contact.error.questions import question_of
-from erc_contact.error.three_pairs import Ends
-from erc_contact.error.trials import Trials
+from erc_contact.error.goals import contact_questions, goal_error, trials
+from erc_contact.error.goals.moved_pairs import moved_pairs
+from erc_contact.error.goals.questions import question_of
+from erc_contact.error.goals.three_pairs import Ends
+from erc_contact.error.goals.trials import Trials
 
 pytestmark = pytest.mark.serial
 MATERIAL = ec.Elastic({"upper": 1.0, "lower": 3.0}, 0.3)
@@ -130,7 +130,7 @@ def test_intersection_with_that_of_one_lifting(monkeypatch):
     goal = ec.Resultant("bottom", (0.0, 1.0))
     first = ec.resultant(error, "bottom", (0.0, 1.0))
     useless = Ends(-10.0, first.value, 1.0, 1.0, 0.0, 0 * error.indicators)
-    monkeypatch.setattr(goals, "search", lambda trials, t, count: trials.tried.append(useless))
+    monkeypatch.setattr(goal_error, "search", lambda trials, t, count: trials.tried.append(useless))
     both = ec.interval(error, goal)
     assert both.guaranteed
     assert (both.low, both.high) == pytest.approx((first.low, first.value), rel=1e-9)

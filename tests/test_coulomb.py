@@ -21,11 +21,11 @@ from scenes import greco, patch_test, prototype_block, sliding_block
 from test_newton import Saturating
 
 import erc_contact as ec
-from erc_contact.error.coulomb import bound_of_both
-from erc_contact.error.coupling import coupling
-from erc_contact.error.other_mesh import body_on
-from erc_contact.error.slip_direction import LENGTHS, slip_fields
-from erc_contact.error.surface import pair_on_surface
+from erc_contact.error.coulomb.certificate import bound_of_both
+from erc_contact.error.coulomb.coupling import coupling
+from erc_contact.error.coulomb.other_mesh import body_on
+from erc_contact.error.coulomb.slip_direction import LENGTHS, slip_fields
+from erc_contact.error.coulomb.surface import pair_on_surface
 
 
 def certified(

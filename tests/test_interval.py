@@ -17,8 +17,8 @@ from test_two_bodies import certified, pressed, small_bricks
 
 import erc_contact as ec
 from erc_contact.base.logs import log_of
-from erc_contact.error.aim import Aim
-from erc_contact.error.trials import GoalError
+from erc_contact.error.goals.controller import Aim
+from erc_contact.error.goals.trials import GoalError
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.solve import Nearby

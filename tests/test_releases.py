@@ -15,8 +15,8 @@ from test_imports import PACKAGE
 
 import erc_contact as ec
 from erc_contact.base import releases
-from erc_contact.mesh import filling
 from erc_contact.mesh.gmsh_session import has_netgen
+from erc_contact.mesh.joining import filling
 from erc_contact.output import gallery, views
 
 pytestmark = pytest.mark.serial

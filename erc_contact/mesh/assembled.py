@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.bodies import Bodies
-from erc_contact.mesh.joining import joint
+from erc_contact.mesh.joining.joint import joint
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.size_field import Labels, SizeField, size_field
 from erc_contact.mesh.tags import NO_TAG

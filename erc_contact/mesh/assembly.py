@@ -12,7 +12,7 @@ from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.assembled import Assembled, Member, Shape, beside_each_other
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.joining import last_tag
+from erc_contact.mesh.joining.joint import last_tag
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG

@@ -17,10 +17,11 @@ from dolfinx import mesh as dmesh
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.mesh import joining, partition, parts
+from erc_contact.mesh import partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
+from erc_contact.mesh.joining import joint
 from erc_contact.mesh.named_shape import NamedShape, measured
 from erc_contact.mesh.naming import Rules, parts_named, regions_named
 from erc_contact.mesh.parts_table import Parts, parts_of
@@ -193,7 +194,7 @@ class Domain(Bodies):
         whole = self if self.glued is None else self.glued
         interfaces = () if self.seams is None else self.seams.interfaces
         together(self.comm, rules.check_before, interfaces)
-        result = whole.renamed(rules, joining.last_tag(self), interfaces)
+        result = whole.renamed(rules, joint.last_tag(self), interfaces)
         return result if self.glued is None else result.cut(interfaces)
 
     def renamed(
@@ -255,7 +256,7 @@ class Domain(Bodies):
         if sides is None and on is None:
             return self._split_everywhere()
         together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
-        tag = joining.last_tag(self) + 1
+        tag = joint.last_tag(self) + 1
         assert sides is not None
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
@@ -271,7 +272,7 @@ class Domain(Bodies):
             assert isinstance(glued.facet_tags, dmesh.MeshTags)
             before = claimed(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
             name_of = {tag: name for name, tag in self.regions.items()}
-            tag = joining.last_tag(self) + 1
+            tag = joint.last_tag(self) + 1
             for regions in touching_regions(glued.mesh, glued.cell_tags, before):
                 first, second = (name_of[region] for region in regions)
                 names = (f"{first} on {second}", f"{second} on {first}")
@@ -343,11 +344,11 @@ class Domain(Bodies):
         """
         glued = self if self.glued is None else self.glued
         comm = self.comm
-        together(comm, joining.check_parts, here, there, glued, self.pairs, apart)
-        on = joining.last_tag(self) + 1
-        found = joining.joint(glued, here, there, on, tied=tied, apart=apart)
+        together(comm, joint.check_parts, here, there, glued, self.pairs, apart)
+        on = joint.last_tag(self) + 1
+        found = joint.joint(glued, here, there, on, tied=tied, apart=apart)
         before = () if self.seams is None else self.seams.interfaces
-        interfaces = together(comm, joining.interfaces, before, found.interface, tied)
+        interfaces = together(comm, joint.interfaces, before, found.interface, tied)
         shape = None
         if isinstance(glued.geometry, Joinable):
             shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
@@ -365,9 +366,9 @@ class Domain(Bodies):
             InputError: If two parts are no pair of this domain.
         """
         if self.glued is None or self.seams is None:
-            joining.tied_alone((), ties)
+            joint.tied_alone((), ties)
             return self
-        interfaces = joining.tied_alone(self.seams.interfaces, ties)
+        interfaces = joint.tied_alone(self.seams.interfaces, ties)
         return self if interfaces == self.seams.interfaces else self.glued.cut(interfaces)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:

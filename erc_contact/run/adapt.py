@@ -11,8 +11,8 @@ from pathlib import Path
 from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
-from erc_contact.error.aim import Aim
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.controller import Aim
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method

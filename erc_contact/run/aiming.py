@@ -9,7 +9,9 @@ from erc_contact.error.numbers import Bounds
 
 
 class Aiming(Protocol):
-    """Follow the goal of a run, as :class:`erc_contact.error.aim.Aim`; collective.
+    """Follow the goal of a run; collective.
+
+    See :class:`erc_contact.error.goals.controller.Aim`.
 
     Attributes:
         before: What was carried to the last mesh.

@@ -16,7 +16,7 @@ from erc_contact.base.html import table
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.coulomb import CoulombCertificate, coulomb_certificate
+from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
 from erc_contact.error.numbers import Bounds
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.as_code import run_as_code

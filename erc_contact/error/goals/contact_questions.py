@@ -1,13 +1,13 @@
 """Questions of forces and moments on contacts: all that is beyond them moves by t.
 
-See :mod:`erc_contact.error.question`. Let W be the rigid motion of the number ``int r .
-W``, and take a set of bodies that a contact alone joins to other bodies, or to its
-foundation. By equilibrium the number is minus the work on W of loads, supports and
-other contacts of the set. So the set moves by t W: its supports, and the foundations
-and bodies beyond its other contacts. A frictionless contact does so by its gap, which
-grows by ``t n . W``. With friction, W must not make it slide. Of a frictionless contact
-the foundation alone may move, in the other sense: ``int r . W`` is then the derivative
-of the energy by the gap.
+See :mod:`erc_contact.error.goals.question`. Let W be the rigid motion of the number
+``int r . W``, and take a set of bodies that a contact alone joins to other bodies, or
+to its foundation. By equilibrium the number is minus the work on W of loads, supports
+and other contacts of the set. So the set moves by t W: its supports, and the
+foundations and bodies beyond its other contacts. A frictionless contact does so by its
+gap, which grows by ``t n . W``. With friction, W must not make it slide. Of a
+frictionless contact the foundation alone may move, in the other sense: ``int r . W`` is
+then the derivative of the energy by the gap.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from mpi4py import MPI
 
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.goals.question import Asked, Question, no_load
+from erc_contact.error.goals.virtual_motion import Shift, VirtualMotion, shifted
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.error.question import Asked, Question, no_load
-from erc_contact.error.virtual_motion import Shift, VirtualMotion, shifted
 from erc_contact.model.foundation import BoundContact
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.scene import Scene

@@ -16,28 +16,16 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
-from erc_contact.mesh.curve import Curve, curves, directed
-from erc_contact.mesh.cutting import cut
+from erc_contact.mesh.joining.curve import Curve, curves, directed
+from erc_contact.mesh.joining.cutting import cut
+from erc_contact.mesh.joining.thresholds import CLOSE, CORNER, CRUSHED, FACING, SAME
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.tags import NO_TAG
 
-CLOSE = (0.4, 0.2, 0.05)
-"""Distance below which vertices of both sides become one, by the shorter facet [-].
-
-A smaller one is taken if a cell would be crushed by the larger one.
-"""
-SAME = 1e-3
-"""Distance that counts as none, as numbers in a file have it, by the facet [-]."""
-CORNER = 0.7
-"""Angle at which a side has a corner, whose vertex stays where it is [rad]."""
-FACING = 0.5
-"""Least cosine of the angle between facets that face each other [-]."""
 HEIGHTS = 1.5
 """Allowed distance of curved sides, by the height of their facets [-]."""
 NEAR = 0.2
 """Greatest distance of sides, by the shorter facet [-]."""
-CRUSHED = 0.25
-"""Least share of its area that a cell keeps when vertices move [-]."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """Return the question that a goal asks of a pair.
 
-See :mod:`erc_contact.error.question`.
+See :mod:`erc_contact.error.goals.question`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.force_questions import moment, resultant
-from erc_contact.error.given_bounds import contacts_with_given_bounds
-from erc_contact.error.motion_questions import functional, mean_displacement, rotation
-from erc_contact.error.question import LEAST_ERROR, Asked, Question
+from erc_contact.error.goals.force_questions import moment, resultant
+from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
+from erc_contact.error.goals.motion_questions import functional, mean_displacement, rotation
+from erc_contact.error.goals.question import LEAST_ERROR, Asked, Question
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.scene.goal import (

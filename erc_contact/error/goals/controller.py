@@ -16,11 +16,11 @@ import numpy as np
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals import goal_error, question_or_number, with_lifting
-from erc_contact.error.moved_pairs import moved_pairs
+from erc_contact.error.goals.goal_error import goal_error, question_or_number, with_lifting
+from erc_contact.error.goals.moved_pairs import moved_pairs
+from erc_contact.error.goals.three_pairs import Ends
+from erc_contact.error.goals.trials import FACTOR, NEAR, GoalError, Trials
 from erc_contact.error.numbers import Bounds
-from erc_contact.error.three_pairs import Ends
-from erc_contact.error.trials import FACTOR, NEAR, GoalError, Trials
 from erc_contact.scene.goal import Goal
 
 FIRST = 3.0

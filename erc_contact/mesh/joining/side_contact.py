@@ -13,19 +13,14 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.loops import area_vectors, closed, loops, outer_edges
+from erc_contact.mesh.joining.loops import area_vectors, closed, loops, outer_edges
+from erc_contact.mesh.joining.thresholds import CORNER, FACING, SAME
 from erc_contact.mesh.plain import PlainMesh
 
-CORNER = 0.7
-"""Angle at which a side has a corner, which is no curvature [rad]."""
 HEIGHTS = 2.0
 """Allowed distance of curved sides, by the heights of their facets [-]."""
 NEAR = 0.3
 """Greatest distance that facets explain, by the longer edge [-]."""
-SAME = 1e-3
-"""Distance that counts as none, by the shortest edge [-]."""
-FACING = 0.5
-"""Least cosine of the angle between facets that face each other [-]."""
 CLOSE = 0.3
 """Distance of points that become one where a common outline ends, by the edge [-]."""
 NO_EDGES = np.empty((0, 2), dtype=np.int64)

@@ -1,7 +1,7 @@
 """A question: what a goal moves in a scene, and how its number follows from the energy.
 
 A goal is the derivative of the energy by data of the scene, a load or the place of
-supports (:mod:`erc_contact.error.three_pairs`).
+supports (:mod:`erc_contact.error.goals.three_pairs`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Questions of motions: a load or a resultant moves by t, the number is its work.
 
-See :mod:`erc_contact.error.question`.
+See :mod:`erc_contact.error.goals.question`.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.error.goals.question import Asked, Question
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.error.question import Asked, Question
 from erc_contact.mesh.simplex import coefficients
 from erc_contact.mesh.tags import listed
 from erc_contact.model.model import Model

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.cutting import cut
 from erc_contact.mesh.graphs import components
+from erc_contact.mesh.joining.cutting import cut
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import facet_vertices, measures

@@ -1,9 +1,9 @@
 """Ask for single numbers of the solution in certified intervals.
 
 The interval of a number comes from three admissible pairs
-(:mod:`erc_contact.error.three_pairs`), for any t. Here t is chosen, and the interval is
-that of all t tried: it is the intersection of theirs. Runs that aim at a number choose
-it in another way (:mod:`erc_contact.error.aim`).
+(:mod:`erc_contact.error.goals.three_pairs`), for any t. Here t is chosen, and the
+interval is that of all t tried: it is the intersection of theirs. Runs that aim at a
+number choose it in another way (:mod:`erc_contact.error.goals.controller`).
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.question import Question
+from erc_contact.error.goals.questions import question_of
+from erc_contact.error.goals.three_pairs import Ends
+from erc_contact.error.goals.trials import FACTOR, GROWTH, NEAR, GoalError, PairOf, Trials
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
-from erc_contact.error.question import Question
-from erc_contact.error.questions import question_of
-from erc_contact.error.three_pairs import Ends
-from erc_contact.error.trials import FACTOR, GROWTH, NEAR, GoalError, PairOf, Trials
 from erc_contact.scene.goal import Energy, Goal, Resultant
 
 LARGEST_COUNT = 6

@@ -9,7 +9,7 @@ from erc_contact.admissible.equilibrate import equilibrated
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.logs import muted
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.trials import PairOf
+from erc_contact.error.goals.trials import PairOf
 from erc_contact.newton.solve import Nearby
 from erc_contact.scene.scene import Scene
 

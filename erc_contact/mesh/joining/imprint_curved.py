@@ -16,14 +16,12 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
-from erc_contact.mesh.behind import Region, regions_behind, surface, with_cells
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.filling import filled
-from erc_contact.mesh.loops import area_vectors, band, least_angle, loops, outer_edges
-from erc_contact.mesh.outlines import cut_edges
-from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.side_contact import (
+from erc_contact.mesh.joining.behind import Region, regions_behind, surface, with_cells
+from erc_contact.mesh.joining.filling import filled
+from erc_contact.mesh.joining.loops import area_vectors, band, least_angle, loops, outer_edges
+from erc_contact.mesh.joining.outlines import cut_edges
+from erc_contact.mesh.joining.side_contact import (
     NO_FIT,
     SAME,
     FacetSide,
@@ -34,6 +32,9 @@ from erc_contact.mesh.side_contact import (
     outlines_on,
     side_contact,
 )
+from erc_contact.mesh.joining.thresholds import LEAST_ANGLE
+from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import measures
 
 BESIDE = (0.6, 0.8, 0.4, 1.0)
@@ -41,13 +42,14 @@ BESIDE = (0.6, 0.8, 0.4, 1.0)
 
 The one is taken whose band has the greatest least angle.
 """
-LEAST_ANGLE = 2.0
-"""Least angle of new triangles of the surface [degrees]."""
 CRUSHED = 0.2
-"""Least share of its measure that a triangle or cell keeps when points move [-]."""
+"""Least share of its measure that a triangle or cell keeps when points move [-].
+
+It is lower than elsewhere, as facets of curved sides move farther.
+"""
 
 
-def draped(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
+def imprint_curved(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
     """Return a mesh in space whose two sides have common facets.
 
     Args:

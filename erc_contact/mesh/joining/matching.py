@@ -10,17 +10,14 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.joining.thresholds import CRUSHED, SAME
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 
-SAME = 1e-3
-"""Distance that counts as none, by the shortest edge of the sides [-]."""
 DIRECTION = np.array([0.5411, 0.6231, 0.5647])
 """Direction along which points are sorted; few of a mesh have the same place on it."""
 ALONG_NORMAL = 0.5
 """Greatest share of a distance of facing points that is along the side [-]."""
-CRUSHED = 0.25
-"""Least share of its volume that a cell keeps when vertices move [-]."""
 SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])
 """Barycentric coordinates, not scaled, of points that are looked for in facets."""
 PAIRS_AT_ONCE = 1_000_000

@@ -29,8 +29,8 @@ An exact solution of direction t has e = 0: if q < 2 it is the only solution.
 
 q is computed with finite elements. It is an estimate: nothing here bounds what the mesh
 does not see of it. What another mesh tells of its limit is added
-(:mod:`erc_contact.error.other_mesh`). A and B are estimates by finite elements, too;
-mostly they are small.
+(:mod:`erc_contact.error.coulomb.other_mesh`). A and B are estimates by finite elements,
+too; mostly they are small.
 
 Source: (1) and (2) are ours; Y. Renard, SIAM J. Math. Anal. 38 (2006), has a uniqueness
 criterion of this kind.
@@ -44,11 +44,11 @@ import numpy as np
 
 from erc_contact.base.exceptions import raise_together
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.coupling import coupling
-from erc_contact.error.other_mesh import change_of_norm, other_mesh
+from erc_contact.error.coulomb.coupling import coupling
+from erc_contact.error.coulomb.other_mesh import change_of_norm, other_mesh
+from erc_contact.error.coulomb.slip_direction import LENGTHS, slip_fields
+from erc_contact.error.coulomb.surface import PairOnSurface, has_coulomb, pair_on_surface
 from erc_contact.error.runs import Run, error_of
-from erc_contact.error.slip_direction import LENGTHS, slip_fields
-from erc_contact.error.surface import PairOnSurface, has_coulomb, pair_on_surface
 from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.linear.solver import Traces
 

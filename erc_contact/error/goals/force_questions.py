@@ -1,6 +1,6 @@
 """Questions of forces and moments: supports move by t, the number is their work.
 
-See :mod:`erc_contact.error.question`. Let W be a rigid motion: the direction of a
+See :mod:`erc_contact.error.goals.question`. Let W be a rigid motion: the direction of a
 force, or the rotation about the axis of a moment. The number is ``int sigma n . W`` on
 a part. If the supports of the part move by t W, the energy grows by t times the work of
 what they exert. That of loads on components that they leave free is added.
@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.error.contact_questions import contact_question
+from erc_contact.error.goals.contact_questions import contact_question
+from erc_contact.error.goals.question import Asked, Question, no_load
+from erc_contact.error.goals.virtual_motion import VirtualMotion
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.error.question import Asked, Question, no_load
-from erc_contact.error.virtual_motion import VirtualMotion
 from erc_contact.mesh.tags import listed
 from erc_contact.model.rigid_faces import RigidFace, bind_rigid, centroid
 from erc_contact.scene.goal import Moment, Resultant

@@ -17,7 +17,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
-from erc_contact.mesh.behind import (
+from erc_contact.mesh.joining.behind import (
     Region,
     at_other_parts,
     regions_behind,
@@ -25,35 +25,25 @@ from erc_contact.mesh.behind import (
     with_cells,
     with_surface,
 )
-from erc_contact.mesh.filling import filled, triangulated
-from erc_contact.mesh.outlines import (
+from erc_contact.mesh.joining.filling import filled, triangulated
+from erc_contact.mesh.joining.outlines import (
     Alignment,
     common_points,
     cut_edges,
     directions,
     inside,
 )
+from erc_contact.mesh.joining.strips import CutSurface, with_short_edges
+from erc_contact.mesh.joining.thresholds import CLOSE, CRUSHED, LEAST_ANGLE, SAME
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.simplex import measures
-from erc_contact.mesh.strips import CutSurface, with_short_edges
 
-CLOSE = (0.4, 0.2, 0.05)
-"""Distances below which points of the outlines become one, by the shorter edge [-].
-
-A smaller one is taken if a triangle beside an outline would be crushed.
-"""
 FLAT = 1e-3
 """Distance from the plane that counts as none, by the shortest edge [-]."""
 OPPOSITE = 0.999
 """Least cosine between the normals of one side and minus that of the other [-]."""
-CRUSHED = 0.25
-"""Least share of its area that a triangle of a surface keeps [-]."""
-SAME = 1e-3
-"""Distance in the plane that counts as none, by the shortest edge [-]."""
 DIGITS = 6
 """Digits of the normal that decide about the axes of a plane."""
-LEAST_ANGLE = 2.0
-"""Least angle of the triangles in the plane [degrees]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +62,7 @@ class _Plane:
         return self.origin + y @ self.axes.T
 
 
-def resided(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
+def imprint_plane(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
     """Return a mesh in space whose two plane sides have common facets.
 
     Args:

@@ -1,13 +1,13 @@
 """The same body on another mesh, and what it tells of the limit of a norm.
 
-The norm q of the map of :mod:`erc_contact.error.coupling` changes with the mesh. How
-far it is from its limit is told by the same body on another mesh, with the same field
-t, interpolated to the nodes there. A small body is refined once. Of a larger one a
-coarser mesh is made, so that this costs little beside the solve of the body itself.
-Where corners and edges of a contact see it on every scale, q grows like the inverse of
-a logarithm: ``q(h) = q(0) - c/log(1 + L/h)`` with the size L of the contact. Two meshes
-tell c; then ``c/log(1 + L/h)`` is what is missing on the mesh of size h. Where q
-converges faster this is more than what is missing.
+The norm q of the map of :mod:`erc_contact.error.coulomb.coupling` changes with the
+mesh. How far it is from its limit is told by the same body on another mesh, with the
+same field t, interpolated to the nodes there. A small body is refined once. Of a larger
+one a coarser mesh is made, so that this costs little beside the solve of the body
+itself. Where corners and edges of a contact see it on every scale, q grows like the
+inverse of a logarithm: ``q(h) = q(0) - c/log(1 + L/h)`` with the size L of the contact.
+Two meshes tell c; then ``c/log(1 + L/h)`` is what is missing on the mesh of size h.
+Where q converges faster this is more than what is missing.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import ErcContactError
-from erc_contact.error.coupling import coupling
-from erc_contact.error.surface import Surface, coulomb_surface
+from erc_contact.error.coulomb.coupling import coupling
+from erc_contact.error.coulomb.surface import Surface, coulomb_surface
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.model.model import Model

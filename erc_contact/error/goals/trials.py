@@ -1,7 +1,7 @@
 """Try values of t for the interval of a number, and hold what each of them gives.
 
-For any t the interval holds (:mod:`erc_contact.error.three_pairs`), and so does the
-intersection of those of several t.
+For any t the interval holds (:mod:`erc_contact.error.goals.three_pairs`), and so does
+the intersection of those of several t.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.goals.question import LEAST_ERROR, Question
+from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
 from erc_contact.error.numbers import Bounds
-from erc_contact.error.question import LEAST_ERROR, Question
-from erc_contact.error.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
 from erc_contact.scene.scene import Scene
 
 PairOf = Callable[[Scene], Admissible]

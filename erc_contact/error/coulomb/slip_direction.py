@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.error.surface import PairOnSurface, Surface
+from erc_contact.error.coulomb.surface import PairOnSurface, Surface
 from erc_contact.model.trace import split
 
 LENGTHS = (0.0, 0.01, 0.03, 0.1, 0.3)

@@ -1,9 +1,9 @@
 """Glue two bodies that were meshed apart where parts of their boundaries meet.
 
 The work is done on rank 0, on plain arrays. If the sides match, their points become
-one. If not, they get common facets: see :mod:`erc_contact.mesh.aligning` for the plane,
-and for space :mod:`erc_contact.mesh.resided` if they are plane and
-:mod:`erc_contact.mesh.overlapping` if they are curved.
+one. If not, they get common facets: see :mod:`erc_contact.mesh.joining.aligning` for
+the plane, and for space :mod:`erc_contact.mesh.joining.imprint_plane` if they are plane
+and :mod:`erc_contact.mesh.joining.imprint_mutual` if they are curved.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
-from erc_contact.mesh.aligning import aligned
 from erc_contact.mesh.bodies import Bodies
-from erc_contact.mesh.corners import moved_corner
-from erc_contact.mesh.draped import draped
-from erc_contact.mesh.matching import matched
+from erc_contact.mesh.joining.aligning import aligned
+from erc_contact.mesh.joining.corners import moved_corner
+from erc_contact.mesh.joining.imprint_curved import imprint_curved
+from erc_contact.mesh.joining.imprint_mutual import Facets, imprint_mutually
+from erc_contact.mesh.joining.imprint_plane import imprint_plane, plane_sides
+from erc_contact.mesh.joining.matching import matched
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.overlapping import taken_in_turn
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.resided import plane_sides, resided
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
@@ -185,8 +185,10 @@ def met(
         whole = aligned(plain, *tags, apart)
     else:
         # Sides that match keep their cells, plane or curved.
-        with_facets = resided if plane_sides(plain, *tags) else partial(taken_in_turn, draped)
-        whole = matched(plain, *tags, apart) or with_facets(plain, *tags, apart)
+        imprint: Facets = partial(imprint_mutually, imprint_curved)
+        if plane_sides(plain, *tags):
+            imprint = imprint_plane
+        whole = matched(plain, *tags, apart) or imprint(plain, *tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
     numbers1, numbers2 = row_numbers(whole.points_of(first), whole.points_of(second))

@@ -20,10 +20,10 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.loops import area_vectors, outer_edges
+from erc_contact.mesh.joining.loops import area_vectors, outer_edges
+from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, oriented
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.side_contact import FACING, FacetSide, allowance, oriented
 
 BESIDE = (0.6, 0.4, 0.2)
 """Least distance of the facets that side 2 takes from its outline, by their edges [-].
@@ -42,13 +42,13 @@ Facets = Callable[[PlainMesh, int, int, float], PlainMesh]
 """Gives a side the facets of another one that lies on it, or the other way round."""
 
 
-def taken_in_turn(
+def imprint_mutually(
     take: Facets, plain: PlainMesh, here: int, there: int, apart: float = 0.0
 ) -> PlainMesh:
     """Return a mesh in space whose two curved sides have common facets.
 
     Args:
-        take: Takes facets, :func:`erc_contact.mesh.draped.draped`.
+        take: Takes facets, see :mod:`erc_contact.mesh.joining.imprint_curved`.
         plain: The mesh.
         here: Tag of side 1.
         there: Tag of side 2.

@@ -48,8 +48,8 @@ like the root of the distance, and the gap like its third power: V is apart by a
 ``M^(2/3)``, and the width like ``M^(4/3)``: that is the order in the limit.
 
 A friction bound that depends on the pressure is given the values that it has for the
-pair (:mod:`erc_contact.error.given_bounds`): the interval is that of the problem with
-this given friction, and an estimate for the scene itself.
+pair (:mod:`erc_contact.error.goals.given_bounds`): the interval is that of the problem
+with this given friction, and an estimate for the scene itself.
 
 Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 """
