@@ -16,6 +16,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation_motion import counted_from, foundation_motion
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.normals import gap_vectors, normal_field, normals_of_side, turns
@@ -66,6 +67,11 @@ def bind_contact(
         if gap is not None and contact.normal is None:
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gap = ufl.sqrt(ufl.dot(field, field)) * gap
+    motion = None
+    if contact.motion is not None:
+        motion = components(space, contact.motion, f"{what}: motion")
+        away = ufl.dot(motion, normal)
+        gap = away if gap is None else gap + away
     friction = _friction(space, contact, facets)
     stiffness = None
     if contact.foundation is not None:
@@ -78,6 +84,11 @@ def bind_contact(
     lost = None
     if last is not None and friction is not None:
         before, lost = last.on(space, contact.facets, trace, sign)
+    moved = None
+    if motion is not None:
+        moved, lost_of_motion = foundation_motion(space, trace, motion, what)
+        if friction is not None:
+            before, lost = counted_from(before, lost, moved, lost_of_motion)
     return BoundContact(
         name=contact.facets,
         against=contact.against,
@@ -88,11 +99,12 @@ def bind_contact(
         given_normal=given_normal,
         friction=friction,
         gap=gap,
-        gap_varies=callable(contact.gap),
+        gap_varies=callable(contact.gap) or motion is not None,
         bilateral=contact.bilateral,
         stiffness=stiffness,
         lost=lost,
         gap_vectors=of_gap,
+        moved=moved,
     )
 
 

@@ -17,7 +17,8 @@ def check_dimension(scene: Scene, d: int) -> None:
         InputError: If they do not.
     """
     vectors: list[tuple[Any, Any]] = [(support, support.value) for support in scene.supports]
-    vectors += [(contact, contact.normal) for contact in scene.contacts]
+    for contact in scene.contacts:
+        vectors += [(contact, contact.normal), (contact, contact.motion)]
     for load in scene.loads:
         vectors += [(load, parameter(load, name)) for name in load.parameters]
     for owner, value in vectors:

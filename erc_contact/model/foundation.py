@@ -60,6 +60,8 @@ class BoundContact:
             a solver.
         gap_vectors: M at the vertices of the facets [-], shape (f, d, d); None where
             the gap is what the scene gives.
+        moved: Displacement of the foundation at the nodes of the contact, zero off it
+            [length]; None without a motion. ``gap`` and the trace contain it.
     """
 
     name: str
@@ -79,6 +81,7 @@ class BoundContact:
     test_jump: fem.Constant | None = None
     gap_share: Ufl | None = None
     gap_vectors: np.ndarray | None = None
+    moved: fem.Function | None = None
 
     @property
     def title(self) -> str:

@@ -74,6 +74,7 @@ class Model(Space):
         bodies: Number of the body of each node of this rank, and number of bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
+        is_later_step: Whether the scene is a step of a history after another one.
         greatest_before: The sizes of the history before this step, 0 without one.
         gap_limits: Polynomials below the gap that were found [length], shape (f, c, m),
             contact -> coefficients.
@@ -91,6 +92,7 @@ class Model(Space):
     ) -> None:
         super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree)
         self.scene = scene
+        self.is_later_step = last is not None
         self.greatest_before = Greatest() if last is None else last.greatest
         check_dimension(scene, self.d)
         self.parameters = moduli(self, scene.material)

@@ -87,6 +87,9 @@ def last_step(solution: Solution) -> LastStep:
             n = contact.trace.normals
             normal = (w * n).sum(axis=-1, keepdims=True) * n
             w = np.where(stuck, normal + trace.slip_before, w)
+        if contact.moved is not None:
+            # The next step adds the motion of its own foundation.
+            w = w - trace.of(contact.moved.x.array)
         contacts[contact.name] = contact.facets, contact.sign * w
     before = model.greatest_before
     moved = float(abs(solution.u.x.array).max(initial=0.0))

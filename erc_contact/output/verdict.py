@@ -106,7 +106,7 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
 
 def _of_the_steps_before(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Say what is left out of the error of a step of a loading history."""
-    if all(contact.trace.before is None for contact in error.model.contacts):
+    if not error.model.is_later_step:
         return []
     words = (
         "e is the error of this step given the slip of the steps before. Their errors are in that "

@@ -74,15 +74,21 @@ class Contact:
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
         foundation: A compliant foundation, :class:`Foundation`; None for a rigid one.
+        motion: Displacement of the foundation [length]: one number or callable of x for
+            each dimension, at the points of the part. It changes the gap by its normal
+            component, and slip counts against it. A disc below a brake pad turns by
+            ``motion=(lambda x: -a * x[1], lambda x: a * x[0], 0.0)``. In a history it
+            is counted from the start, as a :class:`Displacement` is.
 
     Raises:
         InputError: If friction is negative, the normal is zero, a bilateral contact has
-            Coulomb friction or a compliant foundation, or a part is against itself.
+            Coulomb friction or a compliant foundation, a part is against itself, or a
+            contact with another body has a motion.
 
     Example:
         >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
         Contact(facets='bottom', against=None, friction=0.3, gap=<function ...>,
-                normal=None, bilateral=False, foundation=None)
+                normal=None, bilateral=False, foundation=None, motion=None)
     """
 
     facets: str
@@ -92,6 +98,7 @@ class Contact:
     normal: Sequence[float] | Callable[[Any], Any] | str | None = None
     bilateral: bool = False
     foundation: Foundation | None = None
+    motion: Sequence[Value] | None = None
 
     def __post_init__(self) -> None:
         """Check the arguments, and make a normal in numbers a unit vector."""
@@ -111,6 +118,7 @@ class Contact:
                 )
         self._check_friction(what)
         self._check_foundation(what)
+        self._check_motion(what)
         check_value(f"{what}: gap", self.gap, unit=" [length]")
         if self.bilateral and isinstance(self.law, Coulomb):
             raise InputError(
@@ -163,6 +171,23 @@ class Contact:
                 f"{what} is bilateral and has a compliant foundation: such a part never lifts"
                 f" off. Give Spring({self.facets!r}, normal=k) instead."
             )
+
+    def _check_motion(self, what: str) -> None:
+        """Check that the motion of a foundation is a vector."""
+        if self.motion is None:
+            return
+        if self.against is not None:
+            raise InputError(
+                f"{what} is against another body and has a motion; a body is moved by a "
+                "Displacement, and only a foundation has a motion."
+            )
+        if callable(self.motion):
+            raise InputError(
+                f"{what}: give one value or callable for each component of the motion, (ux, uy),"
+                " not one callable."
+            )
+        check_vector(f"{what}: motion", self.motion)
+        object.__setattr__(self, "motion", tuple(self.motion))
 
     def _check_normal_by_name(self, what: str) -> None:
         """Check that a normal in words is that of a gap."""
@@ -219,6 +244,7 @@ class Symmetry(Contact):
     )
     bilateral: bool = field(default=True, init=False, repr=False)
     foundation: Foundation | None = field(default=None, init=False, repr=False)
+    motion: Sequence[Value] | None = field(default=None, init=False, repr=False)
 
 
 def _unit_normal(what: str, normal: Any) -> tuple[float, ...]:

@@ -87,7 +87,10 @@ def _contact(contact: Any) -> str:
     bed = ""
     if contact.foundation is not None:
         bed = f", foundation of stiffness {_code(contact.foundation.stiffness)}"
-    return f"{kind}, {friction}, gap {_code(contact.gap)}{normal}{bed}"
+    moves = ""
+    if contact.motion is not None:
+        moves = f", foundation moves by {_vector(contact.motion)}"
+    return f"{kind}, {friction}, gap {_code(contact.gap)}{normal}{bed}{moves}"
 
 
 def _code(value: Any) -> str:

@@ -72,7 +72,7 @@ def question_or_number(error: ConstitutiveError, goal: Goal) -> Question | GoalE
     """
     if isinstance(goal, Energy):
         return _energy(error)
-    if any(contact.trace.before is not None for contact in error.model.contacts):
+    if error.model.is_later_step:
         raise InputError("interval: a step of a history has none; solve its scene alone.")
     question = question_of(error, goal)
     if question.moved is None:
