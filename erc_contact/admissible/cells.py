@@ -67,7 +67,7 @@ class CellGeometry:
 
     @property
     def edges(self) -> np.ndarray:
-        """Return the edges from the first vertex of each cell to the others [length].
+        """Return the edges that leave the first vertex of each cell [length].
 
         The array is contiguous, shape (n, d, d).
         """
@@ -195,9 +195,9 @@ def force_coefficients(moment: np.ndarray, degree: int) -> np.ndarray:
 
 
 def add_moments(space: Space, total: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
-    """Add moments of facets (cell, local facet) to those of all facets, in place.
+    """Add moments of facets (cell, local facet) to the moments of all facets, in place.
 
-    The nodes of facets are in the order of DOLFINx, those of the total are sorted.
+    ``moment`` has the nodes of a facet in the order of DOLFINx, ``total`` sorted.
 
     Args:
         space: The mesh.

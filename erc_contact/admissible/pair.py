@@ -134,7 +134,7 @@ class Admissible:
 
 
 def pair_of(result: Any) -> Admissible:
-    """Return the pair itself, or that of an error, or that of the error of a history.
+    """Return the pair itself, or the pair of an error, or of the error of a history.
 
     Raises:
         InputError: If it is none of them.

@@ -166,9 +166,8 @@ class ElasticTable(NamedTuple):
 def elastic_table(d: int, k: int, at_points: bool, b: int) -> ElasticTable:
     """Compute the table for elastic stresses that are given by b values in a cell.
 
-    These are one if it is constant there, coefficients of degree k - 1, or values at
-    the points of :func:`macro_points`. The other arguments are those of
-    :func:`macro_table`.
+    The values are one constant, coefficients of degree k - 1, or values at the points
+    of :func:`macro_points`. See :func:`macro_table` for the other arguments.
     """
     _, points, weights = macro_points(d, k)
     from_points = macro_table(d, k, at_points).from_points
