@@ -1,7 +1,7 @@
 """Work of the loads on displacements.
 
-It is known up to what the integrals leave unknown: those of loads that vary in space
-are adapted to them (:mod:`erc_contact.mesh.quadrature`).
+It is known up to what the integrals leave unknown: the integrals of loads that vary in
+space are adapted to the loads (:mod:`erc_contact.mesh.quadrature`).
 """
 
 from __future__ import annotations

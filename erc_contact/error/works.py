@@ -90,7 +90,7 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
     """Compute the strain energy of a displacement [force length]; collective.
 
-    It is that of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``.
+    It is the energy of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``.
     """
     model = pair.model
     energy = 0.5 * elastic_work(pair, u, u)
@@ -121,7 +121,7 @@ def _over_cells(pair: Admissible, density: Integrand) -> BoundedNumber:
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """Compute ``(sigma^, eps(v))``, which is exact [force length]; collective.
 
-    With the work of the springs it is that of r^ and of the projected loads.
+    With the work of the springs it is the work of r^ and of the projected loads.
     """
     model = pair.model
     cells = pair.cell_geometry
