@@ -26,8 +26,8 @@ class Curve:
     """Hold facets in the plane that follow each other.
 
     Args:
-        points: Number of each vertex, the last one too, shape (k+1,). That of a closed
-            curve is the first one again.
+        points: Number of each vertex, the last one too, shape (k+1,). A closed curve
+            ends with its first vertex.
         x: Positions of the vertices [length], shape (k+1, 2).
         sides: Side (cell, local facet) of each facet, shape (k, 2).
     """

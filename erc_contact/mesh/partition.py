@@ -182,7 +182,7 @@ def redistributed(
 
 
 def _moved(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh.MeshTags:
-    """Return tags of a mesh as those of its redistributed copy; collective."""
+    """Return tags of a mesh as tags of its redistributed copy; collective."""
     dim = tags.dim
     tdim = mesh.topology.dim
     owned = tags.indices < mesh.topology.index_map(dim).size_local

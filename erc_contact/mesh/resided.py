@@ -45,7 +45,7 @@ A smaller one is taken if a triangle beside an outline would be crushed.
 FLAT = 1e-3
 """Distance from the plane that counts as none, by the shortest edge [-]."""
 OPPOSITE = 0.999
-"""Least cosine between the normals of one side and minus that of the other [-]."""
+"""Least cosine between normals of one side and reversed normals of the other [-]."""
 CRUSHED = 0.25
 """Least share of its area that a triangle of a surface keeps [-]."""
 SAME = 1e-3
@@ -173,7 +173,8 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
             f"({enough(abs(heights[1]).max())} is enough), and by gap= of "
             "the contact."
         )
-    # The first axis is that of space nearest to the plane; round-off must not turn it.
+    # The first axis is the axis of space nearest to the plane; round-off must not turn
+    # it.
     nearest = np.eye(3)[np.argmin(np.round(abs(normal), DIGITS))]
     first = nearest - (nearest @ normal) * normal
     first /= np.linalg.norm(first)

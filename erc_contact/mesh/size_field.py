@@ -1,4 +1,4 @@
-"""Hold the sizes that a new mesh is to have, in the cells of the old one.
+"""Hold the sizes that a new mesh is to have, in the cells of the old mesh.
 
 Symbols: h size [length], the edge of the simplex that is wanted at a point; d
 dimension.
