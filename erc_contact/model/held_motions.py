@@ -81,7 +81,7 @@ def unsupported_motions(
 ) -> list[fem.Function]:
     """Find the rigid motions that no support holds, but springs may; collective.
 
-    The motions and the arguments are those of :func:`free_motions`.
+    See :func:`free_motions` for the motions and the arguments.
     """
     body, count = bodies
     motions, _ = body_motions(space, body, count)
