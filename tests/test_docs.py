@@ -103,7 +103,7 @@ def test_pages_load_mpi_first(page):
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
 def test_docstrings_and_comments_repeat_the_noun(package):
-    """ "The stiffness of the foundation", not "that of", which a reader has to resolve."""
+    """A reader has to resolve "that of"; "the stiffness of the foundation" is read."""
     figures = voice.Figures()
     for module in package.glob("*.py"):
         if not module.relative_to(ROOT).as_posix().startswith(TO_BE_WRITTEN_ANEW):
