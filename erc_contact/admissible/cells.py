@@ -38,6 +38,13 @@ class CellGeometry:
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
+
+    Example:
+        >>> cells = admissible.cell_geometry
+        >>> float(cells.volume.sum())  # the block is 2 by 1
+        2.0
+        >>> float(abs(cells.area.sum(axis=1)).max())  # the surface of a cell is closed
+        0.0
     """
 
     degree: int

@@ -30,6 +30,14 @@ class Curve:
             ends with its first vertex.
         x: Positions of the vertices [length], shape (k+1, 2).
         sides: Side (cell, local facet) of each facet, shape (k, 2).
+
+    Example:
+        >>> x = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+        >>> curve = Curve(np.arange(3), x, sides=np.zeros((2, 2), dtype=int))
+        >>> curve.places
+        array([0., 1., 2.])
+        >>> np.degrees(curve.turns)  # to the left at the vertex in the middle
+        array([ 0., 90.,  0.])
     """
 
     points: np.ndarray

@@ -105,7 +105,12 @@ def nodes(d: int, k: int) -> np.ndarray:
 
 
 def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
-    """Evaluate Bernstein polynomials at reference points, shape (q, N)."""
+    """Evaluate Bernstein polynomials at reference points, shape (q, N).
+
+    Example:
+        >>> bernstein(1, 2, np.array([[0.5]]))  # both ends and the edge, in the middle
+        array([[0.25, 0.25, 0.5 ]])
+    """
     if k == 0:
         return np.ones((len(points), 1))
     a, b = node_vertices(d, k).T

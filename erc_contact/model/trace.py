@@ -73,6 +73,13 @@ class Side:
         degree: Degree of the displacement.
         node_count: Number of nodes of this rank, ghosts included.
         cell_count: Number of cells of this rank, ghosts included.
+
+    Example:
+        >>> side = solution.model.contacts[0].trace.here
+        >>> side.areas  # the base of the block, of length 2, has 4 facets
+        array([0.5, 0.5, 0.5, 0.5])
+        >>> side.stiffness  # E = 1000 over the diameter 0.5
+        array([2000., 2000., 2000., 2000.])
     """
 
     facets: np.ndarray
@@ -136,6 +143,14 @@ class Trace:
             rigid foundation.
         corner_normals: Unit normals at the vertices of each facet, shape (f, d, d);
             None, on all ranks, where no facet has normals that turn.
+
+    Example:
+        >>> trace = solution.model.contacts[0].trace
+        >>> w = trace.of(solution.u.x.array)
+        >>> w.shape  # 4 facets with 2 nodes each, in the plane
+        (4, 2, 2)
+        >>> trace.back(np.ones(w.shape)).sum(axis=0)  # forces of 1 at 8 nodes of facets
+        array([8., 8.])
     """
 
     here: Side

@@ -67,6 +67,13 @@ class MacroTable:
             (number + 1)/2, s (s + 1)/2).
         nodal: From values at the nodes of the sub-simplices, (d+1, N_k) in one.
         from_points: From values at the points of :func:`macro_points`.
+
+    Example:
+        >>> table = macro_table(d=2, k=1, at_points=False)
+        >>> table.count  # at 2 vertices of 3 sub-triangles, and at the barycentre
+        7
+        >>> round(float(table.weights.value.sum()), 12)  # the mean of 1
+        1.0
     """
 
     count: int
