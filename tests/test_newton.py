@@ -212,7 +212,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
 
 @pytest.mark.serial
 def test_a_body_of_one_row_of_cells():
-    """Nearly all of its equations are those of the contact: MUMPS has little to eliminate."""
+    """Nearly all of its equations belong to the contact: MUMPS has little to eliminate."""
     layer = ec.rectangle((0.0, 0.0), (1.0, 0.1), cells=(40, 1))
     law = ec.Contact("bottom", friction=ec.Tresca(0.01))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", (0.0, -0.02))], contacts=law)
