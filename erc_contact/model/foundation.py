@@ -207,10 +207,10 @@ class BoundContact:
     def project(self, z: Ufl, gamma: Ufl | None = None) -> Ufl:
         """Return the traction that the law allows [force/area], UFL.
 
-        On a compliant foundation springs k and gamma carry the trial pressure ``-r_n +
-        gamma (w_n - g)``, and k gives way, too: the pressure p of the law ``p = k (w_n
-        - g)`` is the share ``k/(k + gamma)`` of it. So the share tends to 1 on a stiff
-        foundation and to 0 on a soft one.
+        On a compliant foundation springs k and gamma carry the trial pressure
+        ``-r_n + gamma (w_n - g)``, and k gives way, too: the pressure p of the law
+        ``p = k (w_n - g)`` is the share ``k/(k + gamma)`` of it. So the share tends to
+        1 on a stiff foundation and to 0 on a soft one.
 
         Args:
             z: Trial traction [force/area], UFL.

@@ -134,8 +134,8 @@ class Model(Space):
     def stress(self, u: Ufl) -> Ufl:
         """Return the stress ``C (eps(u) - eps_0)`` [force/area], UFL.
 
-        Its variation has no given strain eps_0: a test or trial function v has ``C
-        eps(v)``.
+        Its variation has no given strain eps_0: it is ``C eps(v)`` for a test or trial
+        function v.
         """
         if self.strains is None or has_arguments(u):
             return self._stress_of(strain(u))
