@@ -167,7 +167,7 @@ def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> 
 def met(
     plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
-    """Glue the two sides, and give the facets where they meet a tag of their own.
+    """Glue the two sides, and give the facets where they meet a new tag.
 
     Args:
         plain: The mesh.

@@ -172,7 +172,7 @@ class Model(Space):
         return ufl.inner(stress, strain(v)) * self._measure(varying)
 
     def right_side(self, v: Ufl) -> Ufl | None:
-        """Return the UFL form of loads and given strains, or None without both."""
+        """Return the UFL form of loads and given strains, or None without any."""
         forms = (self.loads(v), self.strain_loads(v))
         return sum_of([form for form in forms if form is not None])
 
