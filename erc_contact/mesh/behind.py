@@ -181,7 +181,7 @@ def surface(
 def _cut_beside(
     plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the triangles beside the contact, cut, and those in which they lie."""
+    """Cut triangles beside the contact, and tell in which triangles the pieces lie."""
     triangles = number[region.triangles]
     # Side i of a triangle is opposite to its corner i.
     edges = triangles[:, facet_vertices(2)].reshape(-1, 2)

@@ -100,7 +100,7 @@ class Curve:
         return np.concatenate(places), np.concatenate(distances)
 
     def _projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project points on the nearest facet and those beside it; keep the best."""
+        """Project points on the nearest facet and its neighbours; keep the best."""
         count = len(self.lengths)
         edge = np.diff(self.x, axis=0)
         low = np.zeros(count)

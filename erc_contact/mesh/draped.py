@@ -106,7 +106,7 @@ def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float)
 def _best_bands(
     x: np.ndarray, contact: SideContact, outlines: Outlines, apart: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the triangles to remove, and those between outlines and what remains.
+    """Return triangles to remove, and triangles between outlines and what remains.
 
     Returns:
         Whether each triangle of the side that is taken is removed, and the bands.

@@ -1,4 +1,4 @@
-"""Relate the cells of a mesh of DOLFINx to those from which it was made."""
+"""Relate the cells of a mesh of DOLFINx to the cells from which it was made."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ def coordinate_element(dim: int) -> Any:
 
 
 def patches_complete(mesh: dmesh.Mesh) -> bool:
-    """Check whether each rank has all cells at the vertices of its cells; collective."""
+    """Tell whether each rank has all cells at the vertices of its cells; collective."""
     tdim = mesh.topology.dim
     mesh.topology.create_connectivity(tdim, 0)
     vertices = mesh.topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)

@@ -1,4 +1,4 @@
-"""Find rigid motions that no support holds, and refuse those that nothing holds.
+"""Find rigid motions that no support holds, and refuse motions that nothing holds.
 
 A mesh may have several bodies, which share no node. Each body has its own rigid
 motions, and each must be held.
