@@ -138,7 +138,7 @@ def pushed_block(rng: np.random.Generator) -> tuple[Callable[[float], ec.Scene],
 
 
 def kinks(seed: int = 0, count: int = 200) -> None:
-    """Print quantiles of the contact part over that of a composite rule, minus 1."""
+    """Print quantiles of the contact part over a composite rule's, minus 1."""
     deviations = []
     for number in range(count):
         scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
@@ -148,7 +148,7 @@ def kinks(seed: int = 0, count: int = 200) -> None:
         composite = composite_contact_part(pair, traction)
         if composite > 0:
             deviations.append(part / composite - 1)
-    show({"contact part over that of a composite rule - 1": deviations}, "{:.1e}")
+    show({"contact part over the part by a composite rule - 1": deviations}, "{:.1e}")
 
 
 def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> float:

@@ -13,7 +13,7 @@ Each scene is certified on its mesh and on the mesh that is refined once:
   admissible pair and may be rougher; ``q_largest`` of the first mesh must not be below
   it;
 - withdrawn: scenes in which ``unique``, or a bound, is claimed on the first mesh and
-  not on the refined one; contradicted: those of them with q + change >= 2 there.
+  not on the refined one; contradicted: withdrawn scenes with q + change >= 2 there.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ tractions on the boundary against loads and friction law, the resultants and mom
 each body. Each is compared with the greatest stress of the body.
 
 - out of balance: pairs whose own evaluation is beyond :data:`UNBALANCED`; none may;
-- guaranteed, reached: those of them that call e a bound, or have eps below 2%;
+- guaranteed, reached: pairs that call e a bound, or have eps below 2%;
 - apart: proved intervals of the energy, of a certified displacement and of the solution
   of the same scene, that do not intersect; none may;
 - other: scenes whose outcome or eps is not the same on all numbers of ranks; none may.
@@ -58,7 +58,7 @@ class Outcome:
         ending: "pair", or the name of the exception.
         eps: Relative error.
         said: Imbalance that the pair tells.
-        own: That of the own evaluation.
+        own: The value of the own evaluation.
         guaranteed: Whether e is called a bound.
         energy: Interval of the potential energy, where it is proved.
     """

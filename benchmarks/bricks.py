@@ -25,8 +25,8 @@ NAMES = ("upper contact", "lower contact")
 def bricks(d: int, cells: tuple[int, ...], **shape: Any) -> ec.Domain:
     """Make two bricks of width 2 that touch at height zero; collective.
 
-    The two sides of the contact are boundary parts. The arguments are those of
-    :func:`glued`.
+    The two sides of the contact are boundary parts. See :func:`glued` for the
+    arguments.
     """
     return glued(d, cells, **shape).split(dict(zip(NAMES, ("upper", "lower"), strict=True)))
 
@@ -47,7 +47,7 @@ def glued(
 ) -> ec.Domain:
     """Make the same bricks before they are split, two regions of a body; collective.
 
-    The mesh is irregular. That of the upper brick mirrors that of the lower one, so
+    The mesh is irregular. In the upper brick it mirrors the mesh of the lower brick, so
     with equal heights the bodies are equal. The boundary parts are "upper left", ...,
     "upper outer" (its top) and "lower outer" (its bottom).
 

@@ -13,7 +13,7 @@ peak to what the process has, beside what MUMPS says of its factor.
 
 With ``--bodies 2`` the body is cut at half of its height: the same friction acts
 between the two halves, and the bottom is held. It has as many contact nodes. The
-multigrid cycles are those of all linear solves of the contact solve.
+multigrid cycles are summed over all linear solves of the contact solve.
 
     OMP_NUM_THREADS=1 python benchmarks/cost.py [--dim 2] [--n 128] [--degree 1]
     [--tighten 10] [--rounds 5] [--bodies 1] [--solver auto]
@@ -101,7 +101,7 @@ class Cycles:
 def linear_solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> tuple[float, float]:
     """Measure one linear elastic solve: seconds, and megabytes of the factor.
 
-    The seconds are those of assembly and MUMPS (LU).
+    The seconds are spent in assembly and MUMPS (LU).
 
     The contact is held by nothing but the stiffness.
     """

@@ -10,7 +10,7 @@ These are the numbers of docs/coulomb.md.
   term of the old bound;
 - random: the same for random scenes, with the number of bounds that the truth exceeds;
 - meshes: q under refinement;
-- cost: processor time over that of one linear solve.
+- cost: processor time over the time of one linear solve.
 """
 
 from __future__ import annotations
@@ -247,7 +247,7 @@ def meshes() -> None:
 
 
 def cost() -> None:
-    """Print processor time of the certificate over that of one linear solve.
+    """Print processor time of the certificate over the time of one linear solve.
 
     Both include the set-up.
     """

@@ -7,7 +7,7 @@ with tightening:
     both      e over sqrt(|u - u^|^2 + |sigma - sigma^|^2)
     third     2 int (b - b^)(|u_t| - |u^_t|) / e^2 where the friction bound b depends on
     the pressure rank u    Spearman's rank correlation of eps_E with the true error of
-    u^ per element; "rank 2" with that of both
+    u^ per element; "rank 2" with the error of both
 
 True errors are against the augmented Lagrangian on a mesh cut at the barycentres and
 then refined uniformly four times (3D: as often as memory allows), or against a known
@@ -121,8 +121,8 @@ def measured(
 def table(name: str, degree: int) -> Iterator[Row]:
     """Return all rows of a scene.
 
-    First come those of the uniform sequence, then those of the adaptive one from the
-    same first mesh.
+    First come the rows of the uniform sequence, then the rows of the adaptive sequence
+    from the same first mesh.
     """
     case = CASES[name]
     for make in case.meshes:
@@ -215,7 +215,7 @@ def race(accuracy: float = 0.01) -> None:
 
     The uniform side runs twice: refining all cells from the same first mesh, as one
     does who knows nothing; and on the one structured mesh that just reaches the
-    accuracy, as if it were known in advance. Seconds are those of the processor, of one
+    accuracy, as if it were known in advance. Seconds are processor seconds, of one
     thread: they do not depend on what else the machine does.
     """
     scene, start = block(0.3), blocks(4)[0]()

@@ -2,8 +2,8 @@
 
 Without friction ``e^2 = a^2 + b^2 + 2 A + 2 B`` with the errors a of u^ and b of
 sigma^, ``A = int |r_n| (g - [u^]_n)`` and ``B = int |r^_n| (g - [u]_n)``. Printed are
-the shares of the four in e^2, the index ``e / sqrt(a^2 + b^2)`` of both errors, and e/a
-that of u^. The scenes: a brick on a rigid foundation, and two bricks, pressed on a
+the shares of the four in e^2, the index ``e / sqrt(a^2 + b^2)`` of both errors, and the
+index e/a of u^. The scenes: a brick on a rigid foundation, and two bricks, pressed on a
 contact of 2 to 16 facets.
 
 The reference is of degree 2 on a mesh that is cut and refined three times. B is

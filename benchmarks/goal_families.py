@@ -181,7 +181,7 @@ def pressed(rng: np.random.Generator, d: int) -> tuple[str, Sample, list[Wanted]
     wanted = [resultant("top", up, "on support"), resultant("bottom", up, "on contact")]
     wanted.append(mean("right", up))
     if law != "Coulomb":
-        # There the energy is that of the friction bound of each mesh, another number.
+        # There the energy belongs to the friction bound of each mesh, another number.
         wanted.append(Wanted("energy", ec.Energy(), energy))
     return law, sample, wanted
 

@@ -3,9 +3,9 @@
 Blocks are pressed on a foundation by a support, or by a rigid face that may turn. Where
 the contact is "free", a part of it opens, and its edge moves with the load. Where it is
 "settled", all of it is closed, and it slides all over or has no friction. The order is
-the slope of the logarithm of the width over that of e, on meshes refined one after the
-other: four in the plane, in space three of degree 1 and two of degree 2. "last" is that
-of the last two meshes. Orders are medians over the scenes.
+the slope of the logarithm of the width over the logarithm of e, on meshes refined one
+after the other: four in the plane, in space three of degree 1 and two of degree 2.
+"last" is the order of the last two meshes. Orders are medians over the scenes.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def orders_of(
 ) -> dict[str, tuple[float, float]]:
     """Return the orders of each goal whose interval is more than round-off.
 
-    The first is that of all meshes, the second that of the last two.
+    The first counts all meshes, the second the last two.
     """
     sizes = []
     widths: dict[str, list[float]] = {name: [] for name in goals}

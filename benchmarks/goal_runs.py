@@ -1,11 +1,11 @@
 """Measure runs that aim at a number: what they cost, and what they save.
 
 ``cost``: random blocks in the plane and in space (:mod:`goals`), one goal each.
-"seconds" is the time of the run over that of one that solves and measures e on the same
-meshes, and "width" that of its last interval over the narrowest of several t on the
-last mesh (``interval``). ``runs``: forces to 1%, against runs by eps that stop as soon
-as ``resultant`` or ``interval`` knows them as well. Times are of the processor, with
-all forms compiled.
+"seconds" is the time of the run over the time of a run that solves and measures e on
+the same meshes, and "width" the width of its last interval over the narrowest of
+several t on the last mesh (``interval``). ``runs``: forces to 1%, against runs by eps
+that stop as soon as ``resultant`` or ``interval`` knows them as well. Times are of the
+processor, with all forms compiled.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
 ``plane``: random blocks (size, cells, Poisson's ratio, loads that open or press,
 degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D.
-The goals are the force on the top, that on the contact below, and the mean displacement
-of the right side. An interval is called false where it lies apart from that of a mesh
-refined three times (in space once) with elements of degree 2. "half width" is over the
-number, "narrower" the width of ``resultant`` over that of ``interval``, and "order" the
-exponent of the width in e on a mesh refined once.
+The goals are the force on the top, the force on the contact below, and the mean
+displacement of the right side. An interval is called false where it lies apart from the
+interval of a mesh refined three times (in space once) with elements of degree 2. "half
+width" is over the number, "narrower" the width of ``resultant`` over the width of
+``interval``, and "order" the exponent of the width in e on a mesh refined once.
 
 ``forces``, ``moments``, ``rotations``, ``contacts`` and ``functionals``, and each of
 them ``_in_space``, count the intervals of each kind of number
@@ -14,7 +14,7 @@ them ``_in_space``, count the intervals of each kind of number
 and rotations under a press that turns; forces between two bodies and on two contacts;
 integrals with weights. The number is read off the stress and the displacement of a mesh
 refined as often. ``aimed``: the same of runs that aim at forces, mean displacements and
-energies. ``coulomb``: forces with Coulomb friction against those of a fine mesh.
+energies. ``coulomb``: forces with Coulomb friction against forces of a fine mesh.
 
     OMP_NUM_THREADS=1 python benchmarks/goals.py [name|all] [seed] [count]
 """
@@ -107,7 +107,7 @@ def space(seed: int = 0, count: int = 8) -> None:
 
 
 def coulomb(seed: int = 0, count: int = 24) -> None:
-    """Compare forces with Coulomb friction to those of a mesh refined three times.
+    """Compare forces with Coulomb friction to forces of a mesh refined three times.
 
     These forces know no interval, so that an interval that is wrong is seen.
     """

@@ -82,7 +82,7 @@ def errors() -> None:
 
 
 def cost() -> None:
-    """Print the cost of a history against that of single steps."""
+    """Print the cost of a history against the cost of single steps."""
 
     def scene_at(t: float) -> ec.Scene:
         return block(min(t, 1.0), 0.04 * np.sin(2 * np.pi * max(t - 1.0, 0.0)))

@@ -11,7 +11,7 @@ and numeric LU factorisation by MUMPS, one solve), and a second one on the same 
 (assembly, numeric factorisation, solve), which is what a Newton step of the whole body
 costs. A Newton step here is the whole contact solve over its steps. Everything is timed
 in one process; medians of several rounds. The forces and the numbers of open, sticking
-and slipping nodes are those of the solution.
+and slipping nodes are counted in the solution.
 
     OMP_NUM_THREADS=1 python benchmarks/newton.py [n] [rounds]
 """
@@ -61,7 +61,7 @@ def linear_solves(scene: ec.Scene, domain: ec.Domain) -> tuple[float, float]:
 def forces(solution: ec.Solution) -> tuple[np.ndarray, list[int]]:
     """Compute the resultant of the method's traction, and the status of the nodes.
 
-    The numbers are those of nodes that are open, stick and slip.
+    They are the numbers of nodes that are open, stick and slip.
     """
     contact = solution.model.contacts[0]
     traction, ds = solution.traction(contact), contact.ds(metadata={"quadrature_degree": 4})

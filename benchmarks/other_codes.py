@@ -44,7 +44,7 @@ class Row:
         force: Force on the upper block [force].
         energy: Strain energy [force length].
         unknowns: Number of unknowns.
-        seconds: Processor time, without that of starting Python.
+        seconds: Processor time, without starting Python.
         error: What it says about its error.
     """
 

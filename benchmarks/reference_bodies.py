@@ -71,7 +71,7 @@ def receding_layers() -> Result:
 
     Half of two layers. Upper: (0, 80) x (0, 10) mm, E = 1000 MPa, nu = 0.3; lower:
     (0, 200) x (-20, 0), 4000 and 0.25, fixed below; plane strain, no friction; u_x = 0
-    at x = 0. A pressure of 1 MPa acts on the top where |x| < 5. The energy is that of
+    at x = 0. A pressure of 1 MPa acts on the top where |x| < 5. The energy belongs to
     both halves. Earlier Fourier integrals of ours had the energy 0.0458814466.
     """
     bricks = [
@@ -110,8 +110,8 @@ def layers_with_a_gap() -> Result:
     Half of two layers of 320 mm. Upper: 10 high, E = 200 000 MPa, nu = 0.3, its top
     moved by (0, -0.1); lower: 20 high, 1000 and 0.45, fixed below; plane strain, no
     friction, gap x^2/1000 as a field on flat sides; u_x = 0 at x = 0. Energy and force
-    are those of both halves. Fourier integrals are of infinite layers: half-lengths of
-    160 mm have an energy that is 2e-6 smaller, which the interval shows.
+    belong to both halves. Fourier integrals are of infinite layers: half-lengths of 160
+    mm have an energy that is 2e-6 smaller, which the interval shows.
     """
     bricks = [("upper", 0.0, 0.0, 320.0, 10.0), ("lower", 0.0, -20.0, 320.0, 20.0)]
     parts = {"middle": (0, -20, 0, 10), "top": (0, 10, 320, 10), "base": (0, -20, 320, -20)}
@@ -174,7 +174,7 @@ def hertz_cylinders() -> Result:
     below, plane strain, no friction; gap x^2/2R with 1/R = 1/10 + 1/13, as Hertz has
     it. The force is 3200 N/mm, as a pressure on the top; u_y = 0 below, u_x = 0 at
     x = 0. Ansys has quarters of discs, in plane stress; its target for the half-width
-    is that of plane strain (plane stress has 1.248).
+    is computed in plane strain (plane stress has 1.248).
     """
     radius = 1 / (1 / 10 + 1 / 13)
     moduli, ratios = {"upper": 30000.0, "lower": 29120.0}, {"upper": 0.25, "lower": 0.3}

@@ -239,7 +239,7 @@ def receding_layer() -> Result:
 
     Half of a layer, rectangle (0, 80) x (0, 10) mm, E = 1000 MPa, nu = 0.3, plane
     strain; u_x = 0 at x = 0. A pressure of 1 MPa acts on the top where |x| < 5; below
-    is a frictionless plane. The energy is that of both halves. The references are
+    is a frictionless plane. The energy belongs to both halves. The references are
     Fourier integrals of an infinite layer with the pressure as the unknown, in
     reference_fourier.py; earlier ones of ours had the energy 0.0361713887.
     """

@@ -13,8 +13,9 @@ downwards, and the bonded layer by ``K' p L`` with k = 3 - 4 nu', t = xi h' and
     L = (2 k sinh 2t - 4t)/(2 k cosh 2t + 4 t^2 + k^2 + 1).
 
 The pressure is ``sqrt(1 - z^2)`` times a sum of Chebyshev polynomials U_2n, z = x/b.
-Where there is contact both sides have one slope. For large xi the equation is that of
-half-planes, whose integrals are Chebyshev polynomials T; what is left decays fast.
+Where there is contact both sides have one slope. For large xi the equation tends to the
+equation of half-planes, whose integrals are Chebyshev polynomials T; what is left
+decays fast.
 
 Source: L. M. Keer, J. Dundurs, K. C. Tsai, J. Appl. Mech. 39 (1972).
 """

@@ -74,7 +74,7 @@ class Result:
     Attributes:
         cells: Number of cells of the finest mesh.
         unknowns: Number of unknowns there.
-        eps: Relative error there, with that of flat facets [-].
+        eps: Relative error there, with the error of flat facets [-].
         numbers: The numbers.
         seconds: Processor time of the case, without compilers.
     """

@@ -37,9 +37,9 @@ OMP_NUM_THREADS=1 python benchmarks/reference_values.py
 - **Others** are closed forms, published figures and other codes: "inside" or "outside" the
   interval, up to the rounding of the figure. In brackets is the relative difference of a figure
   from the value, where there is no interval, or where the figure is of a simpler problem.
-- **Seconds** are processor seconds on one core without those of compilers; all cases together
-  take {minutes:.0f} minutes. eps is the relative error of the finest mesh, with that of flat
-  facets.
+- **Seconds** are processor seconds on one core without the seconds of compilers; all cases
+  together take {minutes:.0f} minutes. eps is the relative error of the finest mesh, with the
+  error of flat facets.
 
 Closed forms of the same problem that lie inside their interval: {inside} of {exact}.
 {outside}

@@ -62,8 +62,8 @@ def rounded_punch() -> Result:
 
     Half of the block, (0, 10) x (0, 10), E = 1, nu = 0.3, plane strain, u_x = 0 at
     x = 0; it stands on its head: below is a rigid parabola with the gap x^2/20, and the
-    top has u_y = -0.05. Hertz's half-width is for a half-plane and this P, that of both
-    halves.
+    top has u_y = -0.05. Hertz's half-width is for a half-plane and this P, the force on
+    both halves.
     """
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
@@ -143,7 +143,7 @@ def press_fit() -> Result:
 
     Quarter of a shaft of radius 40 mm in a hub of radius 80, E = 210 000 MPa,
     nu = 0.3, plane strain, interference 0.04, no friction, both planes of symmetry on
-    rollers. The energy is that of the whole ring, the force that between two quarters
+    rollers. The energy belongs to the whole ring, the force acts between two quarters
     of the shaft. The mesh has flat facets; what they cost is estimated.
     """
     rollers = []
@@ -228,7 +228,7 @@ def cattaneo_mindlin() -> Result:
 
 
 def sheared(accuracy: float) -> tuple[ec.Evolution, list[float]]:
-    """Return the history, and its numbers over those of the closed form."""
+    """Return the history, and its numbers over the numbers of the closed form."""
     radius, mu = 10.0, 0.3
 
     def scene_at(t: float) -> ec.Scene:

@@ -3,8 +3,8 @@
     OMP_NUM_THREADS=1 python benchmarks/saving.py [scene]
 
 Scenes: short block, block (demos/block.py), cubes (in space), history and history in
-space (a block pushed to and fro), and those of benchmarks/foreseen.py, of degrees 1 and
-2. Without a scene each has a process of its own, so that the first save imports
+space (a block pushed to and fro), and the scenes of benchmarks/foreseen.py, of degrees
+1 and 2. Without a scene each has a process of its own, so that the first save imports
 matplotlib and pyvista. A short run is made twice: the second one compiles nothing.
 "allowed" is a second and a fifth of the run, and what is drawn in that time is in the
 column of pictures: in the first save, in another after all libraries are loaded, of

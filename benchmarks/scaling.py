@@ -1,13 +1,13 @@
 """Measure how seconds and memory of each stage grow with the mesh and the ranks.
 
-The scene is that of benchmarks/cost.py: a cube (or a block in the plane) pressed and
-sheared at its top, friction 0.3. Each size runs in processes of its own, a small mesh
-first, which loads the compiled forms. The unit U is one elastic solve of the same body,
-the contact glued, by conjugate gradients with multigrid to 1e-8, assembly and set-up
-included. Seconds are processor time, the largest over the ranks, so that other work of
-the machine changes them less; ranks that wait count, too. Memory is the sum of the
-peaks of the ranks, mesh included. The exponents are those of a straight line through
-the logarithms of seconds and unknowns.
+The scene is the scene of benchmarks/cost.py: a cube (or a block in the plane) pressed
+and sheared at its top, friction 0.3. Each size runs in processes of its own, a small
+mesh first, which loads the compiled forms. The unit U is one elastic solve of the same
+body, the contact glued, by conjugate gradients with multigrid to 1e-8, assembly and
+set-up included. Seconds are processor time, the largest over the ranks, so that other
+work of the machine changes them less; ranks that wait count, too. Memory is the sum of
+the peaks of the ranks, mesh included. The exponents are slopes of a straight line
+through the logarithms of seconds and unknowns.
 
     OMP_NUM_THREADS=1 python benchmarks/scaling.py [--dim 3] [--sizes 11 18 26 36 52]
     [--ranks 1 2] [--solver auto]

@@ -5,15 +5,15 @@ Does the same call end with the same history, and never with a wrong one?
 - `kills`: a run in 2D (marking), one of a curved body (gmsh meshes its true shape
   again) and one in 3D, on 1, 2 or 3 ranks, are killed (SIGKILL to all) at a random
   moment and go on, on another number of ranks each time, until they are through. The
-  history must be that of the undisturbed run: cells, Newton steps, eps to 1e-8. (In 3D
-  the solver is the direct one: with multigrid round-off, and so the ranks, may decide
-  on one Newton step more or less.)
+  history must be the history of the undisturbed run: cells, Newton steps, eps to 1e-8.
+  (In 3D the solver is the direct one: with multigrid round-off, and so the ranks, may
+  decide on one Newton step more or less.)
 - `damage`: each file of a checkpoint truncated, emptied, removed, and with one byte
   changed: all bytes of the smallest file, samples of the others. Each must be found,
   and the run must go on from the last good level, or say why not.
 - `faults`: a full disk, a folder that cannot be written, a folder that is removed, a
   rank that dies. The first two mount a tmpfs of their own, which takes root.
-- `cost`: seconds of writing over those of the run.
+- `cost`: seconds of writing over the seconds of the run.
 
 Any failure is counted, and the process ends with code 1.
 
@@ -293,9 +293,9 @@ def faults() -> Counter:
 
 
 def cost() -> Counter:
-    """Print seconds of writing over those of the run.
+    """Print seconds of writing over the seconds of the run.
 
-    They are those of the processor: what waits for the disk depends on the disk.
+    They are processor seconds: what waits for the disk depends on the disk.
     """
     result, add = Counter[str](), checkpoint.Checkpoint.add
     spent = 0.0

@@ -146,7 +146,7 @@ def reference(
 
     It is ``levels`` uniform refinements finer than the cut one.
 
-    Its degree is that of the solution, unless a higher one is given.
+    It has the degree of the solution, unless a higher one is given.
     """
     fine, origin = nested(solution.domain, levels)
     degree = degree or solution.model.degree

@@ -82,7 +82,7 @@ def random_case(rng: np.random.Generator, d: int) -> Case:
     cells = (*(columns,) * (d - 1), rows)
     E = {"upper": 1.0, "lower": float(10 ** rng.uniform(-3.0, 3.0))}
     nu = {body: float(rng.uniform(-0.3, 0.49)) for body in E}
-    # Strains are about those of this pressure on the softer body.
+    # Strains are about as large as under this pressure on the softer body.
     press = float(rng.uniform(0.005, 0.03))
     push = float(rng.uniform(-0.5, 0.5)) * press
     soft = min(E.values())
@@ -289,7 +289,7 @@ def extreme_scene(
         shape: One of :data:`SHAPES`.
         mu: Friction coefficient [-].
         nu: Poisson's ratio of both bodies [-].
-        ratio: Modulus of the lower body over that of the upper one [-].
+        ratio: Modulus of the lower body over the modulus of the upper body [-].
         gap: One of :data:`GAPS`.
         first: Which body is named first, "softer" or "stiffer".
     """

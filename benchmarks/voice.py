@@ -4,16 +4,23 @@ One row a package (a folder with modules) and one of all: characters a code line
 its indentation, comprehensions in 100 code lines, comment lines in 1000 code lines, the
 longest line, and the longest module. Docstrings, comments and blank lines are not code.
 For comparison, DOLFINx has 39 characters, 1.8 comprehensions, 86 comment lines.
+
+The last column counts "that of" and "those of" in 1000 words of docstrings, of strings
+below constants, and of comments: there a pronoun stands for a noun that the reader has
+to find. scikit-fem, DOLFINx, Irksome and Dedalus have 0.00, FElupe 0.03.
 """
 
 import ast
 import io
+import re
 import sys
 import tokenize
 from dataclasses import dataclass
 from pathlib import Path
 
 COMPREHENSIONS = ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp
+PRONOUN = re.compile(r"\b(that|those)\s+of\b", re.IGNORECASE)
+"""A pronoun in the place of a noun."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +33,8 @@ class Figures:
     comment_lines: int = 0
     longest_line: int = 0
     longest_module: int = 0
+    words: int = 0
+    pronouns: int = 0
 
     def __add__(self, other: "Figures") -> "Figures":
         """Return the counts of both."""
@@ -36,7 +45,14 @@ class Figures:
             self.comment_lines + other.comment_lines,
             max(self.longest_line, other.longest_line),
             max(self.longest_module, other.longest_module),
+            self.words + other.words,
+            self.pronouns + other.pronouns,
         )
+
+    @property
+    def pronoun_rate(self) -> float:
+        """Return the number of pronouns in the place of a noun in 1000 words."""
+        return 1000 * self.pronouns / max(self.words, 1)
 
     def row(self, name: str) -> str:
         """Return the figures as one line of a table."""
@@ -44,8 +60,20 @@ class Figures:
         return (
             f"{name:40s} {self.code_lines:6d} {self.characters / code:6.1f}"
             f" {100 * self.comprehensions / code:6.2f} {1000 * self.comment_lines / code:6.1f}"
-            f" {self.longest_line:5d} {self.longest_module:5d}"
+            f" {self.longest_line:5d} {self.longest_module:5d} {self.pronoun_rate:7.2f}"
         )
+
+
+def prose_of(text: str) -> str:
+    """Return docstrings, strings below constants, and comments of a module."""
+    prose = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            prose.append(str(node.value.value))
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            prose.append(token.string.lstrip("#: "))
+    return "\n".join(prose)
 
 
 def figures_of(path: Path) -> Figures:
@@ -69,6 +97,7 @@ def figures_of(path: Path) -> Figures:
     for number, line in enumerate(lines, start=1):
         if line.strip() and number not in docstrings and number not in comments:
             code.append(line.rstrip())
+    prose = prose_of(text)
     return Figures(
         code_lines=len(code),
         characters=sum(map(len, code)),
@@ -76,6 +105,8 @@ def figures_of(path: Path) -> Figures:
         comment_lines=len(comments),
         longest_line=max(map(len, lines), default=0),
         longest_module=len(lines),
+        words=len(prose.split()),
+        pronouns=len(PRONOUN.findall(prose)),
     )
 
 
@@ -83,7 +114,7 @@ def main(folders: list[str]) -> None:
     """Print the table of the packages in `folders`."""
     print(
         f"{'package':40s} {'code':>6s} {'chars':>6s} {'compr':>6s} {'comm':>6s}"
-        f" {'line':>5s} {'module':>5s}"
+        f" {'line':>5s} {'module':>5s} {'that of':>7s}"
     )
     total = Figures()
     for folder in folders:

@@ -67,8 +67,8 @@ history.save("results/block", pictures=True)
 
 # %%
 # What must hold: the accuracy is reached, the certified traction obeys contact and
-# friction, all forces balance, and the force of the foundation is that of several
-# independent codes on a fine mesh.
+# friction, all forces balance, and the foundation has the force that several
+# independent codes have on a fine mesh.
 
 error = history.error
 contact = error.profile(

@@ -20,10 +20,10 @@ contact sticks:
 
 When :math:`Q` goes back from :math:`Q_1`, everything sticks at first. Then slip in the
 other direction begins at the edges again, with :math:`c' = a \sqrt{1 - (Q_1 - Q)/2 \mu
-P}`: the shear is that of :math:`Q_1` less twice the same formula with :math:`c'`. So
-the shear at a force depends on the way to it. At :math:`Q = 0` on the way back there is
-shear in the contact and no shear force. At :math:`-Q_1` all is reversed, at :math:`Q_1`
-again the loop is closed. In a cycle friction takes
+P}`: the shear is the shear of :math:`Q_1` less twice the same formula with :math:`c'`.
+So the shear at a force depends on the way to it. At :math:`Q = 0` on the way back there
+is shear in the contact and no shear force. At :math:`-Q_1` all is reversed, at
+:math:`Q_1` again the loop is closed. In a cycle friction takes
 
 .. math::
 
@@ -174,7 +174,7 @@ if root:
     figure.savefig(FOLDER / "shear.png", dpi=150)
 
 # %%
-# The loop closes, it is symmetric, and its energy is that of the closed form.
+# The loop closes, it is symmetric, and it has the energy of the closed form.
 
 taken = np.diff(evolution.column("dissipated"))
 assert np.all(taken >= 0)

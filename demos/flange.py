@@ -14,9 +14,9 @@ the pull that is added, and more by the lever.
 
 Two contacts make the model. The joint has friction and may open. The bolt is cut, and
 its two ends are drawn together by a *bilateral* contact: its jump is the tightening
-:math:`\delta`, whatever the force. The bolt force is that of this contact. The head of
-the bolt and the flange, and the bolt and the base into which it is screwed, are in one
-piece. Lengths are in mm, stresses in MPa.
+:math:`\delta`, whatever the force. The bolt force is the force of this contact. The
+head of the bolt and the flange, and the bolt and the base into which it is screwed, are
+in one piece. Lengths are in mm, stresses in MPa.
 
 The corners of head and thread are singular, and friction at the joint is Coulomb's. A
 certified 20% of all of the stress field is what a coarse mesh of 1603 elements of
@@ -104,7 +104,7 @@ domain = flange(12.0)
 evolution = ec.evolve(scene_at, domain, times, accuracy=0.2, degree=2, solver="direct")
 
 # %%
-# Forces of the whole bolt, which is two halves. The opening is that of the joint along
+# Forces of the whole bolt, which is two halves. The opening is taken at the joint along
 # the side, half-way to the next bolt.
 
 pull = 2 * times * PULL * WALL * WIDTH

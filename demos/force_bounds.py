@@ -98,7 +98,7 @@ if block.comm.rank == 0:
 
 # %%
 # What must hold: each interval is proved, and holds the number of the better solution;
-# those of forces shrink like the error, and those of the energy like its square.
+# intervals of forces shrink like the error, intervals of the energy like its square.
 # Coulomb's is an estimate.
 
 assert history.reached

@@ -54,9 +54,9 @@ force = best.force("bottom").force[1]
 forces = [c.error.force("bottom").force[1] for c in certificates]
 
 # %%
-# The error of the soft penalty is mostly that of the displacement: where it is lifted
-# out of the foundation it is not in equilibrium with its contact forces. That of the
-# stiff one is mostly what the mesh costs, for any code.
+# The error of the soft penalty comes mostly from the displacement: where it is lifted
+# out of the foundation it is not in equilibrium with its contact forces. The error of
+# the stiff penalty is mostly what the mesh costs, for any code.
 
 if block.comm.rank == 0:
     for stiffness, certificate, value in zip(
@@ -84,7 +84,8 @@ if block.comm.rank == 0:
 # %%
 # What must hold: stiffer is better; the softest is told to be wrong by its
 # displacement, the stiffest is within 5% of the error of the own solution; the force of
-# each differs from that of the own solution by less than the sum of both errors says.
+# each differs from the force of the own solution by less than the sum of both errors
+# says.
 
 relative = [c.error.relative for c in certificates]
 assert relative[0] > relative[1] > relative[2] > best.relative

@@ -98,7 +98,7 @@ swapped = pressed(domain, ec.Contact("seat", against="foot", gap=gap))
 history.save(FOLDER, pictures=True)
 
 # %%
-# The five numbers. Pressures are those of parabolas through the points near the place.
+# The five numbers. Pressures are read from parabolas through the points near the place.
 
 
 def half_width(contact):

@@ -70,9 +70,9 @@ history = ec.adapt(scene, bracket, accuracy=0.15, degree=2)
 history.save(FOLDER, pictures=True)
 
 # %%
-# The facets of the mesh are flat, so its seat and its eye are a little smaller than
-# those of the part, and so are the forces on them. ``eps`` is the error for this mesh;
-# ``geom`` is what the flat facets cost. Statics takes the forces as they are.
+# The facets of the mesh are flat, so its seat and its eye are a little smaller than in
+# the part, and so are the forces on them. ``eps`` is the error for this mesh; ``geom``
+# is what the flat facets cost. Statics takes the forces as they are.
 
 foot, seat, eye = (history.force(part).force for part in ("foot", "seat", "eye"))
 moment, contact, peak = (

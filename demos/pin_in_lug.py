@@ -105,8 +105,8 @@ domain = lug()
 runs = [pulled(domain, clearance) for clearance in CLEARANCES]
 
 # %%
-# Persson's angle is found by bisection, as the load falls with it. That of a run is
-# known to half of a facet.
+# Persson's angle is found by bisection, as the load falls with it. The angle of a run
+# is known to half of a facet.
 
 
 def persson(load):

@@ -149,7 +149,8 @@ computed, closed_form = (np.array([f(r) for r in radii]) for f in (on_circle, la
 # comes first, without friction.
 #
 # Nitsche's method is the better one here. Where two facets of a circle meet, their
-# normals differ; its traction may differ, too, and is that of sliding on each of them.
+# normals differ; its traction may differ, too, and is the traction of sliding on each
+# of them.
 
 T_max = 2 * np.pi * R**2 * MU * p
 stiffness = 4 * np.pi * E / (2 + 2 * NU) / (1 / CORE**2 - 1 / OUTER**2)
@@ -193,7 +194,7 @@ if quarter.comm.rank == 0:
     right.plot([0, 1, 1.1], [0, 1, 1], "k--", lw=1, label="closed form")
     right.plot(times, torque / T_max, "C0o", ms=5, label="computed")
     right.set(
-        xlabel="angle over that of slip",
+        xlabel="angle over the angle of slip",
         ylabel=r"torque $T/2\pi R^2\mu p$",
         ylim=(0, 1.1),
     )

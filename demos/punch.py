@@ -37,8 +37,8 @@ HEIGHT, FLAT, P, Q = 15.0, 7.0, 10.0 * 20.0, 2.0 * 20.0  # mm, mm, N/mm, N/mm
 
 # %%
 # A geometry of your own: any model of gmsh, its boundary parts and regions named by
-# where they are. On several ranks each makes the model, and that of rank 0 counts. A
-# boundary without a name is free.
+# where they are. On several ranks each makes the model, and the model of rank 0 counts.
+# A boundary without a name is free.
 
 
 def brake_pad():

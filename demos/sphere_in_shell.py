@@ -70,8 +70,8 @@ def octant(size):
 
 
 # %%
-# The interference is a gap below zero. Elements of degree 2 need an eighth of
-# those of degree 1 for a pressure that is better.
+# The interference is a gap below zero. With degree 2 an eighth of the elements of
+# degree 1 gives a pressure that is better.
 
 ec.log_to_console()
 rollers = [

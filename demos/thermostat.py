@@ -7,7 +7,7 @@ grow more than the steel below, so the strip bends down, until its tip meets a c
 With more heat the tip presses on it.
 
 Timoshenko (1925) has the curvature of the free strip. With :math:`m = t_1/t_2` the
-ratio of the thicknesses, :math:`n = E_1/E_2` that of the moduli, :math:`h` the
+ratio of the thicknesses, :math:`n = E_1/E_2` the ratio of the moduli, :math:`h` the
 thickness of both together, in plane stress
 
 .. math::
@@ -19,8 +19,8 @@ At the distance :math:`a` from its clamp the strip goes down by :math:`\kappa a^
 contact that is nearer than that pushes it back by :math:`P a^3/3 B` with the bending
 stiffness :math:`B` of both layers.
 
-Heat is a *given strain*: the stress is that of the rest of the strain, :math:`\sigma =
-C (\varepsilon(u) - \alpha T I)`. The error in the constitutive relation is that of this
+Heat is a *given strain*: the stress comes from the remaining strain, :math:`\sigma = C
+(\varepsilon(u) - \alpha T I)`. The error in the constitutive relation measures this
 law, and bounds what it always bounds. Lengths are in mm, stresses in MPa.
 """
 
@@ -141,8 +141,8 @@ if domain.comm.rank == 0:
 
 # %%
 # What must hold: Timoshenko's curvature within 0.1%; no force before the strip meets
-# the contact; then that of the beam within 3% of the greatest: the friction, and the
-# clamp, which hinders the heat, are not in its formula.
+# the contact; then the force of the beam within 3% of the greatest: the friction, and
+# the clamp, which hinders the heat, are not in its formula.
 
 assert evolution.reached
 assert abs(curvature / exact_curvature - 1) < 1e-3

@@ -7,8 +7,8 @@ top of the upper block is pressed down and pushed to the right. Both bend, and w
 they touch the laws of contact and friction hold between them: they cannot enter each
 other, they can push and not pull, and the shear is at most :math:`\mu p`.
 
-These laws speak of the *jump*, how far the surface of one body has moved less that of
-the other: along the normal it closes or opens the gap, across it is slip. What the
+These laws speak of the *jump*, how far the surface of one body has moved less how far
+the other has: along the normal it closes or opens the gap, across it is slip. What the
 upper block feels, the lower one feels the other way round.
 
 The block is narrower than what it stands on. Its corners press into the flat surface,
@@ -25,9 +25,9 @@ MU, E_UPPER, E_LOWER = 0.5, 1.0, 3.0
 FORCE = (-0.02113, 0.04892)  # of a run to 0.1%
 
 # %%
-# Each block has a mesh of its own, and that of the upper one is finer: their vertices
-# do not match. ``assembly`` puts both in one mesh, where their names stand before those
-# of their parts. ``joined`` makes a pair of the sides that lie against each other.
+# Each block has a mesh of its own, and the upper mesh is finer: their vertices do not
+# match. ``assembly`` puts both in one mesh, where their names stand before the names of
+# their parts. ``joined`` makes a pair of the sides that lie against each other.
 # Vertices that are close become one, and the triangles beside the contact are cut where
 # the other side has a vertex. What remains of the lower block's top is "lower top
 # outside".
@@ -54,7 +54,7 @@ history = ec.adapt(scene, domain, accuracy=0.01, degree=2)
 history.save("results/two_blocks", pictures=True)
 
 # %%
-# Each side has its force, and they are opposite. The profile is that of the pair: its
+# Each side has its force, and they are opposite. The profile belongs to the pair: its
 # gap and its slip are of one body against the other.
 
 error = history.error
@@ -79,7 +79,7 @@ if domain.comm.rank == 0:
 # %%
 # What must hold: action and reaction are opposite, in force and moment; each block is
 # in equilibrium with its support; the certified traction obeys contact and friction;
-# the force is that of a run to 0.1%; the contact opens at the left, slips, and sticks.
+# the force agrees with a run to 0.1%; the contact opens at the left, slips, and sticks.
 
 scale = abs(of_upper.force).max()
 assert history.reached

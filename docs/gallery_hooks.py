@@ -26,7 +26,7 @@ def pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any
 
 
 def _place(picture: Path) -> tuple[int, str]:
-    """Order pictures: those of :data:`FIRST`, then the others by their names."""
+    """Order pictures: the pictures of :data:`FIRST`, then all others by their names."""
     return (FIRST.index(picture.stem) if picture.stem in FIRST else len(FIRST)), str(picture)
 
 

@@ -1,7 +1,7 @@
 """Small scenes at the edge of what a contact solver meets, for ``test_extremes.py`` (serial).
 
-The bodies are those of ``benchmarks/extreme_bodies.py``. Which scenes have a solution is
-said in ``benchmarks/extreme_scenes.py``.
+``benchmarks/extreme_bodies.py`` has the bodies. Which scenes have a solution is said in
+``benchmarks/extreme_scenes.py``.
 """
 
 from __future__ import annotations

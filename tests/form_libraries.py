@@ -1,4 +1,4 @@
-"""Forms that tests give to DOLFINx themselves are plain C libraries, as those of the package are.
+"""Forms that tests give to DOLFINx themselves are plain C libraries, as the package's are.
 
 They then compile as fast. Scripts that tests start as processes of their own leave
 DOLFINx and FFCx as they are.
@@ -56,7 +56,7 @@ def loaded(folder: Path, library: str, names: Sequence[str]) -> tuple[list[Any],
 
 
 def _path(folder: Path, library: str) -> Path:
-    """Return the path of a library: not that of a module of cffi, which scripts make."""
+    """Return the path of a library, and not of a module of cffi, which scripts make."""
     return Path(folder) / f"tests_{library}.so"
 
 

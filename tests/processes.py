@@ -36,7 +36,7 @@ def environment() -> dict[str, str]:
     own = {
         "OMP_NUM_THREADS": "1",
         "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
-        "PYTHONHASHSEED": "7",  # another than that of the tests, on all ranks
+        "PYTHONHASHSEED": "7",  # another than in the tests, on all ranks
         "PYTHONPATH": str(ROOT),
     }
     return {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))} | own
@@ -89,7 +89,7 @@ def kill_all_in(folder: Path) -> None:
     Mpiexec gives each rank a group of its own, MPICH's a session, too.
     """
     for cwd in Path("/proc").glob("[0-9]*/cwd"):
-        with suppress(OSError):  # it has ended meanwhile, or is that of another user
+        with suppress(OSError):  # it has ended meanwhile, or belongs to another user
             if cwd.readlink() == folder.resolve() and int(cwd.parent.name) != os.getpid():
                 os.kill(int(cwd.parent.name), signal.SIGKILL)
 

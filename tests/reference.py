@@ -90,7 +90,7 @@ def nested(domain: ec.Domain, levels: int) -> ec.Domain:
     fine.topology.create_connectivity(d - 1, d)
     outer = dmesh.exterior_facet_indices(
         fine.topology
-    )  # those of the coarse mesh: known by their middles
+    )  # facets of the coarse mesh: known by their middles
     old, new = (
         dmesh.compute_midpoints(mesh, d - 1, tags.indices),
         dmesh.compute_midpoints(fine, d - 1, outer),

@@ -63,7 +63,7 @@ def run(path, domain=None, method=AUGMENTED, degree=1, solver="direct", friction
 
 
 def shear(solution):
-    """Resultant of the shear on the contact in the direction of the push, over that of the pressure."""
+    """Resultant of the shear on the contact in the direction of the push, over the resultant of the pressure."""
     force = solution.force("bottom").force
     return force[0] / force[-1]
 
@@ -95,8 +95,8 @@ def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):
     assert np.allclose(
         last.force("bottom").force, static.force("bottom").force, rtol=0, atol=tolerance * E * size
     )
-    # e of the step counts slip from the last step; that of the static problem, of the
-    # same fields, from rest
+    # e of the step counts slip from the last step; e of the static problem, of the same
+    # fields, from rest
     at_once = replace(last, model=bind(last.scene, domain, degree))
     eps = [ec.constitutive_error(ec.equilibrate(one)).relative for one in (at_once, static)]
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)

@@ -1003,7 +1003,7 @@ def test_arguments_of_another_type(call, words, block):
 
 
 class Flat:
-    """A law whose bound is a number, whatever the pressure: that of Tresca."""
+    """Tresca's law: the bound is a number, whatever the pressure."""
 
     parameters = ()
 

@@ -1,7 +1,7 @@
 """The error e against true errors, with references three and four uniform levels finer.
 
-- frictionless and linear scenes: e is above the error of u^, above that of sigma^, and
-  above both together;
+- frictionless and linear scenes: e is above the error of u^, above the error of sigma^,
+  and above both together;
 - Coulomb friction: the same with the third term, a product of two errors, evaluated;
 - a manufactured linear problem whose solution is known: e^2 = |u - u^|^2 + |sigma -
   sigma^|^2 (Prager, Synge).

@@ -2,8 +2,8 @@
 
 - a solution of the augmented Lagrangian gets the error that it has; one of Nitsche's
   method one that is as good;
-- the squares of the causes sum to e^2; a disturbance raises that of the displacement by
-  its energy norm, and leaves that of the mesh;
+- the squares of the causes sum to e^2; a disturbance raises the square of the
+  displacement by its energy norm, and leaves the square of the mesh;
 - e bounds the true error of an interpolated, a disturbed and a penetrating
   displacement, and the words name the greatest cause;
 - Functions, callables and points in any order are the same, on any ranks, for two
@@ -75,7 +75,7 @@ def test_a_disturbance_is_the_fault_of_the_displacement():
 
 @cache
 def nearly_exact():
-    """Return the solution on a mesh whose nodes are also those of the coarse ones."""
+    """Return the solution on a mesh that has the nodes of the coarse meshes, too."""
     return ec.solve(SCENE, block(16), degree=2)
 
 
@@ -88,7 +88,7 @@ def test_e_bounds_the_true_error_of_anything(degree):
     sunk = coarse.u.copy()
     sunk.x.array[1::2] -= 0.002 * (7.0 - nodes[:, 1])
     x = reference.model.V.tabulate_dof_coordinates()[:, :2]
-    # The nodes of the coarse mesh are among those of the fine one.
+    # The nodes of the coarse mesh are among the nodes of the fine mesh.
     fine = x, reference.u.x.array.reshape(-1, 2)
     given = {
         "interpolated": fine,

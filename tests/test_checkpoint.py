@@ -333,7 +333,7 @@ def test_a_folder_is_that_of_one_run_at_a_time(shared_tmp_path):
         run(of_flat_body, 1, shared_tmp_path)
 
     assert (
-        "that of a run that is going on"
+        "belongs to a run that is going on"
         in run(of_flat_body, 1, shared_tmp_path, callback=again).outcome
     )
     again(None, None)

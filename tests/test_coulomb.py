@@ -4,8 +4,8 @@
   is aligned;
 - W W = 0 makes the numerical radius half of the norm, and the sharpest pair of fields
   attains the bound;
-- the norm of the map is that of independent dense algebra, and has the published digits
-  on the triangle;
+- the norm of the map agrees with independent dense algebra, and has the published
+  digits on the triangle;
 - uniqueness is never claimed at the critical friction, where solutions are many;
 - every term is above the truth of nested references; a flipped direction of slip is
   noticed;

@@ -1,12 +1,14 @@
 """The pages that users read.
 
 Their code runs, their pictures have scripts, and every public name is on a page.
+Docstrings and comments repeat the noun.
 """
 
 import re
 from pathlib import Path
 
 import pytest
+import voice
 from processes import ROOT, run_as_user
 
 import erc_contact as ec
@@ -16,6 +18,17 @@ CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```(?:python|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 WIDTH = 88
 """Greatest number of characters of a line of code on a page."""
+PACKAGES = sorted({module.parent for module in (ROOT / "erc_contact").rglob("*.py")})
+PRONOUNS = 0.2
+"""Greatest number of "that of" and "those of" in 1000 words."""
+TO_BE_WRITTEN_ANEW = (
+    "erc_contact/model/coordinates.py",
+    "erc_contact/model/forces.py",
+    "erc_contact/model/joints.py",
+    "erc_contact/model/node_pairs.py",
+    "erc_contact/newton/",
+)
+"""Modules and packages that do not repeat the noun yet."""
 pytestmark = pytest.mark.serial
 
 
@@ -86,6 +99,16 @@ def test_pages_load_mpi_first(page):
         if re.match(r"from mpi4py|import erc_contact", line)
     ]
     assert not loads or min(first, default=len(lines)) < min(loads)
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
+def test_docstrings_and_comments_repeat_the_noun(package):
+    """A reader has to resolve "that of"; "the stiffness of the foundation" is read."""
+    figures = voice.Figures()
+    for module in package.glob("*.py"):
+        if not module.relative_to(ROOT).as_posix().startswith(TO_BE_WRITTEN_ANEW):
+            figures += voice.figures_of(module)
+    assert figures.pronoun_rate <= PRONOUNS
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ def quarter_hub(occ):
 
 
 def turned_pin(occ):
-    """A quarter of a pin, whose outline crosses that of a quarter of a hub at a point."""
+    """A quarter of a pin, whose outline crosses the outline of a quarter of a hub at a point."""
     pin = quarter_pin(occ)
     occ.rotate([(3, pin)], 0, 0, 0, 0, 0, 1, -0.5)
     return pin

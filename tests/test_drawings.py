@@ -38,7 +38,7 @@ def told(caplog):
 
 
 def write(path, draw, names=(), unit=None):
-    """Write a drawing on rank 0; ``draw(occ)`` draws, names are those of the solids."""
+    """Write a drawing on rank 0; ``draw(occ)`` draws, the solids give the names."""
     if COMM.rank == 0:
         gmsh.initialize()
         gmsh.option.setNumber("General.Terminal", 0)

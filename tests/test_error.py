@@ -212,7 +212,7 @@ def test_error_of_a_sliding_body_does_not_depend_on_the_slide(method, degree):
 def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, friction, dim):
     """Moved along the foundation the body has no stress: eps is 0.
 
-    Pressed by 1e-6 it is that of any pressed body.
+    Pressed by 1e-6 it is the error of any pressed body.
     """
     make, top, bottom = ec.rectangle if dim == 2 else ec.box, "top", "bottom"
     domain = make((0.0,) * dim, (1.0,) * dim, cells=(2,) * dim)

@@ -1,6 +1,6 @@
 """A loading history: adaptive steps, one after the other.
 
-- Each step is that of ``solve(after=...)``; all are the same on any number of ranks.
+- Each step equals ``solve(after=...)``; all are the same on any number of ranks.
 - Energy: work of loads and supports is what is stored and dissipated, up to the error
   of the meshes; what the steps in time cost goes down with their length. Friction never
   gives energy.
@@ -9,8 +9,8 @@
   goes on.
 - What friction takes is of second order in the length of the steps, and the work of
   friction is below it.
-- Steps in time are as short as the accuracy of the path, or that of the dissipated
-  energy, asks.
+- Steps in time are as short as the accuracy of the path, or of the dissipated energy,
+  asks.
 """
 
 import csv
@@ -93,7 +93,7 @@ def test_a_curved_body_from_rest(strategy):
 
 @pytest.mark.serial
 def test_steps_are_those_by_hand(whole):
-    """Without refinement; the accuracy of these steps is that of the first mesh."""
+    """Without refinement; these steps have the accuracy of the first mesh."""
     coarse = cycle(accuracy=0.9)
     assert coarse.reached
     solution = None
@@ -137,7 +137,8 @@ def test_dissipation_of_a_body_that_slides(d):
 
     Friction takes mu N times the way.
 
-    In space the directions of slip get nearer to that of the way with each step.
+    In space the directions of slip get nearer to the direction of the way with each
+    step.
     """
     times, tolerance = [1.0, 1.5, 2.0, 2.5, 3.0], {2: 1e-10, 3: 1e-6}[d]
     history = ec.evolve(lambda t: moved_box(d, 0.3 * t, PRESS, MU)[0], box(d), times, accuracy=0.9)
@@ -199,7 +200,7 @@ def test_work_and_dissipation_have_one_slip(method):
 
 
 def test_dissipation_on_another_mesh():
-    """The bound at the begin of a step is that of the law and the traction then, wherever they were computed."""
+    """The bound at the begin of a step follows from the law and the traction then, wherever they were computed."""
     first = ec.solve(lifted(0.5), box(), ec.AugmentedLagrangian())
     last = ec.constitutive_error(ec.equilibrate(first))
     taken = []

@@ -134,7 +134,7 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     ],
 )
 def test_middle_is_that_of_both_stresses(case, degree):
-    """The resultant from r^ is that of sigma^ by integration.
+    """The resultant from r^ is the resultant of sigma^ by integration.
 
     Equilibrium, with all signs.
     """

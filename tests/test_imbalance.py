@@ -47,7 +47,7 @@ def after(monkeypatch: pytest.MonkeyPatch, name: str, change: Callable, module=e
 
 
 def in_one_place(values: np.ndarray, damage: float = DAMAGE) -> np.ndarray:
-    """Values of which one is wrong, in the middle of those of the last rank."""
+    """Values of which one is wrong, in the middle of the last rank's."""
     values = values.copy()
     if COMM.rank == COMM.size - 1:
         values[len(values) // 2].flat[0] += damage * abs(values).max()
@@ -130,7 +130,7 @@ def test_a_damaged_shift_leaves_a_pair_that_is_proved(monkeypatch):
 
 @pytest.mark.skipif(COMM.size == 1, reason="of several ranks")
 def test_what_one_rank_has_wrong_is_refused_on_all(monkeypatch):
-    """Its moments are in equilibrium with its cells, and not opposite to those of others."""
+    """Its moments are in equilibrium with its cells, and not opposite to the moments of others."""
     solved = solution()
     between = imbalance._between_ranks
 

@@ -207,7 +207,7 @@ def test_runs_that_aim_at_a_number(tmp_path):
 
 @pytest.mark.serial
 def test_run_to_a_displacement():
-    """The interval of the run is proved, and holds that of a fine mesh."""
+    """The interval of the run is proved, and holds the interval of a fine mesh."""
     aimed = ec.adapt(opening(2), block(2, 2), 0.04, goal=goals(2)[2])
     assert aimed.reached
     assert aimed.bounds.guaranteed

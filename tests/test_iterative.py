@@ -154,7 +154,7 @@ def test_same_on_random_scenes(seed):
 
 @pytest.mark.parametrize("method", ["Nitsche", "symmetric"])
 def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
-    """A cycle is that of the matrices that PETSc computes anew with the same interpolation, on three levels."""
+    """A cycle equals a cycle with the matrices that PETSc computes anew with the same interpolation, on three levels."""
     monkeypatch.setitem(amg.OPTIONS, "pc_gamg_coarse_eq_limit", 20)
     scene, _ = pressed_cube(friction=0.3)
     model = bind(scene, cube(n=7), 1)

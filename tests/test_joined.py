@@ -120,7 +120,7 @@ def test_tied_is_one_body():
     [*product((2, 3), (0.0,), (0.0, 1e-9, 1e-6, 2e-4, 0.01)), (2, 1e-4, 0.0), (3, 1e-4, 0.0)],
 )
 def test_corners_that_move_are_told(d, height, offset, caplog):
-    """They are as near to those of the other body as numbers in files are; else they stay."""
+    """They are as near to corners of the other body as numbers in files are; else they stay."""
     make = ec.rectangle if d == 2 else ec.box
     low = (-offset, *(0.0,) * (d - 2), height)
     upper = make(low, (1.0,) * d, size=0.4)

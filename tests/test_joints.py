@@ -123,7 +123,7 @@ def test_slip_at_all_contacts(d, degree, order):
 
 @pytest.mark.serial
 def test_round_off_of_jumps_is_no_error():
-    """It is that of the displacements, and e^2 is of first order in a jump: e was 6e-9."""
+    """Displacements have it, and e^2 is of first order in a jump: e was 6e-9."""
     scene, _ = slipping(3, "ca ba cb")
     solution = ec.solve(scene, joint(3), ec.AugmentedLagrangian(), degree=2)
     assert ec.constitutive_error(ec.equilibrate(solution)).relative < 1e-9
@@ -222,7 +222,7 @@ def test_error_falls_and_solvers_agree():
         assert np.linalg.norm(total) < 1e-9 * size
     assert forces["ba"].force[0] > 0
     certificate = ec.certify(scene, errors[2].domain, errors[2].solution.u)
-    # Its tractions are those of the reactions: better ones, here.
+    # Its tractions come from the reactions: they are better, here.
     assert 0.8 < certificate.error.relative / errors[2].relative < 1.01
 
 
@@ -254,7 +254,7 @@ def test_histories_of_proportional_loads_are_one_step():
 
 
 def test_order_of_contacts_changes_nothing():
-    """Those of a common node are set one after the other, whatever the order of the scene."""
+    """Contacts of a common node are set one after the other, whatever the order of the scene."""
     left = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2))
     right = ec.rectangle((1.0, 0.0), (2.0, 1.0), cells=(3, 2))
     above = ec.rectangle((0.4, 1.0), (1.6, 2.0), cells=(3, 2))

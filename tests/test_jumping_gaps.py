@@ -1,7 +1,7 @@
 """Gaps that jump, as they are written to leave out a part of a side.
 
 - u^ is below the gap at random points and beside the jump, wherever it is;
-- e is about that of two named parts where the jump is at a node, and not much more where
+- e is about e of two named parts where the jump is at a node, and not much more where
   it is inside a facet;
 - with the augmented Lagrangian of degree 2 the gap is not closed beyond its least value.
 """
@@ -120,7 +120,7 @@ def test_jump_at_nodes_is_as_good_as_two_parts(method, degree, d, height):
 @pytest.mark.parametrize("place", [INSIDE, PAST_A_NODE], ids=["inside", "past a node"])
 @pytest.mark.parametrize(("degree", "most"), [(1, 1.8), (2, 3.8)])
 def test_jump_inside_a_facet(degree, most, place, method, height):
-    """Half of a facet is left out or not, so e is more than that of two parts.
+    """Half of a facet is left out or not, so e is more than e of two parts.
 
     With the interpolating polynomial as limit it was 14 to 11000 times as large.
     """

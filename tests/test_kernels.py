@@ -1,8 +1,8 @@
 """The compiled kernels do what numpy does with dense matrices.
 
 - patches: the sum of small inverses, in any units;
-- energy: that of the macro-element stresses with the bubbles of least energy, with
-  moduli that vary inside cells, too;
+- energy: the energy of the macro-element stresses with the bubbles of least energy,
+  with moduli that vary inside cells, too;
 - blocks: the inverses of the energies of the quadratic moments of each facet;
 - stresses of macro-elements: the matrix of the reference simplex between Piola's
   transforms;
@@ -135,7 +135,7 @@ def test_patches_against_numpy(d, size, modulus):
 @degrees
 @pytest.mark.parametrize("at_points", [False, True])
 def test_energy_against_numpy(d, degree, at_points):
-    """The energy of balanced tractions is that of the stresses of :mod:`macro` with the bubbles of least energy."""
+    """Balanced tractions have the energy of the stresses of :mod:`macro` with the bubbles of least energy."""
     model, free = small(d, degree)
     cells, m, rng = cell_geometry(model), len(model.facet_points), np.random.default_rng(degree)
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)

@@ -107,7 +107,7 @@ def private_names():
 
 
 def named(path):
-    """The object of a dotted name, whose first words are those of a module."""
+    """The object of a dotted name, whose first words name a module."""
     words = path.split(".")
     for last in range(len(words), 0, -1):
         try:

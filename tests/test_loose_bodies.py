@@ -244,7 +244,7 @@ def test_the_last_of_proximal_problems_is_the_scene(fall):
 
 @pytest.mark.ranks
 def test_proximal_steps_on_ranks():
-    """The solution is that of one rank, with both solvers."""
+    """The solution is the same as on one rank, with both solvers."""
     scene = pushed(0.02, ec.Tresca(0.05 * PRESS))
     alone = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 2), comm=MPI.COMM_SELF)
     wanted = ec.solve(scene, alone).profile("bottom")["slip"]

@@ -21,14 +21,7 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from scenes import (
-    block,
-    common_block,
-    greco,
-    prototype_block,
-    random_scene,
-    resultant,
-)
+from scenes import block, common_block, greco, prototype_block, random_scene, resultant
 
 import erc_contact as ec
 from erc_contact.model.model import Model
@@ -212,7 +205,7 @@ def attempt(scene, domain, method, line_search, accuracy=None):
 
 @pytest.mark.serial
 def test_a_body_of_one_row_of_cells():
-    """Nearly all of its equations are those of the contact: MUMPS has little to eliminate."""
+    """Nearly all of its equations belong to the contact: MUMPS has little to eliminate."""
     layer = ec.rectangle((0.0, 0.0), (1.0, 0.1), cells=(40, 1))
     law = ec.Contact("bottom", friction=ec.Tresca(0.01))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.Traction("top", (0.0, -0.02))], contacts=law)

@@ -2,8 +2,8 @@
 
 What is guaranteed is true, and what the mesh carries stays guaranteed.
 
-- resultants that equilibrium dictates are those of the load, jumps and peaks inside
-  facets included;
+- resultants that equilibrium dictates equal the load's, jumps and peaks inside facets
+  included;
 - energies hold exact ones where moduli jump or vary fast inside cells;
 - u^ does not enter an asperity; gaps, normals and supports that no polynomial meets end
   the guarantee;

@@ -232,7 +232,7 @@ def test_profile_has_both_sides(d, degree):
         )
         jump = np.stack([table[f"u_{axis}"] - table[f"other_u_{axis}"] for axis in axes], axis=1)
         gap = 0.1 * (table["x"] - 0.8) ** 2
-        # A gap of the solution is that of the scene; the other is interpolated.
+        # A gap of the solution is the scene's gap; the other is interpolated.
         assert table["gap"] == pytest.approx(gap + jump[:, -1], abs=2e-3)
         tangential = np.linalg.norm(jump[:, :-1], axis=1)
         assert abs(table["slip"]) == pytest.approx(tangential, abs=1e-12)

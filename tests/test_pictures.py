@@ -165,7 +165,7 @@ def test_stress_of_degree_2_is_linear_in_elements(d):
 
 
 def test_best_stress_is_drawn_where_it_is_asked_for(error):
-    """Its picture has other colours, its name, and those of its file."""
+    """Its picture has other colours, its name, and the colours of its file."""
     of_sigma = output.draw_deformed(error)
     best = output.draw_deformed(error, stress="best")
     if COMM.rank == 0:

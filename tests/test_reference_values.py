@@ -44,7 +44,7 @@ def test_form_and_closed_forms():
 
 
 def test_page_is_of_the_table():
-    """Title and geometry are those of the script, and the page has all numbers."""
+    """The script gives title and geometry, and the page has all numbers."""
     page = (ROOT / "docs" / "reference_values.md").read_text()
     for case in TABLE:
         assert (case["title"], case["geometry"]) == script.described(case["case"])

@@ -4,9 +4,8 @@ Names, measures, curved boundaries, counts, sessions, on any number of ranks.
 
 Properties: names, tags and the measures of straight parts survive ten remeshings and
 refinements in between; what a curved boundary loses of the area falls like h^2; the
-number of cells is that of the sizes; a contact gap that is a function of x acts on
-every mesh alike; a session of the user's survives; without a geometry, the error says
-what to do.
+sizes give the number of cells; a contact gap that is a function of x acts on every mesh
+alike; a session of the user's survives; without a geometry, the error says what to do.
 """
 
 from pathlib import Path
@@ -110,7 +109,7 @@ CURVED = {
 @pytest.mark.on_ranks("half_disc.geo")
 @pytest.mark.parametrize("name", CURVED)
 def test_curved_boundaries_are_sampled_anew(name, measures):
-    """The area of the mesh tends to that of the true shape like h^2, whether it is made anew or refined."""
+    """The area of the mesh tends to the area of the true shape like h^2, whether it is made anew or refined."""
     area, sides, size = CURVED[name]
     domain = ec.read_mesh(MESHES / name)
     polygon = measures.region(domain)

@@ -133,7 +133,7 @@ def test_pictures_without_time_are_named(history, folder, monkeypatch):
     """Each picture takes 1.5 s of the clock: a run of 10 s has time for two of them."""
     monkeypatch.setattr(gallery, "LIBRARY_SECONDS", dict.fromkeys(gallery.LIBRARY_SECONDS, 0.0))
     clock = iter(np.arange(0.0, 100.0, 0.5))
-    # the ranks' clocks differ, and all ranks do what that of rank 0 tells
+    # the ranks' clocks differ, and all ranks do what the clock of rank 0 tells
     slower = 1 + COMM.rank
     monkeypatch.setattr(gallery, "perf_counter", lambda: slower * next(clock))
     last = replace(history.steps[-1], seconds=10.0)

@@ -4,9 +4,9 @@ The same on all ranks, and consistent with the fields that it is read off.
 
 Properties: all forces on a body balance, with their moments; the force of a contact is
 the integral of its profile and of r^; the profile is in order along open and closed
-curves; values at points are those of the fields, and do not depend on the ranks, also
+curves; values at points are values of the fields, and do not depend on the ranks, also
 between cells; points outside and unknown names are errors. A solution answers as an
-error does, by its own fields: its forces are those of the discrete equations.
+error does, by its own fields: its forces are the forces of the discrete equations.
 """
 
 import numpy as np
@@ -241,7 +241,7 @@ def test_order_along_curves():
 def test_values_at_points(dim, degree):
     """A body in a state of degree ``degree`` that the elements hold.
 
-    Values at any point are those of the formula.
+    The formula gives the values at any point.
     """
     E, nu = (lambda x: 1.0 + x[0] ** 2) if degree == 2 else 1.0, 0.0
     make = ec.rectangle if dim == 2 else ec.box
@@ -375,7 +375,7 @@ def test_history_answers_for_its_best_result():
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_solution_has_values_at_points(degree):
-    """Those of its own displacement: a patch of linear displacement."""
+    """Values of its own displacement: a patch of linear displacement."""
     sides = [
         ec.Displacement(side, (lambda x: 0.01 * x[0], lambda x: 0.02 * x[0]))
         for side in ("left", "right")

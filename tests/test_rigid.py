@@ -62,7 +62,7 @@ def test_bar_pulled_and_bent():
 
 
 def test_eccentric_force_on_a_smooth_foundation():
-    """Inside the middle third nothing opens: pressure and tilt are those of a bent bar."""
+    """Inside the middle third nothing opens: pressure and tilt are as in a bent bar."""
     force, arm = -8.0, 0.25
     face = ec.Rigid("top", (0.0, None), force=(None, force), moment=arm * force)
     error = measured(pressed(face, friction=0.0, nu=0.0), plate(), degree=2, method=ec.Nitsche())
@@ -156,7 +156,7 @@ def test_resultants_and_motions(case):
     motions = (*motion.displacement, *motion.rotation)
     for result in (error, error.solution):
         force = result.force("top")
-        # Moments are about the origin; those of the face about its point.
+        # Moments are about the origin; moments of the face about its point.
         arm = motion.about
         if rigid.d == 2:
             moved = arm[0] * force.force[1] - arm[1] * force.force[0]

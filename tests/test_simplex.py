@@ -4,12 +4,12 @@ Properties that all that follows relies on, each as a number.
 
 - Bernstein polynomials are a positive partition of unity with equal integrals, and give
   back polynomials of the degree;
-- coefficients and nodal values are inverse to each other; gradients are those of finite
+- coefficients and nodal values are inverse to each other; gradients agree with finite
   differences;
 - a facet's nodes are the cell's nodes on it, in the order of the facet's own;
 - a permutation of the vertices permutes the points of a rule;
 - projections give back polynomials, averages of a constant are this constant, measures
-  are those of known simplices.
+  agree with known simplices.
 """
 
 from itertools import permutations

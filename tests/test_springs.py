@@ -6,7 +6,7 @@
 - soft springs tend to a free boundary and stiff ones to a support, with its error;
 - e bounds true errors with both methods, energies and forces of a fine mesh lie in the intervals of a
   coarse one, beside a contact;
-- in a history the energies balance, those of the springs among them;
+- in a history the energies balance, with the energies of the springs;
 - both solvers, ranks, very stiff springs; what is wrong is refused in words.
 """
 

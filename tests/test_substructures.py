@@ -138,7 +138,7 @@ def test_joints_eliminate_what_lies_between_parts(parts):
     """
     rng = np.random.default_rng(parts)
     touched = [np.sort(rng.choice(np.arange(17), 9, replace=False)) for _ in range(parts)]
-    touched[0] = np.arange(20)  # all are touched, those of L from 17 on
+    touched[0] = np.arange(20)  # all are touched, the unknowns of L from 17 on
     total = np.bincount(np.concatenate(touched), minlength=20) + (np.arange(20) >= 17)
     whole, left = np.zeros((20, 20)), []
     for numbers in touched:

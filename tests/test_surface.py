@@ -4,11 +4,10 @@ Where the true surface is known, what flat facets cost is small, measured, and n
 hidden.
 
 Properties: refinement puts new vertices of curved boundaries, edges and interfaces on
-the true surface, on any number of ranks, and turns no cell over; gap and normal are
-those of the true surface; the estimate of what facets cost is the size of the true
-cost, against a closed form; it is zero for straight bodies; it steers a run, and no
-bound is called guaranteed while it is not zero; two ways to mesh a body end in the same
-numbers.
+the true surface, on any number of ranks, and turns no cell over; gap and normal belong
+to the true surface; the estimate of what facets cost is the size of the true cost,
+against a closed form; it is zero for straight bodies; it steers a run, and no bound is
+called guaranteed while it is not zero; two ways to mesh a body end in the same numbers.
 """
 
 from pathlib import Path
@@ -106,7 +105,7 @@ def test_refined_ball_is_on_sphere_and_rim(shared_tmp_path, measures):
     """The rim lies on sphere and plane: its new vertices go to the common circle."""
     domain = from_script(BALL, shared_tmp_path, "ball")
     missing = []
-    for _ in range(3 if COMM.size == 1 else 2):  # the rate is that of one rank
+    for _ in range(3 if COMM.size == 1 else 2):  # one rank tells the rate
         assert off_surface(domain, "sphere", (0.0, 0.0, 0.0)) < 1e-12
         assert COMM.allreduce(float(domain.mesh.geometry.x[:, 2].max()), MPI.MAX) <= 1e-12
         missing.append(2 * np.pi / 3 - measures.region(domain))

@@ -1,6 +1,7 @@
 """Tied joints: parts of two bodies that a scene glues.
 
-Properties: the error is that of the mesh in one piece; the force through the joint
+Properties: the error equals the error of the mesh in one piece; the force through the
+    joint
 balances what acts on either body, and is opposite on both; its traction has it as its
 resultant; checkpoints, refinement and contacts beside it keep the joint.
 """
@@ -62,7 +63,7 @@ def test_error_is_that_of_one_body(degree, d):
 
 
 def test_joint_with_a_support_at_its_edge():
-    """A node that a support has, too: the support is that of one body, or of both."""
+    """A node that a support has, too: the support belongs to one body, or to both."""
     left = [ec.Displacement(f"{body} left", (0.0, 0.0)) for body in ("upper", "lower")]
     load = ec.Traction("upper outer", (0.003, -0.01))
     for supports in (left[:1], left[1:], left):

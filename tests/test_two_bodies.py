@@ -222,7 +222,7 @@ SCENES = {
     "half lower": half_lower,
     "half both": half_both,
 }
-# The forms of a scene are those of its laws: in space and at degree 2 a few are enough.
+# The laws of a scene make its forms: in space and at degree 2 a few are enough.
 CASES = [*product((2,), (1,), SCENES), *product((2,), (2,), ("gap", "corner"))]
 CASES += product((3,), (1,), ("gap", "corner"))
 
@@ -346,7 +346,7 @@ def test_the_loop_of_a_report_is_that_of_the_side_that_moves(first):
 
 
 def test_scenes_of_a_history_name_the_sides_alike():
-    """The slip of the last step is that of the side named first."""
+    """The slip of the last step is the slip of the side named first."""
     scene = pressed(2, friction=0.3)
     last = ec.solve(scene, small_bricks(2))
     turned = replace(scene, contacts=[ec.Contact(LOWER, against=UPPER, friction=0.3)])

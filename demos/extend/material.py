@@ -12,8 +12,8 @@ vector :math:`a` along the fibres, :math:`M = a a^T`, Lame's moduli :math:`\lamb
     + k\, (M : \varepsilon)\, M.
 
 The error needs the inverse, too: the strain of a stress. The last term has rank one. So
-the compliance is :math:`S`, that of the isotropic part, with the correction of Sherman
-and Morrison:
+the compliance is :math:`S`, the compliance of the isotropic part, with the correction
+of Sherman and Morrison:
 
 .. math:: \varepsilon = S \sigma - \frac{k\, (S M : \sigma)}{1 + k\, M : S M}\, S M.
 

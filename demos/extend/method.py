@@ -14,9 +14,9 @@ penetration, at the solution, too. Soft springs are wrong, stiff ones make the e
 hard to solve, and how stiff is stiff enough depends on the mesh.
 
 Which number does the error see? It measures a pair that does not penetrate, so what the
-springs give is part of it: with soft springs :math:`e` is large, with stiff ones it is
-that of Nitsche's method on the same mesh. The error needs nothing else of a method than
-the traction that it ends with.
+springs give is part of it: with soft springs :math:`e` is large, with stiff springs it
+is :math:`e` of Nitsche's method on the same mesh. The error needs nothing else of a
+method than the traction that it ends with.
 """
 
 from dataclasses import dataclass

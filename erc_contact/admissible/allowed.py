@@ -75,7 +75,7 @@ class Allowed:
             pressure: Bernstein coefficients of the pressure [force/area], shape (f, m).
 
         Returns:
-            Those of the bound, shape (f, m).
+            Bernstein coefficients of the bound, shape (f, m).
         """
         if self.sharp:
             d, k = self.space.d, self.degree
@@ -92,7 +92,7 @@ class Allowed:
         return np.column_stack(least)
 
     def project(self, z: np.ndarray) -> np.ndarray:
-        """Project tractions (f, m, d) on the allowed ones.
+        """Project tractions (f, m, d) on the allowed tractions.
 
         The normal part is projected first, then the tangential one. This is the
         projection of the contact methods. It is not the Euclidean one

@@ -103,7 +103,7 @@ def ray_part(
     motions: np.ndarray,
     modulus: np.ndarray,
 ) -> Part:
-    """Make the part of facets whose tractions are multiples >= 0 of given ones.
+    """Make the part of facets that have multiples >= 0 of given tractions.
 
     All nodes of a facet are one long vector. A cone without friction whose normal is
     opposite to this vector contains just its multiples.

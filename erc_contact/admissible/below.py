@@ -129,7 +129,7 @@ def _excess(
     Args:
         model: The scene on a mesh.
         contact: The contact.
-        coefficients: Those of the polynomials [length], shape (s, m).
+        coefficients: Bernstein coefficients of the polynomials [length], shape (s, m).
         chosen: Numbers of the facets, shape (s,).
 
     Returns:

@@ -38,6 +38,13 @@ class CellGeometry:
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
+
+    Example:
+        >>> cells = admissible.cell_geometry
+        >>> float(cells.volume.sum())  # the block is 2 by 1
+        2.0
+        >>> float(abs(cells.area.sum(axis=1)).max())  # the surface of a cell is closed
+        0.0
     """
 
     degree: int
@@ -67,7 +74,7 @@ class CellGeometry:
 
     @property
     def edges(self) -> np.ndarray:
-        """Return the edges from the first vertex of each cell to the others [length].
+        """Return the edges that leave the first vertex of each cell [length].
 
         The array is contiguous, shape (n, d, d).
         """
@@ -195,9 +202,9 @@ def force_coefficients(moment: np.ndarray, degree: int) -> np.ndarray:
 
 
 def add_moments(space: Space, total: np.ndarray, facets: np.ndarray, moment: np.ndarray) -> None:
-    """Add moments of facets (cell, local facet) to those of all facets, in place.
+    """Add moments of facets (cell, local facet) to the moments of all facets, in place.
 
-    The nodes of facets are in the order of DOLFINx, those of the total are sorted.
+    ``moment`` has the nodes of a facet in the order of DOLFINx, ``total`` sorted.
 
     Args:
         space: The mesh.

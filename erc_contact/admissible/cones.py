@@ -33,6 +33,13 @@ class Cones:
         slope: Slope of the friction bound [-], shape (f, m).
         offset: Friction bound without pressure [force/area], shape (f, m).
         bilateral: Where p may have any sign; the slope is zero there. Shape (f, m).
+
+    Example:
+        >>> down = np.array([[[0.0, -1.0]]])  # the foundation is below
+        >>> zero = np.zeros((1, 1))
+        >>> cone = Cones(n=down, slope=zero + 0.5, offset=zero, bilateral=zero > 0)
+        >>> cone.nearest(np.array([[[1.0, 1.0]]]))  # a pressure and a shear of 1
+        array([[[0.6, 1.2]]])
     """
 
     n: np.ndarray

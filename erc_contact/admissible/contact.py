@@ -88,7 +88,7 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> Trial:
 def no_traction(model: Model, contact: BoundContact) -> ContactTraction:
     """Return the traction of a contact that transmits nothing; collective.
 
-    Its friction bound is that of no pressure.
+    Its friction bound is the bound at zero pressure.
     """
     values = np.zeros((*contact.trace.here.nodes.shape, model.d))
     return contact_traction(model, contact, values)

@@ -2,7 +2,7 @@
 
 The status is open, slip or stick. The displacement is outside the foundation at every
 point, not only at nodes: if the Bernstein coefficients of a normal displacement are
-below those of a bound, the displacement is below the bound
+below the coefficients of a bound, the displacement is below the bound
 (:mod:`erc_contact.admissible.limits`). Between two bodies this is said of the jump.
 
 A compliant foundation may be entered. There the normal displacement is set to where it

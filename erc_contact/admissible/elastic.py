@@ -59,7 +59,7 @@ def strain_digits(cells: CellGeometry, u: fem.Function, count: int) -> np.ndarra
 
 
 def greatest_moduli(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
-    """Return the greatest entry of C in each cell [force/area], or one for all."""
+    """Return the greatest entry of C in each cell [force/area], or in all cells."""
     matrices = moduli(model, cells, nodes(model.d, 0), count)
     return np.asarray(matrices[:, 0].max(axis=(1, 2)))
 
@@ -105,7 +105,7 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
 def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
     """Evaluate the given strains eps_0 at reference points of the cells [-].
 
-    The arguments are those of :func:`moduli`.
+    See :func:`moduli` for the arguments.
 
     Returns:
         Mandel components, shape (count, q, s), with 1 in place of q where they are
@@ -195,7 +195,7 @@ def cell_stress(
     if model.strains is not None and not change:
         given = given_strains(model, cells, points, count)
     if stiffness.shape[1] == 1 and (given is None or given.shape[1] == 1):
-        # Constant moduli act on the coefficients; those of a constant are all equal.
+        # Constant moduli act on the coefficients; a constant has equal coefficients.
         if given is not None:
             strain = strain - given
         return tensors(act(stiffness, strain), d)

@@ -40,11 +40,7 @@ from erc_contact.admissible.rebalance import (
     rebalanced_stress,
 )
 from erc_contact.admissible.soft_contacts import with_soft_contacts
-from erc_contact.admissible.springs import (
-    chosen_tractions,
-    spring_moments,
-    spring_tractions,
-)
+from erc_contact.admissible.springs import chosen_tractions, spring_moments, spring_tractions
 from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tightened
 from erc_contact.admissible.traction import ContactTraction
@@ -91,8 +87,8 @@ def equilibrated(
         near: The pair of a scene on the same mesh that is nearly this one, with the
             same supports. Tightening starts from what it has added there. It ends after
             few iterations, and the difference of both stresses is as tight as they are.
-        is_own: Whether the contact tractions are those of the displacement. Otherwise
-            they keep their own resultants.
+        is_own: Whether the contact tractions come from the displacement. Otherwise they
+            keep their own resultants.
     """
     began = perf_counter()
     model = solution.model
@@ -236,7 +232,7 @@ def _before_tightening(
 ) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
-    The arguments are those of :func:`_made`.
+    See :func:`_made` for the arguments.
 
     Returns:
         u^; r^ on each contact; the rebalanced stress; moments of the tractions that are

@@ -9,11 +9,11 @@ with
 
     sum_F w_F <[lambda], [mu]> = residual of the averaged tractions against mu,
 
-where <.,.> is lumped at the nodes of a facet. The moments of the tractions are those of
-the average plus ``w_F [lambda]``. Lumping decouples the nodes: for each node and
-component there is one small weighted graph Laplacian of the patch of cells around the
-node. They are solved directly, all patches of one size at once. Every patch is complete
-on its rank, so nothing is communicated.
+where <.,.> is lumped at the nodes of a facet. The moments of the tractions are the
+moments of the average plus ``w_F [lambda]``. Lumping decouples the nodes: for each node
+and component there is one small weighted graph Laplacian of the patch of cells around
+the node. They are solved directly, all patches of one size at once. Every patch is
+complete on its rank, so nothing is communicated.
 
 Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), the equilibration of
 densities; the form is ours.
@@ -128,7 +128,7 @@ def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 def _incidence(d: int, k: int) -> np.ndarray:
     """Return the matrix (N_k, (d+1) m) that sums values at facet nodes of a cell.
 
-    The values are those of its facets, the sums those at its nodes.
+    The values are given facet by facet, the sums at the nodes of the cell.
     """
     cell_nodes = np.arange(len(nodes(d, k)))[:, None]
     return (cell_nodes == local_facet_nodes(d, k).ravel()).astype(float)

@@ -95,7 +95,7 @@ def stress_function(
 def sides_of(model: Model, part: str) -> np.ndarray:
     """Return the sides (cell, local facet) of a part in owned cells, shape (n, 2).
 
-    On a part of a tied joint they are those of its body.
+    The sides of a part of a tied joint are sides of its body.
     """
     for tie in model.ties:
         for name, side in zip(tie.side_names, (tie.trace.here, tie.trace.there), strict=True):

@@ -176,7 +176,7 @@ def _worst(model: Model, cells: CellGeometry, found: list[Found], scales: np.nda
 
 @dataclass(frozen=True)
 class _Worst:
-    """Hold the greatest missing force, in the unit of the greatest one on a facet.
+    """Hold the greatest missing force, in the unit of the greatest force on a facet.
 
     Attributes:
         ratio: Missing force over the greatest force on a facet of its body [-].

@@ -63,7 +63,7 @@ class Limits:
         """Tell which components of w supports do not fix, shape (c, d).
 
         Args:
-            free: Those of u, shape (nodes, d).
+            free: Components of u that supports do not fix, shape (nodes, d).
             group: Numbers of limits.
         """
         if self.partners is None:

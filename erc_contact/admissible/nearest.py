@@ -91,7 +91,8 @@ class State:
     """Hold tractions ``r = P(z + b q y)`` for some multipliers y.
 
     Attributes:
-        multipliers: y and those of the solves before [force/area], shape (K,).
+        multipliers: y plus the multipliers of the solves before [force/area], shape
+            (K,).
         tractions: r of each contact [force/area], shape (f, m, d).
         beyond: ``z + b q y - r`` of each contact, the part beyond the sets
             [force/area], shape (f, m, d).
@@ -115,7 +116,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Find the tractions nearest to the wanted ones that balance the other forces.
+    """Find tractions that balance the other forces, nearest to wanted tractions.
 
     Attributes:
         comm: Communicator.
@@ -139,8 +140,8 @@ class Nearest:
     def solve(self) -> State:
         """Return the best state of all steps; collective.
 
-        The steps are Newton's. Where they fail because of the kinks of P, they are
-        those of BFGS, which tolerates kinks.
+        The steps are Newton's. Where Newton fails because of the kinks of P, BFGS takes
+        over, which tolerates kinks.
         """
         y = np.zeros(len(self.works))
         now = best = self.state(y)

@@ -18,15 +18,8 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import (
-    CellGeometry,
-)
-from erc_contact.admissible.fields import (
-    FIELD_DEGREE,
-    stress_function,
-    sub_dx,
-    traction_function,
-)
+from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.fields import FIELD_DEGREE, stress_function, sub_dx, traction_function
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
@@ -134,7 +127,7 @@ class Admissible:
 
 
 def pair_of(result: Any) -> Admissible:
-    """Return the pair itself, or that of an error, or that of the error of a history.
+    """Return the pair itself, or the pair of an error, or of the error of a history.
 
     Raises:
         InputError: If it is none of them.

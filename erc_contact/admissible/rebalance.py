@@ -77,7 +77,7 @@ def nodal_forces(
 def load_forces(
     model: Model, cells: CellGeometry, moments: np.ndarray, force: np.ndarray | None
 ) -> fem.Function:
-    """Assemble nodal forces as :func:`nodal_forces` does, with those of rigid faces."""
+    """Add the forces of rigid faces to the nodal forces of :func:`nodal_forces`."""
     b = nodal_forces(model, cells, moments, force)
     if model.face_forces is not None:
         b.x.array[:] += model.face_forces.x.array

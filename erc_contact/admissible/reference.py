@@ -136,8 +136,8 @@ def _barycentric_gradients(points: np.ndarray) -> np.ndarray:
 def named_nodes(d: int, k: int, sub: int, facet: int) -> dict[frozenset[int], int]:
     """Return the nodes on a facet of a sub-simplex by name.
 
-    The name is the set of the vertices that a node lies between. Vertices are those of
-    the cell; d+1 is the barycentre.
+    The name is the set of the vertices that a node lies between. The vertices are
+    numbered as in the cell; d+1 is the barycentre.
     """
     vertices = node_vertices(d, k)
     named = {}

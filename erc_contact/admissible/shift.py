@@ -169,7 +169,7 @@ def shift_of_far_open(
     if not space.comm.allreduce(len(far) > 0, MPI.LOR):
         return result
     far = far[jumps(space, contact, gap_at_nodes(space, contact), far)]
-    # There the gap is not that of the nodes.
+    # There the gap at the nodes does not tell the gap between them.
     points, weights = rule(space.d - 1, space.contact_degree)
     shape = lagrange(space.d - 1, space.degree, points)
     x = np.matmul(barycentric(points), contact.trace.here.corners[far])

@@ -73,7 +73,7 @@ def with_soft_contacts(
             blocks.append(energy / float(moved @ moved) * np.eye(len(of_contact)))
     if not motions:
         return None
-    # What is missing is the work of r^ with that of all other forces.
+    # What is missing is the work of r^ and of all other forces together.
     works = np.concatenate(missing) - _works_of(model, tractions, motions)
     free = np.zeros((len(others.motions) + len(motions), others.free.shape[1]))
     free[: len(others.motions)] = others.free
@@ -121,7 +121,7 @@ def _rigid_part(
 ) -> np.ndarray:
     """Fit rigid motions to the displacement of a contact [length]; collective.
 
-    The fit is that of least squares, with the tractions as weights: where nothing is
+    The fit is by least squares, with the tractions as weights: where nothing is
     transmitted, another part of the body may move otherwise. Shape (K,).
     """
     trace = traction.contact.trace

@@ -159,7 +159,7 @@ class Trial:
     def contact_traction(self, values: np.ndarray) -> ContactTraction:
         """Return the contact traction with these coefficients (f, m, d); collective.
 
-        Its friction bound is that of the law, without the factors of the trial.
+        Its friction bound follows the law, without the factors of the trial.
         """
         if self.turning is not None:
             values = self.turning.tractions(values)

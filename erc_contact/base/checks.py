@@ -1,4 +1,4 @@
-"""Check numbers that users give; those of Python and of numpy are welcome."""
+"""Check numbers that users give; types of Python and of numpy are welcome."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def code_of(value: Any) -> str:
 def literal(value: Any) -> str | None:
     """Return None, a bool, a text or a number as a literal; None for other values.
 
-    Numbers of numpy are those of Python.
+    Numbers of numpy are written as numbers of Python.
     """
     if value is None or isinstance(value, bool | str):
         return repr(value)

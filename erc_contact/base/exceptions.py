@@ -106,7 +106,7 @@ def raise_together(comm: MPI.Comm, error: BaseException | None) -> None:
 
 
 def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
-    """Call on every rank what may fail on one of them only; collective.
+    """Call on every rank what may fail on a single rank only; collective.
 
     A user's code may do so.
 
@@ -124,7 +124,7 @@ def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """Return the error, or one with the same words if it cannot be sent to ranks."""
+    """Return the error, or an error with its words if it cannot be sent to ranks."""
     try:
         copy = pickle.loads(pickle.dumps(error))
         return error if isinstance(copy, BaseException) else RuntimeError(repr(error))

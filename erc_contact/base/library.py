@@ -66,7 +66,7 @@ class Library:
         """Call a function with numbers and contiguous arrays; None is a null pointer.
 
         Raises:
-            TypeError: If the type of an array is not that of the argument.
+            TypeError: If the type of an array is not the type of the argument.
             ValueError: If an array is not contiguous.
             MemoryError: If the function finds too little memory.
         """
@@ -151,7 +151,7 @@ def _compiled(folder: Path, dimension: int) -> Path:
 
 
 def _compile(folder: Path, dimension: int, path: Path) -> Path:
-    """Compile all sources, one on each core, and link them.
+    """Compile all sources, each on its core, and link them.
 
     The library appears at its path when it is complete.
 

@@ -18,7 +18,7 @@ _SILENT.disabled = True
 
 
 def log_of(comm: MPI.Comm) -> logging.Logger:
-    """Return the package's logger on rank 0, one that says nothing on other ranks."""
+    """Return the package's logger on rank 0, a silent logger on other ranks."""
     return logging.getLogger("erc_contact") if comm.rank == 0 else _SILENT
 
 

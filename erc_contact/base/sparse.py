@@ -62,12 +62,12 @@ def matrix_of(forms: Sequence[fem.Form]) -> PETSc.Mat:
 
 
 def as_entries(blocks: PETSc.Mat) -> PETSc.Mat:
-    """Return a matrix of blocks as one of single entries."""
+    """Return a matrix of blocks as a matrix of single entries."""
     return blocks.convert("aij", PETSc.Mat())
 
 
 def as_blocks(entries: PETSc.Mat, size: int) -> PETSc.Mat:
-    """Return a matrix of single entries as one of blocks of a size."""
+    """Return a matrix of single entries as a matrix of blocks of a size."""
     entries.setBlockSize(size)
     return entries.convert("baij", PETSc.Mat())
 
@@ -83,7 +83,7 @@ def sparse(
 
 
 def sparse_like(like: PETSc.Mat, rows: np.ndarray, columns: np.ndarray) -> PETSc.Mat:
-    """Make a matrix of the size of another one, with entries at the given places."""
+    """Make a matrix of the size of a given matrix, with entries at given places."""
     matrix = PETSc.Mat().create(comm=like.comm)
     matrix.setSizes(like.getSizes())
     matrix.setType("aij")
@@ -92,7 +92,7 @@ def sparse_like(like: PETSc.Mat, rows: np.ndarray, columns: np.ndarray) -> PETSc
 
 
 def times(matrix: PETSc.Mat, dense: np.ndarray) -> np.ndarray:
-    """Return the product of a sparse matrix of this rank and a dense one (n, k)."""
+    """Return the product of a sparse matrix of this rank and a dense matrix (n, k)."""
     right = PETSc.Mat().createDense(
         dense.shape, array=np.asfortranarray(dense), comm=PETSc.COMM_SELF
     )
@@ -115,7 +115,7 @@ def add_diagonal(matrix: PETSc.Mat, values: np.ndarray) -> None:
 
     Args:
         matrix: The matrix; its pattern has the diagonal.
-        values: Those of the rows of this rank.
+        values: A value of each row of this rank.
     """
     diagonal = matrix.createVecRight()
     diagonal.array[:] = values

@@ -36,7 +36,7 @@ class TableData(ConstantValue):
 
     Args:
         source: The table.
-        digest: A text that tells its numbers from those of other tables.
+        digest: A text that tells its numbers from the numbers of other tables.
         slope: Number of the coordinate whose derivative is meant, or None.
     """
 

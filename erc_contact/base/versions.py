@@ -11,7 +11,7 @@ import dolfinx
 from petsc4py import PETSc
 
 OTHER_PACKAGES = ("gmsh", "pyvista", "vtk", "matplotlib", "meshio", "h5py", "cffi", "numpy")
-"""Packages whose versions count beside those of DOLFINx and PETSc."""
+"""Packages whose versions count beside the versions of DOLFINx and PETSc."""
 
 
 def versions() -> dict[str, str]:

@@ -38,16 +38,16 @@ needs
 - no oscillation (:mod:`erc_contact.error.oscillation`): sigma^ balances the loads
   themselves, and u^ and r^ satisfy supports, gaps, normals and friction bounds at every
   point. A pair that is admissible for other data bounds another problem;
-- integrals with the true moduli, gaps and bounds, not with those of a fixed rule. What
-  they leave unknown widens the interval. The stiffness matrix may be integrated by any
-  rule, because (a) holds for any u^.
+- integrals with the true moduli, gaps and bounds, not only at the points of a fixed
+  rule. What they leave unknown widens the interval. The stiffness matrix may be
+  integrated by any rule, because (a) holds for any u^.
 
 Otherwise the same numbers are estimates. Resultants that follow from rigid motions need
 only the integrals of the loads.
 
 Nothing is guaranteed for a curved body whose flat facets change the energy; an estimate
-of this change is then added to e^2. If a body is known only as a mesh, the bounds are
-those of the body with flat facets.
+of this change is then added to e^2. If a body is known only as a mesh, the bounds hold
+for the body with flat facets.
 
 Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t -
 s| with the given friction bound b; s is the tangential displacement at the end of the
@@ -83,7 +83,7 @@ from erc_contact.scene.scene import Scene
 RIGID_ENERGY = 1e-8
 """Energy norm of phi below which it is a rigid motion [-].
 
-It is over that of strains of size one in the body.
+It is relative to the energy norm of strains of size one in the body.
 """
 
 
@@ -149,14 +149,14 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
 
     With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u);
     with supports only (no loads, no gap, no friction) it is J(u). With given strains
-    the strain energy in J is that of the elastic strain.
+    the strain energy in J is the energy of the elastic strain.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
 
     Returns:
-        An interval that ends in J(u^) [force length]. With Coulomb friction J is that
-        of the bound of r^.
+        An interval that ends in J(u^) [force length]. With Coulomb friction J has the
+        friction bound of r^.
 
     Example:
         >>> bounds = ec.potential_energy(error)

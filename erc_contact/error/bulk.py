@@ -24,8 +24,8 @@ from erc_contact.mesh.surface import pairs, swept
 def body_error(admissible: Admissible) -> LawError:
     """Measure how far sigma^ and u^ are from Hooke's law on each cell; collective.
 
-    The squares are those of ``sigma^ - C eps(u^)`` and ``sigma^ + C eps(u^)``, where
-    eps is the strain without the given one. If the moduli or the given strain vary
+    ``gap`` is the square of ``sigma^ - C eps(u^)``, ``both`` of ``sigma^ + C eps(u^)``;
+    eps is the strain without the given strain. If the moduli or the given strain vary
     inside cells, the gap contains what its integral leaves unknown.
     """
     model = admissible.model

@@ -138,11 +138,11 @@ def certify(
 ) -> Certificate:
     """Measure the error of a displacement that any solver has computed; collective.
 
-    Its admissible pair is made as that of a solution of the package: u^ is u where that
-    keeps supports and gaps, r^ comes from its reactions or, if e is smaller with them,
-    from the tractions of Nitsche's method, and sigma^ balances r^ and the loads. The
-    error bounds the distance of u^ and of sigma^ to the exact solution, as it always
-    does, whatever the quality of u.
+    Its admissible pair is made as for a solution of the package: u^ is u where u keeps
+    supports and gaps, r^ comes from its reactions or, if e is smaller with them, from
+    the tractions of Nitsche's method, and sigma^ balances r^ and the loads. The error
+    bounds the distance of u^ and of sigma^ to the exact solution, as it always does,
+    whatever the quality of u.
 
     Args:
         scene: The problem that u is to solve.
@@ -157,8 +157,8 @@ def certify(
         traction: Contact tractions that the solver has computed, by the names of
             contacts [force/area], each as u is given, at the nodes of the part. They
             act on the part that the contact is named after. r^ then comes from them.
-        degree: Degree of the elements, 1 or 2; None takes that of a Function, 2 if
-            there are more points than vertices, for files 2 if their cells are of
+        degree: Degree of the elements, 1 or 2; None takes the degree of a Function, 2
+            if there are more points than vertices, for files 2 if their cells are of
             second order or are split, else 1.
         tighten: As in :func:`equilibrate`.
 

@@ -227,12 +227,13 @@ class ConstitutiveError:
     def maximum(self, quantity: str, stress: str = "admissible") -> Maximum:
         """Return the greatest value of a quantity and its place; collective.
 
-        The displacement is u^, the von Mises stress is that of the mean of sigma^ in a
-        cell, and "pressure", "shear", "slip" and "gap" are those of :meth:`profile`.
+        The displacement is u^, the von Mises stress is computed from the mean of sigma^
+        in a cell, and "pressure", "shear", "slip" and "gap" are taken from
+        :meth:`profile`.
 
         Args:
             quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
-            stress: That of von Mises, see :func:`erc_contact.results.mean_stress`.
+            stress: Which stress has it, see :func:`erc_contact.results.mean_stress`.
 
         Raises:
             InputError: If the quantity is another one, or the scene has no contact.

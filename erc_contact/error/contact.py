@@ -235,8 +235,8 @@ def _adapted_squares(
         turned = np.where(turned <= least_force, 0.0, turned)
         excess = friction - bound
         excess = np.where(excess <= least_force, 0.0, excess)
-        # A violation of the gap is measured as that of a support, E/h |.|^2, and one of
-        # normal and bound as that of a load, h/E |.|^2.
+        # A violation of the gap is measured like a wrong support, E/h |.|^2; a
+        # violation of the normal or of the friction bound like a wrong load, h/E |.|^2.
         compliance = (1 / contact.trace.stiffness)[facet][:, None]
         gaps = beyond**2 / compliance + turned**2 * compliance
         return np.stack([density, gaps, excess**2 * compliance, of_sum], axis=-1)

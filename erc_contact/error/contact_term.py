@@ -83,8 +83,8 @@ def law_error(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) ->
 def law_sum(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
     """Evaluate the square of the sum of both pressures [force/length^(d-2)].
 
-    It is ``(p^ + k <w_n - g>_+)^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body. The
-    arguments are those of :func:`law_error`.
+    It is ``(p^ + k <w_n - g>_+)^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body. See
+    :func:`law_error` for the arguments.
     """
     return (pressure + stiffness * np.maximum(entry, 0.0)) ** 2 / stiffness
 

@@ -28,6 +28,14 @@ class LawError(NamedTuple):
         moduli: Square of the oscillation of the moduli on this rank [force length].
         gaps: Likewise, of the gaps of contacts.
         friction: Likewise, of the friction bounds.
+
+    Example:
+        >>> from erc_contact.error.bulk import body_error
+        >>> body = body_error(admissible)
+        >>> f"{body.gap.sum() ** 0.5:.4f}"  # e, as no contact adds to it here
+        '0.1241'
+        >>> f"{body.both.sum() ** 0.5:.4f}"  # the scale, so that eps is 0.1234
+        '1.0055'
     """
 
     gap: np.ndarray

@@ -1,7 +1,7 @@
 """Work of the loads on displacements.
 
-It is known up to what the integrals leave unknown: those of loads that vary in space
-are adapted to them (:mod:`erc_contact.mesh.quadrature`).
+It is known up to what the integrals leave unknown: the integrals of loads that vary in
+space are adapted to the loads (:mod:`erc_contact.mesh.quadrature`).
 """
 
 from __future__ import annotations
@@ -15,13 +15,7 @@ from erc_contact.admissible.cells import cell_geometry, sorted_corners
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.mesh.quadrature import (
-    Integrand,
-    cell_pieces,
-    facet_pieces,
-    integrate,
-    polynomials,
-)
+from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, lattice
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.loads import bind_loads

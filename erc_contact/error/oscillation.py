@@ -59,7 +59,7 @@ class Oscillations:
         gaps: Part of gaps, and of normals of foundations.
         friction: Part of friction bounds.
         history: Part of the tangential displacement at the end of the last step, which
-            a mesh that does not refine that of the last step interpolates.
+            a mesh interpolates if it does not refine the mesh of the last step.
 
     Example:
         >>> error.oscillations  # the mesh represents all data of this scene
@@ -95,7 +95,8 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
     for load in model.surface_loads:
         if load.varies:
             facets = model.domain.owned_facets(load.facets)
-            # The projection is that of the reconstruction: sigma^ balances it.
+            # The reconstruction projects the load, too: sigma^ balances this
+            # projection.
             moments = traction_moments(model, facets, load.density)
             means = moments / model.facet_areas(facets)[:, None, None]
             projected = from_means(d - 1, k, means)
@@ -125,7 +126,7 @@ def _of_body_force(model: Model, cells: CellGeometry, force: np.ndarray) -> floa
 def of_supports(model: Model) -> float:
     """Compute the square of the oscillation of the supports; collective.
 
-    It is that of the facets of this rank.
+    It is summed over the facets of this rank.
     """
     d, k = model.d, model.degree
     prescribed = model.prescribed.x.array.reshape(-1, d)
@@ -148,7 +149,8 @@ def of_supports(model: Model) -> float:
 def of_history(model: Model) -> float:
     """Compute the square of the oscillation of the last step on this rank.
 
-    It is that of its tangential displacement, measured as that of a support.
+    The tangential displacement of that step is measured like the displacement of a
+    support.
     """
     total = 0.0
     for contact in model.contacts:
@@ -168,7 +170,7 @@ def _on_facets(
         model: The scene on a mesh.
         data: The data, of c components.
         facets: Pairs (cell, local facet), shape (f, 2).
-        coefficients: Those of the polynomials, shape (f, m, c).
+        coefficients: Bernstein coefficients of the polynomials, shape (f, m, c).
 
     Returns:
         The integrals, shape (f,).

@@ -19,7 +19,7 @@ from erc_contact.model.model import Model
 from erc_contact.model.motions import nearest_motion, rigid_motions
 
 RESOLUTION = 1e-12
-"""Accuracy of a displacement over its size, which is that of the solver [-]."""
+"""Accuracy of the solver: error of a displacement over its size [-]."""
 SAME_MOTION = 1e-14
 """Difference of a motion to supports and gaps that is round-off, over its size [-]."""
 RIGID_NOISE = 100.0
@@ -47,8 +47,8 @@ def strain_round_off(admissible: Admissible) -> np.ndarray:
 def round_off(admissible: Admissible) -> tuple[float, bool]:
     """Estimate the accuracy of ``C eps(u)`` in the energy norm; collective.
 
-    The accuracy of a displacement of size |u| is ``RESOLUTION |u|``, so that of its
-    strain in a cell of size h is ``RESOLUTION |u|/h``.
+    The accuracy of a displacement of size |u| is ``RESOLUTION |u|``, so the accuracy of
+    its strain in a cell of size h is ``RESOLUTION |u|/h``.
 
     Returns:
         Its square [force length], and whether it underflows.

@@ -17,7 +17,7 @@ class Run(Protocol):
 
 
 def error_of[Error](measured: Error | Run) -> Error:
-    """Return the error itself, or that of a run.
+    """Return the error itself, or the error of a run.
 
     Raises:
         InputError: If it is neither.

@@ -151,7 +151,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
         return mesh.total(square * ((scale * smooth) ** (2 * q[:, None]) @ weights))
 
     def above_accuracy(scale: float) -> float:
-        """Return how far the square of the error is above the prescribed one."""
+        """Return how far the square of the error is above the prescribed square."""
         return predicted(scale) - accuracy**2
 
     scale = _root(above_accuracy, 0.1, 10.0) if error.total > 0 else 1.0
@@ -179,7 +179,7 @@ def _optimal_ratio(
         return np.clip(r, *RATIO)
 
     def below_accuracy(multiplier: float) -> float:
-        """Return how far the square of the error is below the prescribed one."""
+        """Return how far the square of the error is below the prescribed square."""
         total = mesh.total(square * ratio(multiplier) ** (2 * q))
         return -(total - accuracy**2)
 

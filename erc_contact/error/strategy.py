@@ -125,7 +125,7 @@ def mark(error: ConstitutiveError | Run, fraction: float = 0.5) -> np.ndarray:
     """Mark the fewest elements that carry a fraction of the squared error; collective.
 
     This is Doerfler marking over all ranks. Elements whose errors differ by less than
-    1e-6 from that of the last marked element are marked, too.
+    1e-6 from the error of the last marked element are marked, too.
 
     Args:
         error: The error, whose ``total_indicators`` are compared over all ranks, or a

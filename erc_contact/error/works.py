@@ -21,13 +21,7 @@ from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import foundation_energies
 from erc_contact.error.load_work import assembled
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.mesh.quadrature import (
-    Integral,
-    Integrand,
-    cell_pieces,
-    integrate,
-    polynomials,
-)
+from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_data import ContactData
@@ -90,7 +84,7 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
     """Compute the strain energy of a displacement [force length]; collective.
 
-    It is that of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``.
+    It is the energy of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``.
     """
     model = pair.model
     energy = 0.5 * elastic_work(pair, u, u)
@@ -121,7 +115,7 @@ def _over_cells(pair: Admissible, density: Integrand) -> BoundedNumber:
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """Compute ``(sigma^, eps(v))``, which is exact [force length]; collective.
 
-    With the work of the springs it is that of r^ and of the projected loads.
+    With the work of the springs it is the work of r^ and of the projected loads.
     """
     model = pair.model
     cells = pair.cell_geometry

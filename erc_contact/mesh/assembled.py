@@ -50,7 +50,7 @@ class Member:
         names: Name of each part of the body alone -> its tag.
         regions: Name of each region of the body alone -> its tag.
         first_tag: What is added to the tags of its parts.
-        region_tags: Pairs of the tag of a region and that in the whole. That of
+        region_tags: Pairs of the tag of a region and its tag in the whole. The tag of
             :data:`NO_TAG` stands for all regions that are not among them.
     """
 
@@ -171,7 +171,7 @@ def beside_each_other(
     """Make one mesh of several ones on rank 0, unconnected; collective.
 
     Returns:
-        The mesh, the tags of its facets and those of its cells.
+        The mesh, the tags of its facets and the tags of its cells.
     """
     points = 0
     tables = []

@@ -78,7 +78,7 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
 
 
 def _communicator(bodies: Any) -> MPI.Comm:
-    """Return the communicator of the first domain, or that of all ranks."""
+    """Return the communicator of the first domain, or the communicator of all ranks."""
     first = next(iter(bodies.values()), None) if isinstance(bodies, Mapping) else None
     return first.comm if isinstance(first, Domain) else MPI.COMM_WORLD
 

@@ -21,6 +21,12 @@ class Cuts:
     Attributes:
         simplex: Number of the segment of each place, shape (n,).
         place: Distance from its first vertex, over its length [-], shape (n,).
+
+    Example:
+        >>> cuts = Cuts(simplex=np.array([0]), place=np.array([0.3]))
+        >>> whole = np.eye(2)[None]  # one piece, with the corners of the segment
+        >>> first_pieces(np.array([0]), whole, cuts).share
+        array([0.3, 0.7])
     """
 
     simplex: np.ndarray

@@ -28,13 +28,7 @@ from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.size_field import labels_of
-from erc_contact.mesh.splitting import (
-    NO_INTERFACE,
-    Carried,
-    claimed,
-    side_tags,
-    touching_regions,
-)
+from erc_contact.mesh.splitting import NO_INTERFACE, Carried, claimed, side_tags, touching_regions
 from erc_contact.mesh.surface import snap
 from erc_contact.mesh.tags import shared, tag_table, tags_of
 from erc_contact.mesh.touching import Pairs, touching
@@ -313,7 +307,7 @@ class Domain(Bodies):
 
         The parts lie against each other, at least in places. There their facets become
         a pair, as :meth:`split` makes it, which keeps the names of both parts. What
-        remains of a part is called "... outside". If vertices do not match, those of
+        remains of a part is called "... outside". If vertices do not match, vertices of
         ``there`` move to close ones of ``here``, and cells are cut (in 2D), or the
         regions behind the parts are meshed again (in 3D). There the body of ``there``
         takes the facets of ``here``, or, if that reaches beyond, the other way round.
@@ -357,7 +351,7 @@ class Domain(Bodies):
         return whole.cut(interfaces) if interfaces else whole
 
     def tied(self, ties: Sequence[tuple[str, str]]) -> Domain:
-        """Glue pairs of parts and no others, as a scene asks; collective.
+        """Glue exactly these pairs of parts, as a scene asks; collective.
 
         Args:
             ties: Names of the parts of each :class:`Tied`.

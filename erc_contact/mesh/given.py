@@ -1,4 +1,4 @@
-"""Relate the cells of a mesh of DOLFINx to those from which it was made."""
+"""Relate the cells of a mesh of DOLFINx to the cells from which it was made."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from erc_contact.mesh.tags import tags_of
 class GivenCells:
     """Fetch rows of tables of the given cells for a mesh; all methods are collective.
 
-    The cells of all ranks have the order in which they were given. The given tables are
-    those of the cells that each rank gave.
+    The cells of all ranks have the order in which they were given. Each given table has
+    the rows of the cells that its rank gave.
 
     Args:
         mesh: The mesh, whose facets are connected to its cells.

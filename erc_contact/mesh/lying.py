@@ -49,7 +49,7 @@ class Facets:
         return np.linalg.norm(after - self.corners, axis=2).max(axis=1, initial=0.0)
 
     def places(self, corner: int) -> np.ndarray:
-        """Return a point of each facet near one of its corners [length], (n, d)."""
+        """Return a point of each facet near a corner of it [length], (n, d)."""
         middle = self.corners.mean(axis=1)
         return middle + OUTWARD * (self.corners[:, corner] - middle)
 

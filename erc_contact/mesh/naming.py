@@ -300,7 +300,7 @@ def _painted(
     holds: Mapping[str, np.ndarray],
     last_tag: int,
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return tags and names after new names have taken their own; collective.
+    """Return tags and names after new names have taken their facets; collective.
 
     Args:
         comm: Communicator.

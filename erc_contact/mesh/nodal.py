@@ -1,4 +1,4 @@
-"""Compute values at nodes from those of cells and edges, on any number of ranks."""
+"""Compute values at nodes from values of cells and edges, on any number of ranks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ From 0.3 to 0.5 no count and no error changed by more than the scatter of meshes
 class NodalMesh:
     """Hold cells, edges and nodes of a domain on this rank.
 
-    Values at nodes are those of all nodes of this rank, ghosts included, shape (n,).
+    Values at nodes are given for all nodes of this rank, ghosts included, shape (n,).
     """
 
     def __init__(self, domain: Domain) -> None:

@@ -140,7 +140,7 @@ def coordinate_element(dim: int) -> Any:
 
 
 def patches_complete(mesh: dmesh.Mesh) -> bool:
-    """Check whether each rank has all cells at the vertices of its own; collective."""
+    """Tell whether each rank has all cells at the vertices of its cells; collective."""
     tdim = mesh.topology.dim
     mesh.topology.create_connectivity(tdim, 0)
     vertices = mesh.topology.connectivity(tdim, 0).array.reshape(-1, tdim + 1)
@@ -182,7 +182,7 @@ def redistributed(
 
 
 def _moved(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh.MeshTags:
-    """Return tags of a mesh as those of its redistributed copy; collective."""
+    """Return tags of a mesh as tags of its redistributed copy; collective."""
     dim = tags.dim
     tdim = mesh.topology.dim
     owned = tags.indices < mesh.topology.index_map(dim).size_local

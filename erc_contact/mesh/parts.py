@@ -179,7 +179,7 @@ def shape_in_words(geometry: object | None, dim: int, *, curved: bool) -> str:
         curved: Whether the body has curved facets.
     """
     if geometry is None:
-        return "that of the mesh, with flat facets"
+        return "the mesh, with flat facets"
     # Rectangles and boxes alone have two corners.
     low = getattr(geometry, "low", None)
     high = getattr(geometry, "high", None)

@@ -30,8 +30,8 @@ CUSP_RISE = 20.0
 
 The distance is the greatest one of the samples from the nearest polynomial. With this
 multiple the bounds of cusps ``-|x - c|^a`` at 4000 random places c in a facet, a from
-0.25 to 4, were all above the peak, also those of cusps that are three times as steep on
-one side.
+0.25 to 4, were all above the peak, also the bounds of cusps that are three times as
+steep on one side.
 """
 JUMP_SHARE = 0.02
 """Distance from the greatest or the least value in a piece with a jump [-].
@@ -60,8 +60,8 @@ JUMP_ROUNDS = 40
 MOST_PIECES = 1000
 """Number of pieces of a simplex that may be bisected in one round.
 
-So a line of cusps in a triangle ends. The limit is that of each simplex, so that a
-bound does not depend on which other simplices a rank has.
+So a line of cusps in a triangle ends. The limit holds for each simplex, so that a bound
+does not depend on which other simplices a rank has.
 """
 CHUNK_SIMPLICES = 256
 """Number of simplices that are worked on at once, for the sake of memory."""

@@ -115,6 +115,13 @@ def integrate(
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
         cuts: Kinks of the integrands that are known, on segments; None without.
+
+    Example:
+        >>> kink = lambda simplex, places, x: abs(x - 0.3)
+        >>> segment = np.array([[[0.0], [1.0]]])
+        >>> result = integrate(block.comm, kink, segment, np.ones(1), facet_pieces(1))
+        >>> round(float(result.value[0, 0]), 6)  # (0.3^2 + 0.7^2)/2
+        0.29
     """
     size = vertices.shape[1] - 1
     first = first_pieces(np.flatnonzero(measure > 0), pieces, cuts)

@@ -94,7 +94,7 @@ def meshed(
             return built(mesh_of_model(model), marks, numbered=False)
 
         new = spread_from(comm, 0, make, subject)
-    # Without regions gmsh's tags are those of the group "body", which nobody asked for.
+    # Without regions gmsh's tags stand for the group "body", which nobody asked for.
     cell_tags = new.cell_tags if labels.regions else None
     return Domain(
         new.mesh, new.facet_tags, labels.names, cell_tags, labels.regions, geometry, new.marks

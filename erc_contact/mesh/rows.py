@@ -6,7 +6,7 @@ import numpy as np
 
 
 def row_numbers(rows: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
-    """Number rows so that those with the same entries, in any order, have one number.
+    """Number rows so that rows with the same entries, in any order, have one number.
 
     Args:
         rows: Whole numbers, shape (n, k).

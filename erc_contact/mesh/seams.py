@@ -1,4 +1,4 @@
-"""Describe how a split mesh relates to the glued one, and which of its facets face.
+"""Describe how a split mesh relates to the glued mesh, and which facets face.
 
 A side is a pair of a cell and one of its facets.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 
 Facing = Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
-"""Names of two parts -> sides of the first, and those of the second that face them."""
+"""Names of two parts -> sides of the first, and sides of the second that face them."""
 
 
 Regions = int | tuple[int, ...]
@@ -51,7 +51,7 @@ class Interface:
 
 @dataclass(frozen=True, eq=False)
 class Seams:
-    """Relate a split mesh to the glued one.
+    """Relate a split mesh to the glued mesh.
 
     Attributes:
         interfaces: The interfaces, in the order in which they were split.

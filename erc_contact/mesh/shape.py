@@ -34,7 +34,7 @@ SIDES = {
 }
 """Names of the sides of a rectangle or box, by dimension.
 
-They are those of the low and the high end of x, y and z. The last axis is up.
+Each pair names the low and the high end of x, y or z. The last axis is up.
 """
 SIDE_ROUND_OFF = 1e-12
 """Distance from a side of a brick that is round-off, as a share of its length [-]."""

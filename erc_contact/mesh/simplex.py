@@ -9,7 +9,7 @@ degree 1 coefficients are the values at the nodes.
 
 Symbols: d dimension, k degree, N number of nodes of a cell, m number of nodes of a
 facet, q number of points. A facet is a simplex of dimension d-1, so tables of facets
-are those of d-1.
+are tables of dimension d-1.
 """
 
 from __future__ import annotations
@@ -105,7 +105,12 @@ def nodes(d: int, k: int) -> np.ndarray:
 
 
 def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
-    """Evaluate Bernstein polynomials at reference points, shape (q, N)."""
+    """Evaluate Bernstein polynomials at reference points, shape (q, N).
+
+    Example:
+        >>> bernstein(1, 2, np.array([[0.5]]))  # both ends and the edge, in the middle
+        array([[0.25, 0.25, 0.5 ]])
+    """
     if k == 0:
         return np.ones((len(points), 1))
     a, b = node_vertices(d, k).T
@@ -162,8 +167,8 @@ def _inverse_mass(d: int, k: int) -> np.ndarray:
 def from_means(d: int, k: int, means: np.ndarray) -> np.ndarray:
     """Compute Bernstein coefficients of a polynomial from its means.
 
-    The means are those of its products with the Bernstein polynomials. This is the L2
-    projection on degree k of any function that has these means.
+    The polynomial times each Bernstein polynomial has these means. So it is the L2
+    projection on degree k of any function that has them, too.
 
     Args:
         d: Dimension.

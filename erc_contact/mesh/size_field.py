@@ -1,4 +1,4 @@
-"""Hold the sizes that a new mesh is to have, in the cells of the old one.
+"""Hold the sizes that a new mesh is to have, in the cells of the old mesh.
 
 Symbols: h size [length], the edge of the simplex that is wanted at a point; d
 dimension.
@@ -95,7 +95,7 @@ def labels_of(mesh: NamedMesh, curved_facets: dmesh.MeshTags | None) -> Labels:
 
 
 def size_field(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
-    """Return sizes at the nodes of a mesh as those in its cells; collective.
+    """Return sizes at the nodes of a mesh as sizes in its cells; collective.
 
     Args:
         domain: The domain on the mesh that carries the sizes.
@@ -110,7 +110,7 @@ def size_field(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
 
 
 def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
-    """Return sizes at the nodes of a mesh as those in its owned cells.
+    """Return sizes at the nodes of a mesh as sizes in its owned cells.
 
     Args:
         domain: The domain on the mesh that carries the sizes.

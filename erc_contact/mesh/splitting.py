@@ -126,7 +126,7 @@ def side_tags(
 ) -> np.ndarray:
     """Return the tag of each side, shape (cells, d+1).
 
-    At interfaces it is that of the new part, elsewhere that of the facet.
+    At interfaces it is the tag of the new part, elsewhere the tag of the facet.
 
     Args:
         mesh: The glued mesh.
@@ -146,7 +146,7 @@ def side_tags(
 
 
 class Carried:
-    """Carry tables of the glued mesh over to the split one; all methods are collective.
+    """Carry tables of the glued mesh over to the split mesh; methods are collective.
 
     Values of a cell are those that its owner has: another rank may not know that a
     facet of its ghosts is on an interface.
@@ -187,7 +187,7 @@ class Carried:
         return self.facet_tags(tag_table(marks)[facets_of_cells(self.glued)])
 
     def seams(self, interfaces: Sequence[Interface], tags: np.ndarray) -> Seams:
-        """Return what relates the split mesh to the glued one.
+        """Return what relates the split mesh to the glued mesh.
 
         Args:
             interfaces: The interfaces.

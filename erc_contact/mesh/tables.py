@@ -1,10 +1,10 @@
 """Convert a domain to tables that know no ranks, and back on any number of ranks.
 
-The tables have one row for each cell. Numbers of nodes in them are those of the mesh
-that was written. A cell of a mesh that is made from them may have its vertices in
-another order, so whatever belongs to a vertex or a facet of a cell is put in order by
-these numbers. Facet i is opposite to vertex i. Of a split domain the glued one is
-written, in the order of the split cells, and its interfaces.
+The tables have one row for each cell. Nodes have the numbers of the mesh that was
+written. A cell of a mesh that is made from them may have its vertices in another order,
+so whatever belongs to a vertex or a facet of a cell is put in order by these numbers.
+Facet i is opposite to vertex i. Of a split domain the glued one is written, in the
+order of the split cells, and its interfaces.
 
 Symbols: d dimension, m number of cells, N nodes of a cell.
 """
@@ -32,7 +32,7 @@ from erc_contact.mesh.tags import tag_table, tags_of
 
 
 def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
-    """Return the tags of the owned cells, and those of their facets.
+    """Return the tags of the owned cells, and the tags of their facets.
 
     Returns:
         "facets" and, where there are any, "curved", shape (m, d+1), and "regions",
@@ -72,7 +72,7 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
 
 
 def _glued_corners(domain: Domain) -> np.ndarray:
-    """Return the place of each corner of the split cells in the glued ones."""
+    """Return the place of each corner of the split cells in the glued cells."""
     assert domain.glued is not None
     assert domain.seams is not None
     in_glued = cell_nodes(domain.glued.mesh.geometry)[domain.seams.cells]
@@ -83,7 +83,7 @@ def _glued_corners(domain: Domain) -> np.ndarray:
 def glued_mesh(
     points: np.ndarray, cells: np.ndarray, glued: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nodes and cells of a glued mesh from those of the split one.
+    """Return the nodes and cells of a glued mesh from the split mesh.
 
     Args:
         points: Places of the nodes of the split mesh [length], shape (n, 3).
@@ -97,7 +97,7 @@ def glued_mesh(
 
 
 def described(geometry: Geometry | None) -> dict[str, Any] | None:
-    """Return the true shape in plain data; its text is that of rank 0.
+    """Return the true shape in plain data; its text comes from rank 0.
 
     Of a shape whose parts are named by rules, these are left out: they may be
     functions. A run that goes on has them from its first mesh.

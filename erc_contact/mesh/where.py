@@ -114,7 +114,7 @@ class where:
         return holds
 
     def along_normal(self, normals: np.ndarray) -> np.ndarray:
-        """Return which facets with outward normals (n, d) have the wanted one, (n,).
+        """Tell which facets with outward normals (n, d) have the wanted normal, (n,).
 
         Raises:
             InputError: If the wanted one has another number of components.

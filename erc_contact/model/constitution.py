@@ -41,6 +41,12 @@ class Constitution:
         parameters: Its parameters, scalar UFL.
         mesh: Where they live.
         given: The given strains, None without any.
+
+    Example:
+        >>> law = solution.model.constitution
+        >>> strain = np.array([[[0.001, 0.0, 0.0]]])
+        >>> law.stress(strain, x=np.zeros((1, 1, 2)), cells=np.array([0])).round(3)
+        array([[[1.346, 0.577, 0.   ]]])
     """
 
     def __init__(

@@ -109,7 +109,7 @@ def bind_contact(
 
 
 def _check_ends(space: Space, contact: Contact, trace: Trace) -> None:
-    """Check that a contact between bodies does not end inside one; collective.
+    """Check that a contact between bodies does not end inside a body; collective.
 
     Both sides have one node there, so the solver has no jump at it.
     """
@@ -129,10 +129,10 @@ def _check_ends(space: Space, contact: Contact, trace: Trace) -> None:
 def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side | None]:
     """Return the part on this side of a contact, and both sides; collective.
 
-    Nitsche's method tests the stress on this side. So it is that of the softer body:
-    with the stress of a much stiffer one Newton's method hardly converges. Of bodies
-    with the same modulus it is that of the later name. So the order in which the scene
-    names them changes nothing.
+    Nitsche's method tests the stress on this side. So it is the side of the softer
+    body: with the stress of a much stiffer body Newton's method hardly converges. Of
+    bodies with the same modulus it is the side with the later name. So the order in
+    which the scene names them changes nothing.
     """
     if contact.against is None:
         facets = space.domain.facets(contact.facets)

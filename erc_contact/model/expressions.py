@@ -154,9 +154,9 @@ class OfNumbers:
     """Evaluate a UFL expression whose terminals are numbers of each point.
 
     numpy evaluates it (:mod:`erc_contact.model.array_code`), unless it has an operator
-    that only the compiler knows. Then fields and constants are replaced by those of a
-    common mesh. So expressions that differ only in what they stand for are compiled
-    once, on all meshes of a process.
+    that only the compiler knows. Then fields and constants are replaced by fields and
+    constants of a common mesh. So expressions that differ only in what they stand for
+    are compiled once, on all meshes of a process.
 
     Args:
         expression: UFL expression without derivatives.

@@ -35,8 +35,8 @@ class BoundContact:
     Attributes:
         name: Name of the boundary part.
         against: Name of the facing part of another body; None on a foundation.
-        is_exchanged: Whether this side is that of the facing part, because its body is
-            the softer one.
+        is_exchanged: Whether the facing part is this side, because its body is the
+            softer one.
         trace: The displacement of the contact, with the facets of the body.
         ds: Measure of the part.
         normal: Unit normal of the foundation, or of this side into the other, UFL.
@@ -85,12 +85,12 @@ class BoundContact:
 
     @property
     def title(self) -> str:
-        """Return its name, with that of the part that it is against."""
+        """Return its name, with the name of the part that it is against."""
         return contact_in_words(self.name, self.against)
 
     @property
     def side_names(self) -> tuple[str, str | None]:
-        """Return the names of the parts on this side and on the other one."""
+        """Return the names of the parts on this side and on the other side."""
         if self.is_exchanged and self.against is not None:
             return self.against, self.name
         return self.name, self.against
@@ -99,7 +99,7 @@ class BoundContact:
     def sign(self) -> float:
         """Return -1 where this side is the facing part, else 1.
 
-        It turns normal, jump and traction into those of the part that the scene names
+        Normal, jump and traction times the sign belong to the part that the scene names
         first.
         """
         return -1.0 if self.is_exchanged else 1.0
@@ -210,8 +210,8 @@ class BoundContact:
     def project(self, z: Ufl, gamma: Ufl | None = None) -> Ufl:
         """Return the traction that the law allows [force/area], UFL.
 
-        On a compliant foundation the trial pressure ``-r_n + gamma (w_n - g)`` is that
-        of springs k and gamma, of which k gives way, too: the pressure p of the law
+        On a compliant foundation springs k and gamma carry the trial pressure
+        ``-r_n + gamma (w_n - g)``, and k gives way, too: the pressure p of the law
         ``p = k (w_n - g)`` is the share ``k/(k + gamma)`` of it. So the share tends to
         1 on a stiff foundation and to 0 on a soft one.
 

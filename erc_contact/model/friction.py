@@ -148,11 +148,11 @@ def _takes_arrays(law: Law, pressure: np.ndarray, values: Mapping[str, np.ndarra
 def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
     """Tell how a friction bound, UFL of the pressure, depends on the pressure.
 
-    The derivative alone does not tell: that of ``sign(p)``, or of a conditional between
-    two numbers, is symbolically zero, although the bound jumps. So a bound is CONSTANT
-    only if the pressure is no operand of it, and PROPORTIONAL only if sums, products
-    and quotients alone join the pressure to the bound. All else counts as CONCAVE, of
-    which nothing is claimed that needs more.
+    The derivative alone does not tell: ``sign(p)``, or a conditional between two
+    numbers, has a derivative that is symbolically zero, although the bound jumps. So a
+    bound is CONSTANT only if the pressure is no operand of it, and PROPORTIONAL only if
+    sums, products and quotients alone join the pressure to the bound. All else counts
+    as CONCAVE, of which nothing is claimed that needs more.
     """
     # Not a Constant: a law of functions of numpy would take its number, and be wrong.
     pressure = ufl.variable(ufl.SpatialCoordinate(mesh)[0])
@@ -173,5 +173,5 @@ def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
 
 
 def _contains(expression: Ufl, part: Ufl) -> bool:
-    """Tell whether a UFL expression has another one as an operand, at any depth."""
+    """Tell whether a UFL expression has a given operand, at any depth."""
     return any(node == part for node in unique_pre_traversal(expression))

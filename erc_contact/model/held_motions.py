@@ -1,4 +1,4 @@
-"""Find rigid motions that no support holds, and refuse those that nothing holds.
+"""Find rigid motions that no support holds, and refuse motions that nothing holds.
 
 A mesh may have several bodies, which share no node. Each body has its own rigid
 motions, and each must be held.
@@ -18,13 +18,7 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.model.foundation import BoundContact
-from erc_contact.model.motions import (
-    block_diagonal,
-    body_motions,
-    kernel,
-    motions_not_held,
-    summed,
-)
+from erc_contact.model.motions import block_diagonal, body_motions, kernel, motions_not_held, summed
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
@@ -81,7 +75,7 @@ def unsupported_motions(
 ) -> list[fem.Function]:
     """Find the rigid motions that no support holds, but springs may; collective.
 
-    The motions and the arguments are those of :func:`free_motions`.
+    See :func:`free_motions` for the motions and the arguments.
     """
     body, count = bodies
     motions, _ = body_motions(space, body, count)

@@ -116,6 +116,6 @@ def _samples(size: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
     inside = np.matmul(samples, facet_pieces(size)).reshape(-1, size + 1)
     places = np.concatenate([barycentric(nodes(size, degree)), inside])
     quadratic = polynomials(2, places[None])[0]
-    # Products of two polynomials of degree 2 span those of degree 4.
+    # Products of two polynomials of degree 2 span the polynomials of degree 4.
     products = (quadratic[:, :, None] * quadratic[:, None]).reshape(len(places), -1)
     return places, np.eye(len(places)) - products @ np.linalg.pinv(products)

@@ -51,7 +51,7 @@ def kinks_on_facets(
 
 
 def _tables(expressions: Iterable[Ufl | None]) -> list[TableFunction]:
-    """Return the tables in expressions, also those inside coordinates of others."""
+    """Return the tables in expressions, also inside coordinates of other tables."""
     functions: list[TableFunction] = []
     for expression in expressions:
         if expression is None:

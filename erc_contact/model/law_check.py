@@ -37,7 +37,7 @@ def check_law(model: Model, contact: BoundContact) -> None:
     def refuse(wrong: np.ndarray, message: str) -> None:
         """Raise on all ranks if an entry of one rank is wrong.
 
-        The last axis of ``wrong`` is that of the pressures.
+        The last axis of ``wrong`` counts the pressures.
         """
         example = None
         if wrong.any():

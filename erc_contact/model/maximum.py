@@ -41,9 +41,9 @@ that were resolved had less than 0.19.
 class Maximum:
     """Hold the greatest value of a quantity.
 
-    That of a run knows the values on all meshes, for stress and contact traction. They
-    tell whether it has a limit: at a sharp edge the stress of linear elasticity is
-    infinite, and its greatest value tells the mesh, not the part::
+    The maximum of a run knows the values on all meshes, for stress and contact
+    traction. They tell whether it has a limit: at a sharp edge the stress of linear
+    elasticity is infinite, and its greatest value tells the mesh, not the part::
 
         peak = history.maximum("von Mises")
         if peak.grows:

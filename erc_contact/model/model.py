@@ -46,7 +46,7 @@ class Model(Space):
 
     Args:
         scene: The scene.
-        domain: The mesh with names. Its tied joints become those of the scene.
+        domain: The mesh with names. It gets the tied joints of the scene.
         degree: Degree k of the displacement, 1 or 2.
         last: The last step of a history, after which friction counts the tangential
             displacement; None without.
@@ -62,8 +62,8 @@ class Model(Space):
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
-        held: Which components have a given value; those of a loose rigid face are fixed
-            up to its motion.
+        held: Which components have a given value; on a loose rigid face components are
+            fixed up to its motion.
         loose_faces: The rigid faces whose motions are not all given.
         face_forces: Nodal forces of their resultants, or None.
         fixed_facets: Facets (cell, local facet) and prescribed components of each
@@ -136,8 +136,8 @@ class Model(Space):
     def stress(self, u: Ufl) -> Ufl:
         """Return the stress ``C (eps(u) - eps_0)`` [force/area], UFL.
 
-        Its variation has no given strain eps_0: that of a test or trial function is
-        ``C eps(v)``.
+        Its variation has no given strain eps_0: it is ``C eps(v)`` for a test or trial
+        function v.
         """
         if self.strains is None or has_arguments(u):
             return self._stress_of(strain(u))
@@ -174,7 +174,7 @@ class Model(Space):
         return ufl.inner(stress, strain(v)) * self._measure(varying)
 
     def right_side(self, v: Ufl) -> Ufl | None:
-        """Return the UFL form of loads and given strains, or None without both."""
+        """Return the UFL form of loads and given strains, or None without any."""
         forms = (self.loads(v), self.strain_loads(v))
         return sum_of([form for form in forms if form is not None])
 

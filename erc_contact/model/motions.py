@@ -84,8 +84,8 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     """
     comm = space.comm
     cells = space.nodes
-    # Each rank joins the nodes of its cells, and numbers its bodies after those of the
-    # ranks before it.
+    # Each rank joins the nodes of its cells, and numbers its bodies after the bodies of
+    # the ranks before it.
     first = np.repeat(cells[:, 0], cells.shape[1] - 1)
     edges = np.column_stack([first, cells[:, 1:].ravel()])
     bodies_here, label = np.unique(components(space.node_count, edges), return_inverse=True)

@@ -1,4 +1,4 @@
-"""Put a scene on a mesh that is moved a little from one that is there already."""
+"""Make the model of a scene that is a known scene moved a little."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def nearby_model(scene: Scene, near: Model) -> Model:
     """Return the model of a moved scene, which shares what is the same; collective.
 
     Args:
-        scene: A scene with other loads, values of supports, or contacts. What has moved
-            in a contact is in another object; the others are those of ``near``.
+        scene: A scene with other loads, values of supports, or contacts. A contact is
+            the object of ``near``, unless something has moved in it.
         near: The model of the scene that it is moved from.
 
     Raises:

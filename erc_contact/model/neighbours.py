@@ -16,7 +16,7 @@ from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 
 UNMOVED = 1e-9
-"""Motion over that of the face that counts as none [-]."""
+"""Motion over the motion of the face that counts as none [-]."""
 
 
 def check_neighbours(

@@ -1,4 +1,4 @@
-"""Give one value to each node of a contact from those of its facets."""
+"""Give one value to each node of a contact from the values of its facets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CONTINUOUS = 1e-9
 
 
 def values_of_nodes(side: Side, values: np.ndarray) -> np.ndarray:
-    """Return one value at each node from those of its facets, shape (nodes,).
+    """Return one value at each node from values of its facets, shape (nodes,).
 
     Where facets differ, as of data that jump between them, it is the mean weighted with
     their areas. So the sum of weights times values in the rule at the nodes is kept. A

@@ -52,8 +52,8 @@ def profile_weights(model: Model) -> np.ndarray:
     """Compute the shares of a facet's area of its profile points, shape (q,).
 
     They integrate polynomials of the model's degree exactly. Of all weights that do,
-    they are nearest to those of the trapezoidal rule, which integrates linear functions
-    only. So they are positive.
+    they are nearest to the weights of the trapezoidal rule, which integrates linear
+    functions only. So they are positive.
     """
     points = profile_points(model)
     on_sides = np.sum(barycentric(points) < POINT_ON_SIDE, axis=1)
@@ -71,8 +71,8 @@ def profile_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.n
     """Return the traction of a method at the profile points [force/area], (f, q, d).
 
     It is projected on polynomials of the degree of u on each facet, which have the same
-    force: on a gap that curves within a facet that of Nitsche's method is far from its
-    mean at single points. So it may pull a little on the facet where a contact ends.
+    force: on a gap that curves within a facet Nitsche's traction is far from its mean
+    at single points. So it may pull a little on the facet where a contact ends.
     Where normals turn along facets, the polynomials turn as r^ does, see
     :mod:`erc_contact.model.turning`.
     """
@@ -163,8 +163,8 @@ def profile_table(
           degree k on facets.
 
         A contact between two bodies has more columns, which come last: the displacement
-        of this side, ``u_x``, ``u_y`` and in 3D ``u_z``, and that of the facing point
-        of the other side, ``other_u_x``, ``other_u_y`` and ``other_u_z`` [length].
+        of this side, ``u_x``, ``u_y`` and in 3D ``u_z``, and the displacement of the
+        facing point, ``other_u_x``, ``other_u_y`` and ``other_u_z`` [length].
 
         In 2D the points are in order along the contact, and the first column ``s`` is
         their arc length [length]. An open curve ends at a greater x than it begins, or

@@ -36,7 +36,7 @@ from erc_contact.scene.scene import Scene
 EXACT_PROMISE = 1e-8
 """Relative difference that counts as none [-]."""
 LEAST_COSINE = -0.1
-"""Least cosine of the angle between a contact's normal and that of a facet [-]."""
+"""Least cosine of the angle between the normals of a contact and of a facet [-]."""
 
 
 def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None) -> Model:
@@ -120,12 +120,12 @@ def _check_material(model: Model) -> None:
     if least <= 0.0:
         raise InputError(
             f"{name}: the stiffness is not positive definite: some strain has an energy of"
-            f" {least:.1e} times that of another. Look at its stress and at its parameters."
+            f" {least:.1e} times the energy of another. Look at its stress and at its parameters."
         )
     if other > EXACT_PROMISE:
         raise InputError(
             f"{name}: the compliance does not invert the stress: compliance(stress(eps)) differs"
-            f" from eps by up to {other:.1e} times it. The error would be that of another"
+            f" from eps by up to {other:.1e} times it. The error would be the error of another"
             " material; mend one of the two."
         )
     if not lowest > 0.0:

@@ -40,7 +40,7 @@ class RigidFace:
         free: Which of its motions are unknowns, shape (freedoms,).
         resultants: Q of each motion [force; force length], 0 where it is not given,
             shape (freedoms,).
-        sizes: Size of each R, 1 of translations and that of the body of rotations.
+        sizes: Size of each R: 1 for a translation, the size of the body for a rotation.
         comm: The ranks.
     """
 

@@ -258,7 +258,7 @@ class Space:
         if not np.isnan(values).any():
             low = float(values.min(initial=np.inf))
             high = float(values.max(initial=-np.inf))
-        # Minimum and maximum of numpy pass nan on, those of MPI need not.
+        # Minimum and maximum of numpy pass nan on, MPI's operations need not.
         lows = self.comm.allgather(low)
         highs = self.comm.allgather(high)
         return float(np.min(lows)), float(np.max(highs))

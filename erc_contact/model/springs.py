@@ -106,7 +106,7 @@ def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[
 
     Args:
         space: The mesh.
-        springs: Those of the scene.
+        springs: The springs of the scene.
         modulus: The modulus that scales contact parameters, UFL.
     """
     bound = []

@@ -29,5 +29,5 @@ def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
 
 @cache
 def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
-    """Make a function that stands for values of a shape, one for each point."""
+    """Make a function that stands for a value of a shape at each point."""
     return fem.Function(_numbers(shape))

@@ -27,8 +27,8 @@ class Supports:
     """Hold the prescribed components of the displacement.
 
     Attributes:
-        fixed: Which components are prescribed at each node, shape (nodes, d); those of
-            a loose rigid face up to its motion.
+        fixed: Which components are prescribed at each node, shape (nodes, d); on a
+            loose rigid face, up to its motion.
         held: Which of them have a value that is given, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.

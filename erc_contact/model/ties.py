@@ -76,7 +76,7 @@ def tie_forces(
 ) -> np.ndarray:
     """Compute the nodal forces on the first side of a joint [force]; collective.
 
-    At a node that a support or a contact of one side shares, they are those of the
+    At a node that a support or a contact of one side shares, they are the forces of the
     other side with the opposite sign. If both sides have one there, they are the mean.
 
     Args:

@@ -73,6 +73,13 @@ class Side:
         degree: Degree of the displacement.
         node_count: Number of nodes of this rank, ghosts included.
         cell_count: Number of cells of this rank, ghosts included.
+
+    Example:
+        >>> side = solution.model.contacts[0].trace.here
+        >>> side.areas  # the base of the block, of length 2, has 4 facets
+        array([0.5, 0.5, 0.5, 0.5])
+        >>> side.stiffness  # E = 1000 over the diameter 0.5
+        array([2000., 2000., 2000., 2000.])
     """
 
     facets: np.ndarray
@@ -96,7 +103,7 @@ class Side:
 
     @cached_property
     def owned_areas(self) -> np.ndarray:
-        """Return the areas of the owned facets, zero for the others [length^(d-1)].
+        """Return the areas of the owned facets, zero for ghosts [length^(d-1)].
 
         Sums over all ranks then count each facet once. Shape (f,).
         """
@@ -136,6 +143,14 @@ class Trace:
             rigid foundation.
         corner_normals: Unit normals at the vertices of each facet, shape (f, d, d);
             None, on all ranks, where no facet has normals that turn.
+
+    Example:
+        >>> trace = solution.model.contacts[0].trace
+        >>> w = trace.of(solution.u.x.array)
+        >>> w.shape  # 4 facets with 2 nodes each, in the plane
+        (4, 2, 2)
+        >>> trace.back(np.ones(w.shape)).sum(axis=0)  # forces of 1 at 8 nodes of facets
+        array([8., 8.])
     """
 
     here: Side
@@ -199,7 +214,7 @@ class Trace:
         """Tell which components of w supports prescribe, shape (f, m, d).
 
         Args:
-            of_nodes: Those of u, shape (nodes, d).
+            of_nodes: Components of u that supports prescribe, shape (nodes, d).
         """
         here = of_nodes[self.here.nodes]
         return here if self.there is None else here & of_nodes[self.partners]
@@ -275,13 +290,13 @@ class Trace:
         return nodal
 
     def back_here(self, forces: np.ndarray) -> np.ndarray:
-        """Return those of :meth:`back` on this side [force], shape (nodes, d)."""
+        """Return :meth:`back`'s forces on this side [force], shape (nodes, d)."""
         nodal = np.zeros((self.here.node_count, self.here.d))
         np.add.at(nodal, self.here.nodes, forces)
         return nodal
 
     def back_there(self, forces: np.ndarray) -> np.ndarray:
-        """Return those of :meth:`back` on the other side [force], shape (nodes, d)."""
+        """Return :meth:`back`'s forces on the other side [force], shape (nodes, d)."""
         nodal = np.zeros((self.here.node_count, self.here.d))
         np.subtract.at(nodal, self.partners, forces)
         return nodal
@@ -316,7 +331,7 @@ class Trace:
     def stiffness(self) -> np.ndarray:
         """Estimate the stiffness ``E/h`` of the bodies at each facet [force/length^3].
 
-        That of two bodies is that of two springs in a row. Shape (f,).
+        Two bodies are two springs in a row. Shape (f,).
         """
         return _in_a_row(self.here.stiffness, None if self.there is None else self.there.stiffness)
 
@@ -338,8 +353,8 @@ class Trace:
                 (f,).
 
         Returns:
-            Sums for the cells of this rank, shape (cells,). That of a ghost is for its
-            owner: the other body may be on another rank.
+            Sums for the cells of this rank, shape (cells,). The sum of a ghost is for
+            its owner: the other body may be on another rank.
         """
         cells = np.zeros(self.here.cell_count)
         share = np.ones(len(values))

@@ -89,7 +89,7 @@ class Turning:
         return z + np.linalg.solve(mean_turn, missing[..., None])[:, None, :, 0]
 
     def back(self, r: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Turn vectors at points back, so that a normal becomes the middle one.
+        """Turn vectors at points back, so that a normal becomes the middle normal.
 
         Args:
             r: Vectors, shape (f, q, d).

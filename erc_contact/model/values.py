@@ -50,8 +50,8 @@ def parameter(owner: Any, name: str) -> Any:
 def number(space: Space, value: Any, what: str, x: Ufl = None, *, of_material: bool = False) -> Ufl:
     """Return a number as a Constant, or a callable as UFL of the position; collective.
 
-    The position is that of the mesh, unless another x is given. Tables of a material
-    have their values at the points of quadrature.
+    The callable gets the position on the mesh, unless another x is given. Tables of a
+    material have their values at the points of quadrature.
 
     Raises:
         InputError: If the callable fails or returns no scalar.

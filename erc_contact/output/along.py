@@ -78,9 +78,9 @@ def through_means(
 
     It is a quadratic polynomial on each of them.
 
-    Between two facets its value is that of the line through their means at their
-    middles, but at most twice each mean, as on a line that begins at zero. So the curve
-    does not change its sign on a facet. Between means of different signs it is zero.
+    Between two facets it meets the line through their means at their middles, but at
+    most twice each mean, as on a line that begins at zero. So the curve does not change
+    its sign on a facet. Between means of different signs it is zero.
 
     Args:
         means: Means on the facets in their order along the contact, shape (n,).

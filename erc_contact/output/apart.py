@@ -34,7 +34,7 @@ STILL = 1e-3
 SAME_NORMALS = 0.01
 """Share of the squares of normals at a node below which they are one normal [-].
 
-It is that of two normals with an angle of 0.2 between them.
+Two normals with an angle of 0.2 between them have this share.
 """
 
 
@@ -148,8 +148,8 @@ def _keeps_still(motion: np.ndarray, still: np.ndarray) -> bool:
 def _behind(body: Mapping[str, np.ndarray], pair: Surface, pairs: Sequence[Surface]) -> np.ndarray:
     """Tell which nodes move with this side of a pair, shape (n,).
 
-    They are those of its bodies and of all bodies that touch these elsewhere. There are
-    none if the other side would move, too.
+    They are the nodes of its bodies and of all bodies that touch these elsewhere. There
+    are none if the other side would move, too.
     """
     links = [_links(body["cells"])]
     for other in pairs:
@@ -219,7 +219,8 @@ def _recess(
 def _at_nodes(pair: Surface, depth: np.ndarray, count: int) -> np.ndarray:
     """Find the shifts of nodes that have a depth along the normals of their facets.
 
-    At a corner they have that of all its facets, or nearly so where these are many.
+    At a corner they have the depth along the normals of all its facets, or nearly so
+    where these are many.
 
     Args:
         pair: The pair.

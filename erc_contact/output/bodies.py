@@ -137,7 +137,7 @@ def outline(body: Mapping[str, np.ndarray], d: int) -> list[tuple[Any, dict[str,
 
 
 def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolate values at the nodes of lines or triangles on smaller straight ones.
+    """Interpolate values at nodes of lines or triangles on smaller straight pieces.
 
     Args:
         x: Values at the nodes, shape (n, m, c), for instance their positions with c =

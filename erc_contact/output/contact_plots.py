@@ -71,8 +71,8 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
         result: An admissible pair, an error, or a history.
         name: Name of the contact.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on, one in 2D and three in 3D; by default those
-            of a new figure.
+        ax: Axes of matplotlib to draw on, one in 2D and three in 3D; by default of a
+            new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.

@@ -68,7 +68,7 @@ def plot_history(
             other}``.
         path: Picture file, or None.
         ax: Two axes of matplotlib to draw on, for run time and for degrees of freedom;
-            by default those of a new figure.
+            by default of a new figure.
 
     Returns:
         The two axes on rank 0, None on the other ranks.
@@ -110,7 +110,7 @@ def plot_history(
 
 
 def _two_axes(ax: Any) -> np.ndarray:
-    """Return the user's two axes, or those of a new figure."""
+    """Return the user's two axes, or two axes of a new figure."""
     if ax is None:
         ax = new_figure(2 * PANEL_SIZE[0], PANEL_SIZE[1]).subplots(1, 2, sharey=True)
     return panels_of(ax, 2, "plot_history")

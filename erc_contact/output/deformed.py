@@ -68,10 +68,10 @@ def draw_deformed(
 ) -> Any:
     """Draw the deformed body on its foundation, or several bodies; collective.
 
-    The colours are those of the von Mises stress of sigma^, or of another stress.
-    Points of the body are drawn at X + factor u^. The foundation is drawn as it is, and
-    not magnified: what is flat is flat. It is moved with the body, so that what is
-    closed looks closed as nearly as a rigid motion can make it
+    The colours show the von Mises stress of sigma^, or of another stress. Points of the
+    body are drawn at X + factor u^. The foundation is drawn as it is, and not
+    magnified: what is flat is flat. It is moved with the body, so that what is closed
+    looks closed as nearly as a rigid motion can make it
     (:mod:`erc_contact.output.foundations`). It is left out where it would be far from
     the body. Orange lines show what is closed, in 3D its border, and black ones the
     outline of the body before the deformation.
@@ -80,10 +80,10 @@ def draw_deformed(
     closed touches. A gap between them that is data is drawn on the side that the
     contact is named after: the body moves as a rigid one, or has a recess.
 
-    The von Mises stress is that of the mean of the stress in each element; for degree 2
-    it is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If the
-    material does not tell the stress out of plane (``out_of_plane``), it is that of the
-    part in plane.
+    The von Mises stress is computed from the mean of the stress in each element; for
+    degree 2 it is linear there (:func:`erc_contact.results.stresses.vertex_stress`). If
+    the material does not tell the stress out of plane (``out_of_plane``), only the part
+    in plane counts.
 
     Args:
         error: The error, whose admissible pair is drawn.
@@ -100,7 +100,7 @@ def draw_deformed(
             picture, to show what is between them [length]; None pulls nothing apart.
         stress: "admissible" for sigma^, "best" for the mean of sigma^ and C eps(u^),
             whose error is known best, "elastic" for C eps(u^).
-        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+        ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
@@ -198,7 +198,7 @@ def _greatest_magnification(
 
 
 def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
-    """Fit the foundations of contacts that have one; on rank 0."""
+    """Fit the foundations of contacts with a foundation; on rank 0."""
     alone = [contact for contact in contacts if contact.partners is None]
     return [foundation_of(contact) for contact in alone if not is_symmetry(contact)]
 

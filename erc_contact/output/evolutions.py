@@ -56,7 +56,7 @@ def plot_energies(
     Args:
         history: The history.
         path: Picture file, or None.
-        ax: Two axes of matplotlib to draw on; by default those of a new figure.
+        ax: Two axes of matplotlib to draw on; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -101,8 +101,8 @@ def plot_loop(
 ) -> Any:
     """Draw the shear force of a contact against a displacement; collective.
 
-    The displacement is that of a boundary part. Both are taken in the tangential
-    direction in which the force changes most.
+    A boundary part has the displacement. Force and displacement are taken in the
+    tangential direction in which the force changes most.
 
     Args:
         history: The history.
@@ -111,7 +111,7 @@ def plot_loop(
         part: Name of the boundary part; by default the first one that a support moves
             along the shear, or the loaded one whose load changes most along it, or else
             the contact.
-        ax: Axes of matplotlib to draw on; by default those of a new figure.
+        ax: Axes of matplotlib to draw on; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -163,7 +163,7 @@ def plot_zones(
         history: The history.
         contact: Name of the contact.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on; by default those of a new figure.
+        ax: Axes of matplotlib to draw on; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.

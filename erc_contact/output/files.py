@@ -29,7 +29,7 @@ STYLE = {
 VTK_EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
 """Vertices of the edges of a tetrahedron, in the order of VTK's nodes.
 
-The first one is the edge of a line, and the first three are those of a triangle.
+The first one is the edge of a line, and the first three are the edges of a triangle.
 """
 VTK_KINDS = {1: (3, 5, 10), 2: (21, 22, 24)}
 """VTK's numbers of line, triangle and tetrahedron, by degree."""
@@ -88,7 +88,7 @@ def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
 
 
 def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
-    """Gather arrays of all ranks, one after the other, on rank 0; collective.
+    """Gather arrays of all ranks in a row on rank 0; collective.
 
     Other ranks get an empty dictionary.
     """
@@ -105,7 +105,7 @@ def degree_of(cells: np.ndarray, d: int) -> int:
 
 @cache
 def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """Cut the reference line or triangle into smaller ones.
+    """Cut the reference line or triangle into smaller pieces.
 
     Returns:
         Reference points, shape (q, d), and the numbers of the points of each smaller

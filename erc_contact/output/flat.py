@@ -56,7 +56,7 @@ def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
     # Edges of the same colour close the white seams between neighbours.
     seams = {"edgecolors": "face", "linewidths": 0.3}
     drawn = PolyCollection(faces, facecolors=colours, alpha=look.get("opacity"), **seams)
-    # Limits and layout are those of the axes, and not found from each polygon.
+    # Limits and layout belong to the axes, and are not found from each polygon.
     drawn.set_in_layout(False)
     axes.add_collection(drawn, autolim=False)
 

@@ -154,8 +154,8 @@ def foundation_of(surface: Surface) -> Foundation:
     y = positions[nearest]
     gap = surface.gap[nearest]
     centre = np.average(y, axis=0, weights=weight**2)
-    # Turns are relative to the size, so that their columns are as long as those of
-    # shifts.
+    # Turns are relative to the size, so that their columns are as long as the columns
+    # of shifts.
     size = np.linalg.norm(np.ptp(positions.reshape(-1, d), axis=0))
     planes = []
     for i, j in combinations(np.eye(d), 2):
@@ -284,8 +284,8 @@ def _border(nodes: np.ndarray) -> np.ndarray:
 def ground(surface: Any, size: float) -> list[tuple[Any, dict[str, Any]]]:
     """Give the parts of a :func:`drawn_foundation` their options.
 
-    The size is that of the body [length]. In 2D the foundation is a line with a band
-    beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
+    ``size`` is the size of the body [length]. In 2D the foundation is a line with a
+    band beyond it, in 3D a grey surface. Nothing is drawn of an empty one.
     """
     import pyvista  # noqa: PLC0415
 

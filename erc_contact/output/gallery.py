@@ -60,7 +60,7 @@ class Gallery:
         self._dim = domain.dim
         self._cells = domain.cells
         self._began = perf_counter()
-        # Time of the slowest picture over that of the constants of this module.
+        # Time of the slowest picture over the time by the constants of this module.
         self._slowness = 1.0
 
     def add(

@@ -85,7 +85,7 @@ def mean_normal(surface: Surface) -> np.ndarray:
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
     """Gather the facets of a contact on rank 0; None on other ranks; collective.
 
-    Those of a pair are of the side that the scene names first.
+    The facets of a pair belong to the side that the scene names first.
     """
     model = admissible.model
     contact = traction.contact

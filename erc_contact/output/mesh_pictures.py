@@ -35,7 +35,7 @@ def draw_meshes(
             ``History.meshes``.
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on, in 2D: one for each mesh that is drawn. By
-            default those of a new figure.
+            default they belong to a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.

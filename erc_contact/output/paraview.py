@@ -45,7 +45,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     - ``stress_best``, ``von_mises_best``: the same of the mean of sigma^ and C eps(u^),
       whose error is known best.
 
-    ``contact_<name>.vtkhdf`` is written for each contact; that of a pair has the facets
+    ``contact_<name>.vtkhdf`` is written for each contact; for a pair it has the facets
     of the side with its name. Each facet has points of its own. The file has at the
     points
 

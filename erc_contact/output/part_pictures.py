@@ -129,7 +129,7 @@ class _Shown:
         return straight(points, np.arange(len(points)).reshape(moved.shape[:2])), look
 
     def central(self, number: int, towards: np.ndarray | None = None) -> np.ndarray:
-        """Return facets of a part, those near the middle of it first.
+        """Return facets of a part, the facets near its middle first.
 
         Args:
             number: Number of the part.

@@ -27,7 +27,7 @@ def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: 
     Args:
         error: The error, whose ``indicators`` are drawn.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+        ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.

@@ -172,7 +172,7 @@ def _wide(text: str, kind: str = "") -> str:
 
 
 def _pictures(gallery: Gallery) -> str:
-    """Return the pictures, and the code of those for which there was no time."""
+    """Return pictures, and the code of pictures for which there was no time."""
     figures = [_figure(gallery.folder / name, words) for name, words in gallery.drawn.items()]
     text = "".join(figures)
     if gallery.missing:

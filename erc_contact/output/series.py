@@ -44,9 +44,9 @@ def write_series(history: LoadingHistory, path: str | Path) -> None:
     """Write the fields of all steps to one VTKHDF file with times; collective.
 
     ParaView opens it as it is. It has the displacement u^ at the nodes; in the cells
-    eps_E, the mean of sigma^, its von Mises stress, and that of the finite elements,
-    with the names of :func:`erc_contact.output.write_fields`. A mesh of several steps
-    is written once.
+    eps_E, the mean of sigma^, and the von Mises stress of it and of the finite
+    elements, with the names of :func:`erc_contact.output.write_fields`. A mesh of
+    several steps is written once.
 
     Args:
         history: The history.
@@ -152,7 +152,7 @@ def _write_series(
 def _write_meshes(
     vtk: Any, meshes: Sequence[dict[str, np.ndarray]], mesh_numbers: Sequence[int], d: int
 ) -> None:
-    """Write the meshes to a group of a VTKHDF file, and where that of each step begins.
+    """Write the meshes to a group of a VTKHDF file, and where each step's mesh begins.
 
     Args:
         vtk: The group, which has a group "Steps".
@@ -187,5 +187,5 @@ def _write_meshes(
 
 
 def _starts(lengths: npt.ArrayLike) -> np.ndarray:
-    """Return where each of several arrays begins if they stand one after the other."""
+    """Return where each of several arrays begins if they stand in a row."""
     return np.concatenate([[0], np.cumsum(lengths)[:-1]])

@@ -20,7 +20,7 @@ def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) 
     Args:
         sizes: The sizes, whose ``ratio`` is drawn on the mesh from which they follow.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on, in 2D; by default those of a new figure.
+        ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.

@@ -86,7 +86,7 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
     scale = error.scale or 1.0
     if not error.domain.knows_shape:
         words = (
-            "The body is that of the mesh given, with its flat facets. No true shape is known to "
+            "The body is the given mesh, with its flat facets. No true shape is known to "
             "compare with."
         )
         statements.append((NOT_KNOWN, words))
@@ -129,7 +129,7 @@ def _of_other_solutions(error: ConstitutiveError) -> list[tuple[str, str]]:
 def _of_points() -> tuple[str, str]:
     """Say what e leaves open of forces and stresses."""
     words = (
-        "Forces, pressures and stresses below are those of the admissible pair. e bounds its "
+        "Forces, pressures and stresses below belong to the admissible pair. e bounds its "
         "error in the energy norm, and not at single points. ec.resultant(error, contact, "
         "direction) gives an interval for a contact force."
     )

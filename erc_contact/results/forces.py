@@ -1,6 +1,6 @@
 """Compute the forces of an admissible pair on the body, with their moments.
 
-They are those of supports, contacts and loads.
+Supports, contacts and loads exert them.
 """
 
 from __future__ import annotations

@@ -25,9 +25,9 @@ def peaks(pair: Admissible) -> dict[str, float]:
 
     Returns:
         ``peak_stress``, the greatest von Mises stress of the mean of sigma^ in a cell
-        [force/area], ``peak_pressure`` and ``peak_shear``, those of r^ at the points of
-        profiles, nan without a contact; and of each the size of the cell or facet
-        [length], with the name ``peak_stress_size`` and so on.
+        [force/area], ``peak_pressure`` and ``peak_shear``, the greatest ones of r^ at
+        the points of profiles, nan without a contact; and of each the size of the cell
+        or facet [length], with the name ``peak_stress_size`` and so on.
     """
     model = pair.model
     volume = pair.cell_geometry.volume[: model.domain.owned_cells]

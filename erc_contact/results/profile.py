@@ -53,7 +53,7 @@ def traction_through(pair: Admissible, tie: BoundContact) -> ContactTraction:
 def profile(result: Any, name: str) -> np.ndarray:
     """Compute gap, slip, tractions and status along a contact; collective.
 
-    They are those of u^ and r^, point by point.
+    They are computed from u^ and r^, point by point.
 
     Args:
         result: An admissible pair, an error, or a history.

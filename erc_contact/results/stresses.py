@@ -31,7 +31,7 @@ def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
 
     Its shape is (owned, 3, 3).
 
-    In 2D the stress out of plane is that of the material's ``out_of_plane``, or nan if
+    In 2D the material's ``out_of_plane`` gives the stress out of plane, which is nan if
     the material has none.
 
     Args:
@@ -130,7 +130,7 @@ def _admissible_moments(admissible: Admissible) -> np.ndarray:
     """
     model = admissible.model
     d = model.d
-    # Hat functions of the cell's vertices, by those of each sub-simplex.
+    # Hat functions of the cell's vertices, at the vertices of each sub-simplex.
     hats = np.tile(np.eye(d + 1), (d + 1, 1, 1))
     for sub in range(d + 1):
         hats[sub, :, sub] = 1 / (d + 1)

@@ -1,4 +1,4 @@
-"""Multiply forces on a part of a symmetric body to those on the whole.
+"""Multiply forces on a part of a symmetric body to forces on the whole body.
 
 The planes of symmetry of a scene make copies of the body by reflections, which form a
 group: of one plane 2, of two planes at a right angle 4, of two planes at 30 degrees 12.

@@ -58,10 +58,10 @@ def adapt(
         strategy: How the next mesh is made; ``Mark()`` by default, which needs no
             geometry but the mesh.
         degree: Degree of the displacement, 1 or 2.
-        goal: A number that the run aims at, one of those of
-            :func:`erc_contact.interval`: the accuracy is then half its interval over
-            its value, and cells are marked by their share in it. ``history.bounds`` has
-            the interval. Most meshes are solved twice, the last ones more often.
+        goal: A number that the run aims at, any goal of :func:`erc_contact.interval`:
+            the accuracy is then half its interval over its value, and cells are marked
+            by their share in it. ``history.bounds`` has the interval. Most meshes are
+            solved twice, the last ones more often.
         stop: "converged" ends Newton at round-off; "certified" as soon as the rest is
             at most a tenth of the error of the mesh: it is part of e, which bounds the
             error of any state.
@@ -91,7 +91,7 @@ def adapt(
         take more cells than the limit is told on the second mesh.
 
     Raises:
-        InputError: If the input cannot be worked with, or the folder is that of another
+        InputError: If the input cannot be worked with, or the folder belongs to another
             run.
         NotConverged: If the contact solve fails on the first mesh.
         Exception: What else is raised on a later mesh, by a strategy or callback of the

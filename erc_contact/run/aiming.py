@@ -1,4 +1,4 @@
-"""What a run asks of the one that follows its goal."""
+"""Say what a run asks of the object that follows its goal."""
 
 from __future__ import annotations
 

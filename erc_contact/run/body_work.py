@@ -32,12 +32,12 @@ def work_in_body(pair: Admissible, before: Admissible | None) -> float:
 def work_of_strains(pair: Admissible, before: Admissible | None) -> float:
     """Compute what given strains take from the body [force length]; collective.
 
-    The strain energy is that of ``eps - eps_0``, so a strain that grows under a stress
+    Only ``eps - eps_0`` stores energy, so a given strain that grows under a stress
     takes its work: ``-int (sigma^ + sigma^_old)/2 : (eps_0 - eps_0old)``.
     """
     total = -0.5 * _stress_on_strains(pair.model, pair)
     if before is not None:
-        # Each product is on the mesh of its stress, as those of body forces.
+        # Each product is on the mesh of its stress, as for body forces.
         total -= 0.5 * _stress_on_strains(pair.model, before)
         total += 0.5 * _stress_on_strains(before.model, pair)
         total += 0.5 * _stress_on_strains(before.model, before)

@@ -67,8 +67,8 @@ class Checkpoint:
         numbers: The numbers of the good levels, in order.
 
     Raises:
-        InputError: If the folder is that of another run, of one that is going on, or of
-            a newer version, or nothing can be written there.
+        InputError: If the folder belongs to another run, to a run that is going on, or
+            to a newer version, or nothing can be written there.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Checkpoint:
         return Restored(self.comm, level or Level(about, {}), before, self.shape)
 
     def kept(self, scene: Scene, methods: Sequence[Method], tighten: int) -> Kept:
-        """Read all good levels, of which there is one at least.
+        """Read all good levels; the folder has at least one level.
 
         Args:
             scene: The scene of the run.
@@ -186,7 +186,7 @@ class Checkpoint:
         raise_together(self.comm, failure)  # when a rank goes on, the file is on the disk
 
     def go_on_from(self, number: int) -> None:
-        """Allow levels after this one to be written again.
+        """Allow levels after this level to be written again.
 
         The run makes them anew, since one of them is damaged.
         """
@@ -228,13 +228,13 @@ class Checkpoint:
         return good
 
     def _check_same_run(self, differing: list[str]) -> None:
-        """Raise an InputError if this run differs from that of the folder."""
+        """Raise an InputError if this run differs from the run of the folder."""
         if not differing:
             return
         words = "; ".join(differing[:DIFFERENCES])
         if len(differing) > DIFFERENCES:
             words += f"; and {len(differing) - DIFFERENCES} more"
         raise InputError(
-            f"The folder {str(self.folder.path)!r} is that of another run: {words}. "
+            f"The folder {str(self.folder.path)!r} belongs to another run: {words}. "
             "Give another folder, or the same call."
         )

@@ -18,9 +18,7 @@ NO_STRESS = (
     "relative error is zero by convention."
 )
 """Outcome of a run whose body has no stress."""
-NO_TRUE_SHAPE = (
-    " The body is that of the mesh given, with its flat facets: no true shape of it is known."
-)
+NO_TRUE_SHAPE = " The body is the given mesh with its flat facets: no true shape of it is known."
 """End of the outcome where the geometry of the body is unknown."""
 
 

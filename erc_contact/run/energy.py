@@ -5,7 +5,7 @@ traction t on a boundary part is
 
     int (t_n + t_(n-1))/2 . (u_n - u_(n-1)),
 
-and that of a body force f is alike. A given strain that grows takes ``int sigma :
+and the work of a body force f is alike. A given strain that grows takes ``int sigma :
 (eps_0n - eps_0(n-1))`` with the mean of the stresses. In equilibrium the works of all
 parts are the change of the strain energy, for any length of the step. Of an admissible
 pair, sigma^ gives t and u^ gives u, and what is left is of the order of its error.
@@ -28,9 +28,10 @@ traction at the begin. It estimates what the length of the step costs where a po
 begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how
 loads vary within a step in which all slides.
 
-The slip counts from s, that of the last solution. u^ of the last step may differ from
-it, where its traction made a node stick or slip that does not in the solution. Work on
-this difference is no slip of the step: it is in the work of the contacts alone.
+The slip counts from s, the tangential displacement of the last solution. u^ of the last
+step may differ from it, where its traction made a node stick or slip that does not in
+the solution. Work on this difference is no slip of the step: it is in the work of the
+contacts alone.
 
 Moduli and springs that change between two steps do a work that is in none of these,
 ``int eps_n : (C_n - C_(n-1)) eps_(n-1)/2`` and alike for springs.
@@ -69,8 +70,8 @@ class Energies:
     Attributes:
         work: Work of loads and supports on the body in the step.
         contact: Work of the contacts on the body in the step.
-        friction: Work that friction does on the slip of the step, in that of the
-            contacts up to what u^ leaves of it.
+        friction: Work that friction does on the slip of the step, part of the work of
+            the contacts up to what u^ leaves of it.
         dissipated: Energy that friction takes in the step.
         stored: Strain energy at its end.
     """
@@ -142,7 +143,7 @@ def _dissipated(
 ) -> float:
     """Compute what friction takes on a contact in a step [force length]; collective.
 
-    The arguments are those of :func:`_work_on_slip`, and what integrals may leave
+    See :func:`_work_on_slip` for the arguments; ``floor`` is what integrals may leave
     unknown.
     """
     # both friction bounds act on the slip of this step

@@ -39,8 +39,8 @@ from erc_contact.run.time_row import (
 from erc_contact.scene.scene import Scene
 
 NOTE = (
-    "Error, scene, forces and body are those at the end of the last step. In the table of "
-    "steps, shear is that of the first contact over its pressure, dissipated is the energy "
+    "Error, scene, forces and body belong to the end of the last step. In the table of "
+    "steps, shear is the shear over the pressure of the first contact, dissipated is the energy "
     "that friction took so far, in_time is what the length of the steps leaves unknown of it, "
     "and balance is what work, strain energy and work of the contacts leave, over the greatest "
     "energy so far. A step whose stress is round-off of the history ends at rest, with eps = 0."
@@ -52,7 +52,7 @@ NOTE = (
 class Evolution(RunResult):
     """Hold what a loading history did, one row a step.
 
-    :meth:`save` writes ``report.html`` (one page that holds all it shows, as that of
+    :meth:`save` writes ``report.html`` (one page that holds all it shows, as for
     :class:`History`, with error, scene and forces at the end of the last step),
     ``evolution.csv``, ``evolution.json``, ``energies.png`` (work, strain energy,
     dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times,
@@ -108,8 +108,8 @@ class Evolution(RunResult):
         """Return the resultant on a contact at the end of each step [force].
 
         Args:
-            contact: Its name, or that of a tied joint. Between two bodies either side
-                has one, and their forces are opposite.
+            contact: Its name, or the name of a tied joint. Between two bodies either
+                side has one, and their forces are opposite.
 
         Returns:
             Forces, shape (steps, d).
@@ -161,7 +161,7 @@ class Evolution(RunResult):
     def reactions(self) -> dict[str, Force]:
         """Compute the forces on the body at the end of each step; collective.
 
-        They are those of supports, contacts and loads, and their balance. See
+        Supports, contacts and loads exert them; their balance is among them. See
         :func:`erc_contact.results.reactions`. A cause that is missing at a time has the
         force zero.
 

@@ -97,7 +97,7 @@ def evolve(
         memory.
 
     Raises:
-        InputError: If the input cannot be worked with, or the folder is that of another
+        InputError: If the input cannot be worked with, or the folder belongs to another
             run.
         NotConverged: If the contact solve fails at the first time.
         Exception: What else is raised later, by ``scene_at`` say, has the history so

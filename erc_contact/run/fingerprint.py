@@ -1,4 +1,4 @@
-"""Describe a run in words that can be compared with those of another run.
+"""Describe a run in words, to be compared with the words of another run.
 
 They are about its scene, first mesh, method, strategy, numbers and versions. Numbers
 and names are compared by value, objects by their class and attributes. Callables cannot

@@ -23,9 +23,10 @@ Where more is missing a mesh does not see yet where its elements have to be.
 def foreseen_cells(steps: Sequence[Step], accuracy: float, order: float) -> float | None:
     """Foresee the number of cells with which a run reaches an accuracy.
 
-    The last two meshes tell a power of eps by which cells grow. It is at least that of
-    smooth solutions, and at most twice as much: the first meshes of a run lower eps
-    faster, when they find a singular point, or slower, when they find an edge.
+    The last two meshes tell a power of eps by which cells grow. It is at least the
+    power of smooth solutions, and at most twice as much: the first meshes of a run
+    lower eps faster, when they find a singular point, or slower, when they find an
+    edge.
 
     Args:
         steps: The rows of the run.

@@ -49,7 +49,7 @@ class History(RunResult):
     ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that is
     closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
     run time and degrees of freedom) of meshes that tell a slope. By default only those
-    are drawn, in this order, for which there is time. Others are those of
+    are drawn, in this order, for which there is time. There are more in
     :mod:`erc_contact.output`, for instance ``draw_meshes(history.meshes, path)``.
 
     Attributes:
@@ -159,7 +159,7 @@ class History(RunResult):
     def slope(self, against: str = "cells", last: int | None = None) -> float:
         """Compute the slope of log(eps) against the log of a column [-].
 
-        It is that of least squares over the last rows.
+        A line is fitted to the last rows by least squares.
 
         Args:
             against: Name of the column: cells, dofs or seconds.

@@ -54,7 +54,7 @@ class Level:
     """Hold the contents of a file.
 
     Attributes:
-        about: Plain data, as JSON has them; "rows" are those of the run up to this
+        about: Plain data, as JSON has them; "rows" are the rows of the run up to this
             mesh.
         tables: Arrays by their names in the file.
     """
@@ -155,7 +155,7 @@ class Folder:
         try:
             level = unpacked(self.file(number).read_bytes())
             if len(level.about["rows"]) != number:
-                raise Damaged("it is that of another mesh")
+                raise Damaged("it belongs to another mesh")
             return level
         except OSError as reason:
             raise Damaged(f"it cannot be read ({reason.strerror})") from reason
@@ -201,7 +201,7 @@ class Folder:
         except BlockingIOError as reason:
             self.close()
             raise InputError(
-                f"The folder {str(self.path)!r} is that of a run that is going on; "
+                f"The folder {str(self.path)!r} belongs to a run that is going on; "
                 "wait for it, or give another folder."
             ) from reason
         except OSError:  # a file system without locks

@@ -118,7 +118,7 @@ class Loop:
         return f" at {percent(self.best.total)}, above {percent(self.plan.accuracy)}"
 
     def _resumed(self) -> ConstitutiveError | None:
-        """Make what is kept that of this run; collective.
+        """Take what is kept as the state of this run; collective.
 
         Returns:
             The error of the last mesh that is kept, None if there is none.
@@ -166,7 +166,7 @@ class Loop:
         return error
 
     def _aim(self, error: ConstitutiveError, carried: dict[str, float] | None = None) -> None:
-        """Measure the interval of the goal, if the run has one; collective."""
+        """Measure the interval of the goal, if the run has a goal; collective."""
         if self.aim is None or error.solution.at_rest:
             return
         self.aimed = error

@@ -24,8 +24,8 @@ from erc_contact.run.history import History
 class SavedError:
     """Hold what a folder keeps of an error: its numbers, mesh and indicators.
 
-    The numbers are those of :class:`ConstitutiveError`. All else needs the scene, and
-    raises an :class:`InputError`.
+    The numbers are explained at :class:`ConstitutiveError`. All else needs the scene,
+    and raises an :class:`InputError`.
     """
 
     absolute: float
@@ -80,9 +80,9 @@ def read_history(folder: str | Path, comm: MPI.Comm = MPI.COMM_WORLD) -> History
     """Read the history that ``adapt(..., checkpoint=folder)`` keeps; collective.
 
     Nothing is solved, and the run may be going on. Table, columns, meshes, figures and
-    the fields for ParaView (:meth:`History.save`) are those of the run so far. Of
-    ``best`` there are the numbers, the domain and eps_E; forces, profiles and values at
-    points need the scene, hence :func:`adapt`.
+    the fields for ParaView (:meth:`History.save`) show the run so far. Of ``best``
+    there are the numbers, the domain and eps_E; forces, profiles and values at points
+    need the scene, hence :func:`adapt`.
 
     Args:
         folder: The folder.

@@ -99,7 +99,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "rows": [asdict(step) for step in steps],
         "dim": domain.dim,
         "degree": model.degree,
-        # those of a split domain follow from its glued one and the interfaces
+        # the names of a split domain follow from its glued one and the interfaces
         "names": dict((domain.glued or domain).names),
         "regions": dict(domain.regions),
         "geometry": geometry,
@@ -180,7 +180,7 @@ class Restored:
         """Return the rows of the run up to this level.
 
         Raises:
-            InputError: If they are those of a loading history.
+            InputError: If they are rows of a loading history.
         """
         if "time" in self.about["rows"][-1]:
             raise InputError(
@@ -222,7 +222,7 @@ class Restored:
                 f"in the folder {written:.10g}: the software is not the one that wrote it. "
                 "Take that, or another folder."
             )
-        # the seconds are those of the run that was kept
+        # the seconds are taken from the run that was kept
         seconds = self.about["rows"][-1]["equilibrate_seconds"]
         return replace(error, admissible=replace(error.admissible, seconds=seconds))
 

@@ -11,8 +11,8 @@ from erc_contact.base.percent import percent
 HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  in_time  balance  total"
 """Header of the table of a history.
 
-``shear`` is that of the first contact over its pressure, ``balance`` the imbalance over
-the greatest energy so far.
+``shear`` is the shear over the pressure of the first contact, ``balance`` the imbalance
+over the greatest energy so far.
 """
 WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 8, 6)
 """Widths of the columns below it."""

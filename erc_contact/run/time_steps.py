@@ -73,7 +73,7 @@ def unknown_of_dissipation(row: TimeStep, before: TimeStep, accuracy: float) -> 
 
     Args:
         row: The row of the step.
-        before: That of the step before it.
+        before: The row of the step before it.
         accuracy: Share of the energy that may be unknown [-].
     """
     unknown = row.in_time - before.in_time
@@ -90,12 +90,12 @@ def difference_from_halves(
 ) -> float:
     """Compute the relative difference of a step from its two halves [-]; collective.
 
-    It is that of the displacements at the end, in the energy norm. Where they are small
+    The displacements at the end are compared, in the energy norm. Where they are small
     in the history, so that their difference may be round-off, it is relative to 1e-6 of
     the greatest ones.
 
     Args:
-        plan: What the step is asked for; its scene is that of the end.
+        plan: What the step is asked for; its scene is the scene at the end.
         last: The solution at its beginning.
         halves: The solution at its end, after two halves; the step is made again on its
             mesh.

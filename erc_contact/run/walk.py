@@ -49,7 +49,7 @@ class Walk:
     """Hold a loading history on its way, and go on with it.
 
     Args:
-        plan: What each step is asked for; its scene is that of the first time.
+        plan: What each step is asked for; its scene is the scene at the first time.
         scene_at: The scene of each time.
         times: The times that are asked for, increasing.
         in_time: What is asked for of the length of the steps.
@@ -104,7 +104,7 @@ class Walk:
         return self.rows[-1].time
 
     def _resume(self) -> None:
-        """Make what is kept that of this run; collective."""
+        """Take what is kept as the state of this run; collective."""
         store = self.store
         plan = self.plan
         if store is None or not store.numbers:

@@ -23,7 +23,7 @@ class Foundation:
 
     Args:
         stiffness: k, pressure over settlement [force/length^3], number or callable of x
-            (e.g. a table); that of a thin layer is its modulus over its thickness.
+            (e.g. a table); for a thin layer k is its modulus over its thickness.
 
     Raises:
         InputError: If the stiffness is no finite number > 0 nor a callable.
@@ -52,8 +52,8 @@ class Contact:
     """Declare a contact of a boundary part with a foundation or another body.
 
     It may have friction, and it is unilateral unless said otherwise. Between two bodies
-    all that is said of u is said of the jump: the displacement of the part less that of
-    the facing points of the other one.
+    all that is said of u is said of the jump: the displacement of the part less the
+    displacement of the facing points.
 
     Args:
         facets: Name of the boundary part that may touch the foundation or other body.
@@ -153,7 +153,7 @@ class Contact:
         )
 
     def _check_foundation(self, what: str) -> None:
-        """Check that a compliant foundation is one, under a body that may lift off."""
+        """Check the type of a compliant foundation, and that the body may lift off."""
         if self.foundation is None:
             return
         if not isinstance(self.foundation, Foundation):
@@ -190,7 +190,7 @@ class Contact:
         object.__setattr__(self, "motion", tuple(self.motion))
 
     def _check_normal_by_name(self, what: str) -> None:
-        """Check that a normal in words is that of a gap."""
+        """Check that a normal in words is "gap", the normal of the gap."""
         if self.normal != "gap":
             raise InputError(
                 f'{what}: normal is {self.normal!r}; give numbers, a callable of x, "gap" or None.'
@@ -203,7 +203,7 @@ class Contact:
 
     @property
     def sides(self) -> tuple[str, ...]:
-        """Return the names of its boundary parts, one or two."""
+        """Return the names of its one or two boundary parts."""
         return (self.facets,) if self.against is None else (self.facets, self.against)
 
     @property
@@ -224,8 +224,8 @@ class Symmetry(Contact):
     The normal displacement and the shear are zero there. It is a contact that cannot
     open and has no friction, so that the plane needs no direction of coordinates. It
     stands among the supports or the contacts of a scene, which has it among its
-    contacts. Forces and energies are those of the part of the body that is computed;
-    :func:`erc_contact.results.whole_force` has those of the whole body.
+    contacts. Forces and energies belong to the part of the body that is computed;
+    :func:`erc_contact.results.whole_force` gives the forces of the whole body.
 
     Args:
         facets: Name of the boundary part.

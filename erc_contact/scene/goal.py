@@ -13,7 +13,7 @@ from erc_contact.scene.load import LOAD_MEMBERS, Load
 
 @dataclass(frozen=True)
 class _PartInDirection:
-    """Hold a boundary part and a direction, and check both."""
+    """Hold and check a boundary part and a direction."""
 
     part: str
     direction: Sequence[float]
@@ -30,8 +30,8 @@ class _PartInDirection:
 class Resultant(_PartInDirection):
     """Ask for the force on a support or on a contact in one direction.
 
-    It is that of all that acts on the part from outside, as
-    :func:`erc_contact.results.force` has it.
+    All that acts on the part from outside counts, as in
+    :func:`erc_contact.results.force`.
 
     Args:
         part: Name of the boundary part, with a support or in contact; of a contact
@@ -67,7 +67,7 @@ class MeanDisplacement(_PartInDirection):
 
 @dataclass(frozen=True)
 class _PartAboutAxis:
-    """Hold a boundary part and an axis in space, and check both."""
+    """Hold and check a boundary part and an axis in space."""
 
     part: str
     axis: Sequence[float] | None = field(default=None, kw_only=True)

@@ -104,7 +104,7 @@ def of_regions(materials: Mapping[str, Any]) -> Any:
             if entry.name not in values:
                 if value != getattr(known, entry.name):
                     raise InputError(
-                        f"Scene: {entry.name} of the material of {region!r} is {value!r}, that of "
+                        f"Scene: {entry.name} of the material of {region!r} is {value!r}, but in "
                         f"another region {getattr(known, entry.name)!r}; it must be the same."
                     )
             elif isinstance(value, Mapping):

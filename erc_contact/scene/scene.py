@@ -31,7 +31,7 @@ MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 STRAIN_MEMBERS = ("region", "parameters", "strain")
 """Names of the members of a given strain."""
 CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"
-"""Names of forces in ``reactions()``, beside those of supports and contacts."""
+"""Names of forces in ``reactions()``, beside the names of supports and contacts."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Declare given strains: those that a body would have without any stress.
+"""Declare given strains, which a body would have without any stress.
 
-Heat, swelling and misfit are strains eps_0 that no stress causes. The stress is that of
-the rest,
+Heat, swelling and misfit are strains eps_0 that no stress causes. The stress comes from
+what remains,
 
     sigma = C (eps(u) - eps_0).
 

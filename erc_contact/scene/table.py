@@ -76,7 +76,7 @@ class table:
 
     @cached_property
     def _digest(self) -> str:
-        """Return a text that tells these numbers from others."""
+        """Return a text that tells these numbers from other numbers."""
         code = b"|".join(array.tobytes() for array in [*self._grid, self.values])
         return hashlib.sha256(code).hexdigest()[:16]
 
@@ -123,7 +123,7 @@ class table:
         """Evaluate the table, or a slope of it, at places (..., count) by numpy.
 
         Args:
-            places: Coordinates, the last axis is that of the table's coordinates.
+            places: Coordinates; the last axis counts the coordinates of the table.
             slope: Number of the coordinate whose derivative is meant; None for the
                 values.
         """
@@ -161,7 +161,7 @@ class table:
 
 
 def _is_pair(x: Any) -> bool:
-    """Tell whether points are those of two coordinates."""
+    """Tell whether points are given by two coordinates."""
     sequences = Sequence | np.ndarray
     if not isinstance(x, sequences) or isinstance(x, str) or len(x) != 2:
         return False

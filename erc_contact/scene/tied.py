@@ -14,8 +14,8 @@ class Tied:
 
     The jump of the displacement is zero there, and the joint carries any traction. The
     parts are a pair of :meth:`Domain.split` or :meth:`Domain.joined`. The scene is
-    solved on the mesh whose nodes are one there, so the error is that of one body; the
-    names of both parts stay, for forces and profiles.
+    solved on the mesh whose nodes are one there, so the error is the error of one body;
+    the names of both parts stay, for forces and profiles.
 
     Args:
         facets: Name of a boundary part.

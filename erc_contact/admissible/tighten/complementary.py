@@ -86,7 +86,7 @@ class ComplementaryEnergy:
     ) -> tuple[float, np.ndarray]:
         """Compute ``|sigma^ - C eps(u^)|^2`` and half its derivative.
 
-        They are those of the owned cells. The map from moments to stresses reproduces
+        Both are sums over the owned cells. The map from moments to stresses reproduces
         constant stresses. So the mean of C eps(u^) in a cell is subtracted from its
         tractions.
 

@@ -20,7 +20,7 @@ from erc_contact.model.space import Space
 
 
 def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
-    """Find the rings of this rank, one after the other, the smaller ones first.
+    """Find the rings of this rank, in a row, the smallest rings first.
 
     A centre belongs to the rank that owns its node of least global number. That rank
     has all cells around it. Each ring is walked along, all in the same sense. It starts

@@ -67,6 +67,13 @@ class MacroTable:
             (number + 1)/2, s (s + 1)/2).
         nodal: From values at the nodes of the sub-simplices, (d+1, N_k) in one.
         from_points: From values at the points of :func:`macro_points`.
+
+    Example:
+        >>> table = macro_table(d=2, k=1, at_points=False)
+        >>> table.count  # at 2 vertices of 3 sub-triangles, and at the barycentre
+        7
+        >>> round(float(table.weights.value.sum()), 12)  # the mean of 1
+        1.0
     """
 
     count: int
@@ -166,9 +173,8 @@ class ElasticTable(NamedTuple):
 def elastic_table(d: int, k: int, at_points: bool, b: int) -> ElasticTable:
     """Compute the table for elastic stresses that are given by b values in a cell.
 
-    These are one if it is constant there, coefficients of degree k - 1, or values at
-    the points of :func:`macro_points`. The other arguments are those of
-    :func:`macro_table`.
+    The values are one constant, coefficients of degree k - 1, or values at the points
+    of :func:`macro_points`. See :func:`macro_table` for the other arguments.
     """
     _, points, weights = macro_points(d, k)
     from_points = macro_table(d, k, at_points).from_points

@@ -1,10 +1,11 @@
 """Communicators that outlive the meshes whose ranks they have.
 
 An object that all ranks reduce, as in ``comm.allreduce(1.0)``, makes mpi4py attach a
-lock to the communicator. DOLFINx frees that of a mesh together with the mesh. Where
-this happens while Python raises an exception, mpi4py leaves a lock of its own closed,
-and the process waits for it for ever. A mesh made inside a call with a misspelled
-argument is dropped just so. Here the ranks have one communicator, which is not freed.
+lock to the communicator. DOLFINx frees the communicator of a mesh together with the
+mesh. Where this happens while Python raises an exception, mpi4py leaves a lock of its
+own closed, and the process waits for it for ever. A mesh made inside a call with a
+misspelled argument is dropped just so. Here the ranks have one communicator, which is
+not freed.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ UFL sorts the factors of a product by the text of the numbers of its Constants, 
 on which the number of Constants made so far passes a power of ten. Here the numbers of
 the package's own Constants have ten digits.
 
-Half of the time that a form takes to be compiled is that of calling the compiler. Forms
+Half of the time that a form takes to be compiled goes into calling the compiler. Forms
 and expressions that are needed together are therefore compiled together, as a plain C
 library (:mod:`erc_contact.base.runtime.form_library`).
 
@@ -49,7 +49,7 @@ from erc_contact.base.runtime.patches import method_caches_off, refused, replace
 from erc_contact.base.ufl_types import Ufl
 
 FIRST_NUMBER = 10**9
-"""Number of the package's first Constant; those of the user's begin with 0."""
+"""Number of the package's first Constant; the user's Constants begin with 0."""
 _numbers = count(FIRST_NUMBER)
 """Numbers of the Constants of the package."""
 _known: dict[Any, tuple[Any, Any, Any]] = {}
@@ -73,7 +73,7 @@ def constant(mesh: dmesh.Mesh, value: npt.ArrayLike) -> fem.Constant:
 
 
 def form(integrals: ufl.Form) -> fem.Form:
-    """Compile a form, or find it among those of this process; collective."""
+    """Compile a form, or find it among the forms of this process; collective."""
     with _remembering():
         return fem.form(renumbered(integrals))
 

@@ -78,7 +78,7 @@ def compiled_objects(
     settings = dolfinx_jit.get_options()
     flags = list(settings["cffi_extra_compile_args"])
     flags += [f"-l{library}" for library in settings["cffi_libraries"] or ()]
-    # The name knows all that decides on the code, and so do those of the objects.
+    # The name knows all that decides on the code, and so do the names of the objects.
     tag = jit._compute_option_signature(ffcx_options) + jit._compilation_signature(flags, False)
     library_name = "liberc_contact_forms_" + naming.compute_signature(sources, tag)
     # Contacts that are alike have the same expression, which C may define once only.
@@ -144,7 +144,7 @@ def _compile(code: str, path: Path, flags: Sequence[str]) -> None:
 
 
 def compiler() -> list[str]:
-    """Return the C compiler: that of the environment, that of Python, or cc."""
+    """Return the C compiler that the environment names, or Python, or else cc."""
     command = shlex.split(os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc")
     return command if shutil.which(command[0]) else ["cc"]
 

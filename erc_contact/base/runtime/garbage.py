@@ -38,7 +38,7 @@ def free_dropped(comm: MPI.Comm) -> None:
     """Free PETSc's objects that all ranks have dropped, of any mesh; collective.
 
     Args:
-        comm: Communicator of a run. Those of all its meshes have the same ranks.
+        comm: Communicator of a run. The communicators of all its meshes have its ranks.
     """
     for entry in list(_tracked):
         user, anchor = entry

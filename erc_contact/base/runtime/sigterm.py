@@ -1,8 +1,8 @@
 """SIGTERM put off while a library is at work that would take it for its own error.
 
 METIS does so. The system gives a signal to any thread that does not block it. So it can
-be put off only if all other threads of the process block it, too: those of MPI do if it
-starts within such a context, those of a BLAS with several threads do not.
+be put off only if all other threads of the process block it, too: threads of MPI do if
+it starts within such a context, the threads of a BLAS do not.
 """
 
 from __future__ import annotations

@@ -94,8 +94,8 @@ class CoulombCertificate:
         smoothing: Length over which the field t is made smooth, over the size of the
             contact [-].
         q_largest: The largest ``q + q_change`` of all fields t that were tried [-]. q
-            is that of the field with the least bound; on another mesh it may be that of
-            a rougher field, with a q up to this.
+        belongs to the field with the least bound; on another mesh a rougher field may
+        have the least bound, with a q up to this.
 
     Example:
         >>> certificate = ec.coulomb_certificate(error)
@@ -204,7 +204,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
 def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> CoulombCertificate:
     """Return the certificate of the field with the least bound; collective.
 
-    It is that of the roughest field where there is no bound.
+    Where no field has a bound, it is the certificate of the roughest field.
     """
     surface = pair.surface
     normal, x = surface.normal, surface.positions()
@@ -249,7 +249,7 @@ def _tried(
     eta = pair.unaligned(t)[:, None] * surface.normal
     A = _energy(eta, traces.lifted(eta, rough=True))
     B = _energy(forces, traces.moved(forces))
-    # No stress balances forces that work on a rigid motion. The scale is that of the
+    # No stress balances forces that work on a rigid motion. The scale is made of
     # lengths of vectors, not of components: a motion along the normal meets only
     # round-off of rho, which is tangential, and components have nothing else to compare
     # this with.

@@ -62,8 +62,7 @@ class OtherMesh:
             shape (M,).
         """
         here = self.surface
-        # The field is that of the other surface, but its own edges and supports block
-        # it.
+        # The other surface gives the field; edges and supports of this one block it.
         x = here.positions()
         field = np.where(here.blocked[:, None], 0.0, surface.interpolated(t, x))
         q, _, phi = coupling(here.normal, self.traces, field, x)

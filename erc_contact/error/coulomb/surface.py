@@ -34,7 +34,7 @@ from erc_contact.model.trace import interpolated_normals, split
 EDGE_COSINE = 0.87
 """Least cosine of the angle between normals of a smooth foundation [-].
 
-The normals are that of a facet, and the mean normal of a node.
+The angle is between the normal of a facet and the mean normal of a node.
 """
 ZERO_COMPONENT = 1e-8
 """Component of a normal that counts as zero [-]."""

@@ -51,7 +51,7 @@ class _Bodies:
         return frozenset().union(*self.asked.model.comm.allgather(here))
 
     def of_contact(self, contact: BoundContact) -> tuple[frozenset[int], frozenset[int]]:
-        """Return the bodies on this side of a contact, and on the other one."""
+        """Return the bodies on this side of a contact, and on the other side."""
         trace = contact.trace
         here = self.at(trace.here.nodes)
         if trace.there is None:

@@ -3,7 +3,7 @@
 On most meshes the interval cannot be narrow enough yet. There the scene is moved to one
 side only: this tells the shares of the cells, and about how wide the interval would be.
 Where it promises what is asked for, the scene is moved to the other side, too. t
-follows from that of the last mesh.
+follows from the t of the last mesh.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal
 
 FIRST = 3.0
-"""First t of a run over that of a question [-]: about what is best, as measured."""
+"""First t of a run over the t of a question [-]: about what is best, as measured."""
 FIRST_COUNT = 2
 """Number of values of t for which the interval is estimated at most."""
 COUNT = 3
@@ -194,11 +194,11 @@ class Aim:
         return FIRST * trials.question.step
 
     def _better_t(self, trials: Trials, ends: Ends) -> float:
-        """Return a t that should be better than that of an interval or estimate."""
+        """Return a t that should be better than the t of an interval or estimate."""
         return self._below_sudden(trials.better_t(ends))
 
     def _see(self, ends: Ends) -> None:
-        """Carry the least t that changed the contact set much, and one that did not."""
+        """Carry the least t that changed the contact set much, and a t that did not."""
         self._see_sudden(ends)
         gentle = self._carried.get("gentle t", 0.0)
         if not _is_sudden(ends):

@@ -3,7 +3,7 @@
 See :mod:`erc_contact.error.goals.question`. Let W be a rigid motion: the direction of a
 force, or the rotation about the axis of a moment. The number is ``int sigma n . W`` on
 a part. If the supports of the part move by t W, the energy grows by t times the work of
-what they exert. That of loads on components that they leave free is added.
+what they exert. The work of loads on components that they leave free is added.
 """
 
 from __future__ import annotations
@@ -107,7 +107,8 @@ def _work_of_face(
     d = len(face.about)
     amounts = motion.freedoms(face.about)
     if isinstance(goal, Moment):
-        # A moment about another point than that of the face has a share of its force.
+        # A moment about a point other than the point of the face has a share of its
+        # force.
         if motion.rotation[face.free[d:]].any():
             raise InputError(
                 f"{goal!r}: this moment of the rigid face is given; ask for the Rotation of the"

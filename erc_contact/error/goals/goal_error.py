@@ -1,9 +1,9 @@
 """Ask for single numbers of the solution in certified intervals.
 
 The interval of a number comes from three admissible pairs
-(:mod:`erc_contact.error.goals.three_pairs`), for any t. Here t is chosen, and the
-interval is that of all t tried: it is the intersection of theirs. Runs that aim at a
-number choose it in another way (:mod:`erc_contact.error.goals.controller`).
+(:mod:`erc_contact.error.goals.three_pairs`), for any t. Here several t are tried, and
+the interval is the intersection of their intervals. Runs that aim at a number choose t
+in another way (:mod:`erc_contact.error.goals.controller`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from erc_contact.scene.goal import Energy, Goal, Resultant
 LARGEST_COUNT = 6
 """Number of values of t that are tried at most."""
 NARROWER = 0.9
-"""Width over that of the best t so far from which no other t is tried [-]."""
+"""Width over the width of the best t so far from which no other t is tried [-]."""
 
 
 def goal_error(
@@ -41,7 +41,7 @@ def goal_error(
         error: The error of an admissible pair.
         goal: The goal.
         pair_of: Solves a scene moved a little, and makes an admissible pair.
-        t: The first t that is tried; None for that of the question.
+        t: The first t that is tried; None for the t of the question.
         count: Number of values of t that are tried at most.
 
     Raises:
@@ -81,9 +81,9 @@ def question_or_number(error: ConstitutiveError, goal: Goal) -> Question | GoalE
 
 
 def with_lifting(error: ConstitutiveError, goal: Goal, bounds: Bounds) -> Bounds:
-    """Return an interval narrowed by that of one lifting, on a contact; collective.
+    """Narrow an interval by the interval of one lifting, on a contact; collective.
 
-    Far from the solution, and with Coulomb friction, that one may be the narrower.
+    Far from the solution, and with Coulomb friction, one lifting may do better.
     """
     if not isinstance(goal, Resultant):
         return bounds

@@ -17,9 +17,9 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
     For each of some values of t, two to six, the scene is solved twice more on the
     same mesh, from the known solution. The interval is of order 2 in e where the
     contact set is settled, and of order 4/3 in the limit where it is free, 1.4 to 1.5
-    on usual meshes; that of :func:`erc_contact.resultant` is of order 1. The force of a
-    contact is in both: what they share is returned, if both are proved or both are
-    estimates.
+    on usual meshes; :func:`erc_contact.resultant` gives an interval of order 1. The
+    force of a contact is in both: what they share is returned, if both are proved or
+    both are estimates.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.

@@ -35,7 +35,7 @@ With given friction b, A and B also contain what friction does, and V the differ
 friction bound depends on the pressure, the interval is an estimate.
 
 The gap of a frictionless contact may move, too, by ``t n . a``, with a vector field a.
-The derivative then has the work of r on a beside that of the supports, and phi - a
+The derivative then has the work of r on a beside the work of the supports, and phi - a
 takes the place of phi in the work of r: as u+ may be beyond g by ``t n . a``, its bound
 is the same. V stays as it is.
 
@@ -48,8 +48,8 @@ like the root of the distance, and the gap like its third power: V is apart by a
 ``M^(2/3)``, and the width like ``M^(4/3)``: that is the order in the limit.
 
 A friction bound that depends on the pressure is given the values that it has for the
-pair (:mod:`erc_contact.error.goals.given_bounds`): the interval is that of the problem
-with this given friction, and an estimate for the scene itself.
+pair (:mod:`erc_contact.error.goals.given_bounds`): the interval holds for the problem
+with this given friction, and is an estimate for the scene itself.
 
 Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 """
@@ -82,7 +82,7 @@ class Ends:
         high: Its upper end.
         t: The t that it is of.
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
-        spread: V of the upper end less that of the lower one.
+        spread: V of the upper end less V of the lower end.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
         resolved: Whether its integrals are resolved, and the mesh carries moved loads.
     """
@@ -149,7 +149,7 @@ def ends_of(base: Unmoved, plus: Admissible, minus: Admissible, t: float) -> End
     Args:
         base: The scene, not moved.
         plus: The pair of the scene moved by t.
-        minus: That of the scene moved by -t.
+        minus: The pair of the scene moved by -t.
         t: t.
     """
     pair = base.error.admissible
@@ -162,8 +162,8 @@ def rough_ends(base: Unmoved, plus: Admissible, t: float) -> Ends:
     """Estimate the interval of Q from the scene moved to one side; collective.
 
     With ``phi = (u+ - u^)/t`` and ``tau = (sigma+ - sigma^)/t`` both ends have the same
-    V, between those of the interval. It tells d, and about how wide the interval is,
-    but nothing is proved.
+    V, which lies between the two V of the interval. It tells d, and about how wide the
+    interval is, but nothing is proved.
 
     Args:
         base: The scene, not moved.

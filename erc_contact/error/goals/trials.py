@@ -1,7 +1,7 @@
 """Try values of t for the interval of a number, and hold what each of them gives.
 
 For any t the interval holds (:mod:`erc_contact.error.goals.three_pairs`), and so does
-the intersection of those of several t.
+the intersection of the intervals of several t.
 """
 
 from __future__ import annotations
@@ -149,11 +149,11 @@ class Trials:
         return self._of_number(low, high, error.guaranteed and resolved and not varies)
 
     def estimate(self, rough: Ends) -> Bounds:
-        """Return a rough interval as one of the number."""
+        """Return the interval of the number from a rough interval of Q."""
         return self._of_number(rough.low, rough.high, False)
 
     def better_t(self, ends: Ends, growth: float = GROWTH) -> float:
-        """Return a t that should be better, at most so many times the one tried.
+        """Return a t that should be better, at most so many times the t tried.
 
         It is the best one by :meth:`half_at`.
         """
@@ -181,7 +181,7 @@ class Trials:
         return d * m + (M**2 - m**2) / t
 
     def _of_number(self, low: float, high: float, proved: bool) -> Bounds:
-        """Return the interval of the number that one of Q gives."""
+        """Return the interval of the number from an interval of Q."""
         constant = self.question.constant
         ends = sorted((self.question.sign * low, self.question.sign * high))
         least = ends[0] + constant.value - constant.bound

@@ -50,7 +50,7 @@ class VirtualMotion:
         return np.cross(self.rotation, np.eye(3)).T
 
     def at(self, x: np.ndarray) -> np.ndarray:
-        """Return the motion at positions, both of shape (..., d)."""
+        """Return the motion at positions, shapes (..., d)."""
         return np.asarray(self.translation + (x - self.centre) @ self.spin.T)
 
     def nodal(self, model: Model) -> fem.Function:

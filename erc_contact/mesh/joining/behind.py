@@ -28,7 +28,7 @@ class Region:
 
     Attributes:
         cells: Its cells, a connected part of a region, shape (m,).
-        triangles: The triangles of its surface without those of the side, shape (k, 3).
+        triangles: The triangles of its surface without the side, shape (k, 3).
         tags: Their tags, shape (k,).
         inner: Whether each lies between two regions, shape (k,).
         side: The triangles of the side, shape (l, 3).
@@ -118,7 +118,7 @@ def with_surface(
     Args:
         region: The region.
         triangles: The triangles of its surface, shape (m, 3).
-        parents: In which of its triangles, those of the side last, each lies, (m,).
+        parents: In which of its triangles, the side last, each lies, shape (m,).
         outline: The edges of the outline of the side, shape (o, 2).
 
     Raises:
@@ -181,7 +181,7 @@ def surface(
 def _cut_beside(
     plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the triangles beside the contact, cut, and those in which they lie."""
+    """Cut triangles beside the contact, and tell in which triangles the pieces lie."""
     triangles = number[region.triangles]
     # Side i of a triangle is opposite to its corner i.
     edges = triangles[:, facet_vertices(2)].reshape(-1, 2)
@@ -218,7 +218,7 @@ def with_cells(
     Args:
         plain: The mesh.
         region: The region.
-        x: Points [length], those of the mesh first, shape (n, 3).
+        x: Points [length], the points of the mesh first, shape (n, 3).
         cells: The cells, shape (m, 4).
         surface: Triangles and tags of the surface of the region.
         moved: Greatest volume between the old surface and the new one [length^3].

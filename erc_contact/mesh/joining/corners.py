@@ -1,4 +1,4 @@
-"""Find corners of bodies, and those that move when two sides become one.
+"""Find corners of bodies, and corners that move when two sides become a pair.
 
 Where two sides are nearer to each other than a thousandth of their facets, they are
 taken to be drawn in one place, and the corners of one side move to the other side. The

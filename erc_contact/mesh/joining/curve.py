@@ -26,10 +26,18 @@ class Curve:
     """Hold facets in the plane that follow each other.
 
     Args:
-        points: Number of each vertex, the last one too, shape (k+1,). That of a closed
-            curve is the first one again.
+        points: Number of each vertex, the last one too, shape (k+1,). A closed curve
+            ends with its first vertex.
         x: Positions of the vertices [length], shape (k+1, 2).
         sides: Side (cell, local facet) of each facet, shape (k, 2).
+
+    Example:
+        >>> x = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+        >>> curve = Curve(np.arange(3), x, sides=np.zeros((2, 2), dtype=int))
+        >>> curve.places
+        array([0., 1., 2.])
+        >>> np.degrees(curve.turns)  # to the left at the vertex in the middle
+        array([ 0., 90.,  0.])
     """
 
     points: np.ndarray
@@ -92,7 +100,7 @@ class Curve:
         return np.concatenate(places), np.concatenate(distances)
 
     def _projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project points on the nearest facet and those beside it; keep the best."""
+        """Project points on the nearest facet and its neighbours; keep the best."""
         count = len(self.lengths)
         edge = np.diff(self.x, axis=0)
         low = np.zeros(count)

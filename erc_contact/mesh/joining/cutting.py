@@ -90,7 +90,7 @@ def _with_middles(
 
 
 def _fans(whole: CutTriangles, sides: np.ndarray, points: np.ndarray) -> CutTriangles:
-    """Cut triangles from the vertex opposite to the one side that has new vertices."""
+    """Cut triangles from the vertex opposite to the only side with new vertices."""
     triangle, local = sides.T
     corners = whole.triangles[triangle[:, None], (local[:, None] + np.arange(3)) % 3]
     x = whole.x

@@ -27,7 +27,7 @@ DIGITS = 12
 DELAUNAY = 5
 """gmsh's number of the algorithm of Delaunay's triangles."""
 POOR = 1e-3
-"""Inscribed over circumscribed radius, by that of a regular cell, of a splinter [-].
+"""Inscribed over circumscribed radius of a splinter, 1 for a regular cell [-].
 
 Beside a side whose points moved a little, some cells have their corners nearly in a
 plane.
@@ -105,7 +105,7 @@ def triangulated(
     def build(gmsh: Any) -> None:
         _set_field(gmsh, extend=False)
         geo = gmsh.model.geo
-        # gmsh has no call for many points or lines; these are those of the outlines.
+        # gmsh has no call for many points or lines; here they are points of outlines.
         for tag, point in enumerate(np.concatenate([given, frame]).tolist(), start=1):
             geo.addPoint(*point, 0.0, tag=tag)
         lines = [geo.addLine(*edge) for edge in (edges + 1).tolist()]
@@ -175,7 +175,7 @@ def _near_edges(gmsh: Any, x: np.ndarray, edges: np.ndarray, lines: list[int]) -
 def _set_sizes(
     gmsh: Any, sides: list[tuple[np.ndarray, np.ndarray]], fields: Sequence[int] = ()
 ) -> None:
-    """Set the sizes to the least of those of meshes of triangles, and of fields."""
+    """Set the size to the least size of meshes of triangles, and of fields."""
     fields = list(fields)
     for corners, sizes in sides:
         view = gmsh.view.add("sizes")
@@ -203,7 +203,7 @@ def _simplices(model: Any, kind: int) -> tuple[np.ndarray, np.ndarray]:
 def _renumbered(
     x: np.ndarray, simplices: np.ndarray, given: np.ndarray, numbers: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give points of gmsh the numbers of given points, and new points the next ones.
+    """Give points of gmsh the numbers of given points, and new points new numbers.
 
     Args:
         x: gmsh's points.
@@ -221,7 +221,7 @@ def _renumbered(
     every = np.concatenate([given, x])
     order = np.lexsort(every.T)
     equal = np.all(every[order[1:]] == every[order[:-1]], axis=1)
-    # The sort is stable: a given point comes before that of gmsh.
+    # The sort is stable: a given point comes before gmsh's copy.
     first = order[:-1][equal]
     second = order[1:][equal] - len(given)
     if len(first) != len(given) or first.max(initial=-1) >= len(given):

@@ -1,9 +1,9 @@
 """Give two curved sides in space the same facets, and mesh one of the bodies anew.
 
 One side keeps its facets, the other one takes them. Where the outlines run together,
-the points of the second one move to those of the first one. Where an outline lies
-amid the other side, a band of triangles leads from it to the triangles that remain.
-gmsh then fills the region behind with the triangles of its surface fixed.
+the points of the second one move to points of the first one. Where an outline lies amid
+the other side, a band of triangles leads from it to the triangles that remain. gmsh
+then fills the region behind with the triangles of its surface fixed.
 
 Symbols: "kept" is the side whose facets stay, "taken" the one that gets them.
 """
@@ -85,7 +85,7 @@ def _side(plain: PlainMesh, region: Region) -> FacetSide:
 
 
 def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float) -> PlainMesh:
-    """Give a side the facets of another one, and mesh the region behind it anew."""
+    """Give a side the facets of another side, and mesh the region behind it anew."""
     x = plain.x
     taken = contact.taken
     outlines = outlines_on(x, contact)
@@ -108,7 +108,7 @@ def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float)
 def _best_bands(
     x: np.ndarray, contact: SideContact, outlines: Outlines, apart: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the triangles to remove, and those between outlines and what remains.
+    """Return triangles to remove, and triangles between outlines and what remains.
 
     Returns:
         Whether each triangle of the side that is taken is removed, and the bands.
@@ -150,11 +150,11 @@ def _best_bands(
 def _places(
     x: np.ndarray, contact: SideContact, outlines: Outlines, apart: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find which points of a side lie on the other one, and how far from its outline.
+    """Find which points of a side lie on the other side, how far from its outline.
 
     Returns:
         Whether each point does, and its distance from the outline amid its side, shape
-        (n,) each. That of other points is infinite.
+        (n,) each. For other points the distance is infinite.
 
     Raises:
         InputError: If a point that faces the other side is too far away.
@@ -231,7 +231,7 @@ def _holes(
 
 
 def _moved(plain: PlainMesh, region: Region, number: np.ndarray) -> Region:
-    """Return a region without the triangles that vanish where points become one.
+    """Return a region without the triangles that vanish where points merge.
 
     Raises:
         InputError: If triangles or cells beside would be crushed.
@@ -251,7 +251,7 @@ def _moved(plain: PlainMesh, region: Region, number: np.ndarray) -> Region:
     crushed = np.any(share[~vanishes] < CRUSHED) or np.any(region.inner & vanishes)
     if crushed or np.any(shares < CRUSHED):
         raise InputError(
-            "joined: the outline of a curved part cannot move to that of the other one, the "
+            "joined: the outline of a curved part cannot move to the facing part's outline, the "
             "facets beside it are too flat. Mesh the parts with similar facets along their "
             "outlines."
         )

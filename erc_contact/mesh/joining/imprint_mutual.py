@@ -1,10 +1,10 @@
-"""Give two curved sides in space common facets where each one ends amid the other.
+"""Give two curved sides in space common facets where each side ends amid the other.
 
-A shaft that is pushed half into a hub: its side goes on outside of the hub, and that of
-the hub goes on beyond the end of the shaft. Neither lies on the other one. So they take
-facets in turn. Side 2 takes those of side 1 that lie on it, away from its own outline;
-with them it gets the outline of side 1. What it then has within this outline lies on
-side 1, which takes it, up to the outline of side 2.
+A shaft that is pushed half into a hub: its side goes on outside of the hub, and the
+side of the hub goes on beyond the end of the shaft. Neither lies on the other one. So
+they take facets in turn. Side 2 takes the facets of side 1 that lie on it, away from
+its own outline; with them it gets the outline of side 1. What it then has within this
+outline lies on side 1, which takes it, up to the outline of side 2.
 
 Where the outlines cross at a point, facets may be left out beside it. Such sides are
 refused.
@@ -109,7 +109,7 @@ def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> Inp
 def _taken_in_part(
     take: Facets, plain: PlainMesh, tags: tuple[int, int], apart: float, beside: float
 ) -> PlainMesh:
-    """Give a side those facets of another one that lie on it.
+    """Give a side the facets of another side that lie on it.
 
     Args:
         take: Takes facets.
@@ -141,7 +141,7 @@ def _side(plain: PlainMesh, tag: int) -> FacetSide:
 
 
 def _lie_on(side: FacetSide, other: FacetSide, apart: float, beside: float) -> np.ndarray:
-    """Find the triangles of a side that lie on another one, shape (k,)."""
+    """Find the triangles of a side that lie on another side, shape (k,)."""
     x = side.x
     points = np.unique(side.triangles)
     facet, _, distance = closest(x[points], x[other.triangles])
@@ -183,7 +183,7 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
         apart: Greatest distance of both sides [length].
 
     Returns:
-        The area of such parts of side 1 over that of the common facets [-].
+        The area of such parts of side 1 over the area of the common facets [-].
     """
     first, second = (_side(plain, tag) for tag in (here, there))
     number1, number2 = row_numbers(first.triangles, second.triangles)

@@ -41,7 +41,7 @@ from erc_contact.mesh.simplex import measures
 FLAT = 1e-3
 """Distance from the plane that counts as none, by the shortest edge [-]."""
 OPPOSITE = 0.999
-"""Least cosine between the normals of one side and minus that of the other [-]."""
+"""Least cosine between normals of one side and reversed normals of the other [-]."""
 DIGITS = 6
 """Digits of the normal that decide about the axes of a plane."""
 
@@ -163,7 +163,8 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
             f"({enough(abs(heights[1]).max())} is enough), and by gap= of "
             "the contact."
         )
-    # The first axis is that of space nearest to the plane; round-off must not turn it.
+    # The first axis is the axis of space nearest to the plane; round-off must not turn
+    # it.
     nearest = np.eye(3)[np.argmin(np.round(abs(normal), DIGITS))]
     first = nearest - (nearest @ normal) * normal
     first /= np.linalg.norm(first)

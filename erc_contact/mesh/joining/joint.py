@@ -99,7 +99,7 @@ def last_tag(bodies: Bodies) -> int:
     glued = bodies if bodies.glued is None else bodies.glued
     used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
     if bodies.seams is not None:
-        # Those of tied joints are on no facet.
+        # Tags of tied joints are on no facet.
         used += [tag for interface in bodies.seams.interfaces for tag in interface.tags]
     return bodies.comm.allreduce(int(max(used, default=0)), MPI.MAX)
 
@@ -158,7 +158,7 @@ def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> 
     place = ", ".join(f"{coordinate + 0.0:.6g}" for coordinate in corner)
     return (
         f"joined: the corner ({place}) moved by {distance:.3g}, as {here!r} and {there!r} are that"
-        " near there: the bodies that are solved and certified are those of the mesh. Draw both"
+        " near there: the bodies of the mesh are solved and certified. Draw both"
         " corners in one place, or farther apart than a thousandth of an edge; give a clearance by"
         " gap=."
     )
@@ -167,7 +167,7 @@ def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> 
 def met(
     plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
-    """Glue the two sides, and give the facets where they meet a tag of their own.
+    """Glue the two sides, and give the facets where they meet a new tag.
 
     Args:
         plain: The mesh.
@@ -234,7 +234,7 @@ def _check_regions(regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, i
 
 
 def _plain_tags(regions: np.ndarray) -> Regions:
-    """Return the tag of a region, or those of several, as whole numbers of Python."""
+    """Return one tag, or the tags of several regions, as whole numbers of Python."""
     tags = tuple(map(int, regions))
     return tags[0] if len(tags) == 1 else tags
 
@@ -270,7 +270,7 @@ def interfaces(
 def tied_alone(
     interfaces: tuple[Interface, ...], ties: Sequence[tuple[str, str]]
 ) -> tuple[Interface, ...]:
-    """Return interfaces of which some pairs are tied, and no others.
+    """Return interfaces of which exactly the given pairs are tied.
 
     Args:
         interfaces: Those at which the domain is split.

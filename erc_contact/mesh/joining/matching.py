@@ -30,7 +30,7 @@ def matched(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
     Args:
         plain: The mesh.
         here: Tag of side 1.
-        there: Tag of side 2, whose vertices become those of side 1.
+        there: Tag of side 2, which takes the vertices of side 1.
         apart: Greatest distance of both sides along their normal [length].
 
     Raises:
@@ -81,7 +81,7 @@ def _normals(plain: PlainMesh, tag: int) -> np.ndarray:
 def _facing(
     x: np.ndarray, points1: np.ndarray, points2: np.ndarray, normals: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return of pairs of near points those that face each other, the nearest ones.
+    """Return the pairs of near points that face each other, the nearest pairs.
 
     Args:
         x: Points [length], shape (n, 3).
@@ -102,10 +102,10 @@ def _facing(
 
 
 def _check_cells(plain: PlainMesh, number: np.ndarray) -> None:
-    """Check that no cell is crushed where points become others.
+    """Check that no cell is crushed where points move to other points.
 
     Raises:
-        InputError: If one is: the distance is as large as the cells.
+        InputError: If a cell is: the distance is as large as the cells.
     """
     before = np.linalg.det(plain.x[plain.cells[:, 1:]] - plain.x[plain.cells[:, :1]])
     moved = number[plain.cells]
@@ -144,7 +144,7 @@ def in_one_place(
 
 
 def _overlap(x: np.ndarray, facets: np.ndarray, others: np.ndarray, apart: float) -> bool:
-    """Check whether points of facets are on others, or no further than `apart`."""
+    """Check whether points of facets are on other facets, or within `apart` of them."""
     if not len(facets) or not len(others):
         return False
     shares = SAMPLES / SAMPLES.sum(axis=1)[:, None]

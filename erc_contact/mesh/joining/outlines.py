@@ -139,7 +139,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _crossings(
     y: np.ndarray, edges1: np.ndarray, edges2: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find the edges that cross amid both, and the points where they do [length]."""
+    """Find the pairs of edges that cross inside, and the points where [length]."""
     start1 = y[edges1[:, 0]][:, None]
     start2 = y[edges2[:, 0]][None]
     along1 = y[edges1[:, 1]][:, None] - start1
@@ -189,7 +189,7 @@ def _merge(
     sizes: np.ndarray,
     limits: tuple[float, float],
 ) -> None:
-    """Make close points of both outlines one, in place."""
+    """Merge close points of both outlines, in place."""
     close, tolerance = limits
     points1 = np.unique(outlines[0])
     points2 = np.unique(outlines[1])

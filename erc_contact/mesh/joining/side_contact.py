@@ -1,4 +1,4 @@
-"""Find how a side in space lies on another one, and where their outlines run together.
+"""Find how two sides in space lie on each other, and where outlines run together.
 
 Symbols: "kept" is the side whose facets stay, "taken" the one that gets them.
 """
@@ -116,7 +116,7 @@ def oriented(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class SideContact:
-    """Hold how a side lies on another one, whose facets it may replace.
+    """Hold how a side lies on another side, whose facets it may replace.
 
     Attributes:
         kept: The side whose facets stay.
@@ -153,7 +153,7 @@ def allowance(
 
 
 def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact:
-    """Find how a side lies on another one."""
+    """Find how a side lies on another side."""
     x = kept.x
     corners = x[taken.triangles]
     points = np.unique(kept.triangles)
@@ -185,7 +185,7 @@ def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Hold how the outlines of the side that is kept lie on the other one.
+    """Hold how the outlines of the side that is kept lie on the other side.
 
     Attributes:
         loops: The outlines of the side that is kept.
@@ -201,7 +201,7 @@ class Outlines:
 
 
 def outlines_on(x: np.ndarray, contact: SideContact) -> Outlines:
-    """Find how the outlines of a side lie on another one.
+    """Find how the outlines of a side lie on another side.
 
     Raises:
         InputError: If points of both outlines are not in the same order.
