@@ -8,6 +8,7 @@ how many came in, how many were refused in a sentence, and how many ended otherw
 """
 
 import multiprocessing
+import re
 import signal
 import sys
 import time
@@ -30,11 +31,22 @@ SHOWN = 180
 """Characters of names or of a sentence in a row."""
 
 
+def read(path: Path) -> ec.Domain:
+    """Read a file; a drawing gets cells of the size that its refusal proposes."""
+    try:
+        return ec.read_mesh(path)
+    except ec.InputError as reason:
+        proposed = re.search(r"for instance size=([\d.e+-]*\d)", str(reason))
+        if proposed is None:
+            raise
+        return ec.read_mesh(path, size=float(proposed[1]))
+
+
 def tried(path: Path, answers: Connection) -> None:
     """Read a file and send what came of it."""
     begin = time.perf_counter()
     try:
-        domain = ec.read_mesh(path)
+        domain = read(path)
     except ec.InputError as reason:
         answers.send(("refused", time.perf_counter() - begin, str(reason)))
         return

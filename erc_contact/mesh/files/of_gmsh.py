@@ -33,21 +33,22 @@ SHAPE_NAMES = {
 def mesh_of_model(model: Any) -> FileMesh:
     """Return the mesh of a gmsh model, whose sets are its physical groups.
 
-    Raises:
-        InputError: If it has elements of a type that is not read.
+    Elements of other shapes are left out and counted.
     """
     dim = int(model.getDimension())
     rows, points = _points(model)
     blocks: dict[str, list[np.ndarray]] = {}
     places: dict[tuple[int, int], list[tuple[str, int, int]]] = {}
+    left_out: dict[str, int] = {}
     for d, tag in model.getEntities():
         if d < dim - 1:
             continue
-        for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
+        for kind, elements, flat in zip(*model.mesh.getElements(d, tag), strict=True):
             name, _, _, nodes_each, _, _ = model.mesh.getElementProperties(kind)
             shape = SHAPE_NAMES.get(name.split()[0])
-            if shape is None:
-                raise InputError(f"The gmsh model has elements of type {name}, which are not read.")
+            if shape is None or not nodes_each:
+                left_out[name] = left_out.get(name, 0) + len(elements)
+                continue
             nodes = rows[flat.astype(np.int64)].reshape(-1, nodes_each)
             key = f"{shape} {nodes_each}"
             begin = sum(map(len, blocks.setdefault(key, [])))
@@ -66,7 +67,7 @@ def mesh_of_model(model: Any) -> FileMesh:
     tables = []
     for key, parts in blocks.items():
         tables.append(Block(key.split()[0], np.concatenate(parts)))
-    return FileMesh(points, tuple(tables), tuple(sets))
+    return FileMesh(points, tuple(tables), tuple(sets), left_out=left_out)
 
 
 def _points(model: Any) -> tuple[np.ndarray, np.ndarray]:

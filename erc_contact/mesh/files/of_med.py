@@ -39,11 +39,12 @@ def mesh_of_med(path: Path) -> FileMesh:
             )
         name = sorted(file["ENS_MAA"])[0]
         mesh = file["ENS_MAA"][name]
-        dim = int(mesh.attrs["ESP"])
-        if "NOE" not in mesh:  # meshes of several time steps: the last one is taken
-            mesh = mesh[sorted(mesh)[-1]]
+        # Files of version 2.3 have no dimension of space, and families in the mesh.
+        dim = int(mesh.attrs["ESP" if "ESP" in mesh.attrs else "DIM"])
+        families = _families(mesh["FAS"] if "FAS" in mesh else file.get(f"FAS/{name}", {}))
+        if "NOE" not in mesh:  # meshes of several time steps: the first one is the body at rest
+            mesh = mesh[min(mesh, key=lambda step: int(mesh[step].attrs["NDT"]))]
         coordinates = mesh["NOE"]["COO"][()].reshape(dim, -1).T
-        families = _families(file, name)
         blocks = []
         tags = []
         left_out = {}
@@ -69,12 +70,10 @@ def mesh_of_med(path: Path) -> FileMesh:
     )
 
 
-def _families(file: Any, mesh: str) -> dict[str, dict[str, list[int]]]:
+def _families(kinds: Any) -> dict[str, dict[str, list[int]]]:
     """Return the numbers of families by group, for elements and for nodes."""
     found: dict[str, dict[str, list[int]]] = {}
-    if "FAS" not in file or mesh not in file["FAS"]:
-        return found
-    for kind, families in file["FAS"][mesh].items():
+    for kind, families in kinds.items():
         if kind not in ("ELEME", "NOEUD"):
             continue
         groups = found.setdefault(kind, {})

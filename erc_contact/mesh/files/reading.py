@@ -12,18 +12,33 @@ from erc_contact.mesh.files.file_mesh import FileMesh
 from erc_contact.mesh.files.of_abaqus import mesh_of_abaqus
 from erc_contact.mesh.files.of_frd import mesh_of_frd
 from erc_contact.mesh.files.of_getfem import is_getfem, mesh_of_getfem
+from erc_contact.mesh.files.of_gid import is_gid, mesh_of_gid
 from erc_contact.mesh.files.of_gmsh import grouped, in_two_groups, mesh_of_model
 from erc_contact.mesh.files.of_kratos import mesh_of_kratos
 from erc_contact.mesh.files.of_med import mesh_of_med
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
+from erc_contact.mesh.files.of_mfem import is_mfem, mesh_of_mfem
 from erc_contact.mesh.files.of_xdmf import mesh_of_xdmf
 from erc_contact.mesh.gmsh_session import new_model
 
 
 def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
-    """Read a file by gmsh, whose sets are its groups; see :func:`grouped`."""
+    """Read a file by gmsh, whose sets are its groups; see :func:`grouped`.
+
+    Raises:
+        InputError: If neither gmsh nor meshio can read it.
+    """
     with new_model() as gmsh:
-        gmsh.merge(str(path))
+        try:
+            gmsh.merge(str(path))
+        except Exception as reason:  # gmsh's errors are of no other class
+            try:
+                return mesh_of_meshio(path)
+            except InputError:
+                raise InputError(
+                    f"gmsh cannot read it: {str(reason).strip().rstrip('.')}. Write the mesh in "
+                    "another format: .msh, .vtu, .med, .inp."
+                ) from reason
         with grouped(gmsh.model, numbered=numbered):
             # In version 2 each element has groups; gmsh gives them to whole entities.
             if in_two_groups(gmsh.model) and _is_of_second_version(path):
@@ -51,6 +66,13 @@ def _of_exodus(path: Path) -> FileMesh:
     return read_apart("erc_contact.mesh.files.of_vtk", "mesh_of_exodus", path)
 
 
+BY_THEIR_BEGINNING: tuple[tuple[Callable[[Path], bool], Callable[[Path], FileMesh]], ...] = (
+    (is_abaqus, mesh_of_abaqus),
+    (is_getfem, mesh_of_getfem),
+    (is_mfem, mesh_of_mfem),
+    (is_gid, mesh_of_gid),
+)
+"""Readers of texts whose endings other programs use, too."""
 READERS: dict[str, Callable[[Path], FileMesh]] = {
     **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), _by_vtk),
     ".med": mesh_of_med,
@@ -77,10 +99,9 @@ def read(path: Path, *, numbered: bool) -> FileMesh:
         raise InputError(
             f"The mesh file {str(path)!r} does not exist; look at the path and the working folder."
         )
-    if is_abaqus(path):
-        return mesh_of_abaqus(path)
-    if is_getfem(path):
-        return mesh_of_getfem(path)
+    for is_of_kind, mesh_of in BY_THEIR_BEGINNING:
+        if is_of_kind(path):
+            return mesh_of(path)
     suffix = path.suffix.lower()
     if suffix == ".inp":
         return mesh_of_meshio(path, "avsucd")
