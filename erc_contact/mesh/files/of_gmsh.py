@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from erc_contact.mesh.files.file_mesh import (
     FileMesh,
     padded,
 )
+from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 
 SHAPE_NAMES = {
     "Line": "line",
@@ -28,6 +30,26 @@ SHAPE_NAMES = {
     "Pyramid": "pyramid",
 }
 """The shape of elements by the first word of gmsh's name of their type."""
+
+
+def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
+    """Read a file by gmsh, in a process of its own; see :func:`grouped`."""
+    import gmsh  # noqa: PLC0415 - paid for only by those who read such files
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.merge(str(path))
+    with grouped(gmsh.model, numbered=numbered):
+        # In version 2 each element has groups; gmsh gives them to whole entities.
+        if in_two_groups(gmsh.model) and _is_of_second_version(path):
+            return mesh_of_meshio(path, "gmsh")
+        return mesh_of_model(gmsh.model)
+
+
+def _is_of_second_version(path: Path) -> bool:
+    """Tell whether a file of gmsh is of version 2."""
+    with path.open("rb") as file:
+        return file.read(40).split()[:2] in ([b"$MeshFormat", b"2.2"], [b"$MeshFormat", b"2"])
 
 
 def mesh_of_model(model: Any) -> FileMesh:

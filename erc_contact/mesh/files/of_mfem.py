@@ -54,9 +54,7 @@ def mesh_of_mfem(path: Path) -> FileMesh:
         by_number = [found for found in by_tags(blocks, tags, {}) if _dim(found, blocks) == d]
         sets += named or by_number
     notes = ("the cells are curved, and their corners are taken",) if curved else ()
-    return FileMesh(
-        np.pad(x, ((0, 0), (0, 3 - x.shape[1]))), blocks, (*named, *numbered), notes=notes
-    )
+    return FileMesh(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))), blocks, tuple(sets), notes=notes)
 
 
 def _sections(lines: list[str]) -> dict[str, list[str]]:

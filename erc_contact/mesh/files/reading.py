@@ -13,43 +13,22 @@ from erc_contact.mesh.files.of_abaqus import mesh_of_abaqus
 from erc_contact.mesh.files.of_frd import mesh_of_frd
 from erc_contact.mesh.files.of_getfem import is_getfem, mesh_of_getfem
 from erc_contact.mesh.files.of_gid import is_gid, mesh_of_gid
-from erc_contact.mesh.files.of_gmsh import grouped, in_two_groups, mesh_of_model
 from erc_contact.mesh.files.of_kratos import mesh_of_kratos
 from erc_contact.mesh.files.of_med import mesh_of_med
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 from erc_contact.mesh.files.of_mfem import is_mfem, mesh_of_mfem
 from erc_contact.mesh.files.of_xdmf import mesh_of_xdmf
-from erc_contact.mesh.gmsh_session import new_model
 
 
-def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
-    """Read a file by gmsh, whose sets are its groups; see :func:`grouped`.
-
-    Raises:
-        InputError: If neither gmsh nor meshio can read it.
-    """
-    with new_model() as gmsh:
+def _by_gmsh(path: Path, *, numbered: bool) -> FileMesh:
+    """Read a file of gmsh, else by meshio."""
+    try:
+        return read_apart("erc_contact.mesh.files.of_gmsh", "mesh_of_gmsh", path, numbered=numbered)
+    except InputError as reason:
         try:
-            gmsh.merge(str(path))
-        except Exception as reason:  # gmsh's errors are of no other class
-            try:
-                return mesh_of_meshio(path)
-            except InputError:
-                raise InputError(
-                    f"gmsh cannot read it: {str(reason).strip().rstrip('.')}. Write the mesh in "
-                    "another format: .msh, .vtu, .med, .inp."
-                ) from reason
-        with grouped(gmsh.model, numbered=numbered):
-            # In version 2 each element has groups; gmsh gives them to whole entities.
-            if in_two_groups(gmsh.model) and _is_of_second_version(path):
-                return mesh_of_meshio(path, "gmsh")
-            return mesh_of_model(gmsh.model)
-
-
-def _is_of_second_version(path: Path) -> bool:
-    """Tell whether a file of gmsh is of version 2."""
-    with path.open("rb") as file:
-        return file.read(40).split()[:2] in ([b"$MeshFormat", b"2.2"], [b"$MeshFormat", b"2"])
+            return mesh_of_meshio(path)
+        except InputError:
+            raise reason from None
 
 
 OF_GMSH = (".msh", ".unv", ".cgns", ".mesh", ".meshb", ".bdf", ".nas", ".p3d", ".ir3")
@@ -106,5 +85,5 @@ def read(path: Path, *, numbered: bool) -> FileMesh:
     if suffix == ".inp":
         return mesh_of_meshio(path, "avsucd")
     if suffix in OF_GMSH:
-        return mesh_of_gmsh(path, numbered=numbered)
+        return _by_gmsh(path, numbered=numbered)
     return READERS.get(suffix, mesh_of_meshio)(path)
