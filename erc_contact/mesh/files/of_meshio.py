@@ -48,6 +48,8 @@ def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
         kept.append(number)
     fields = {}
     for name, values in mesh.cell_data.items():
+        if len(values) != len(mesh.cells):
+            continue  # meshio's reader of Nastran loses some
         fields[name] = [np.asarray(values[number]) for number in kept]
     names = {}
     for name, value in mesh.field_data.items():
