@@ -28,7 +28,9 @@ try:
 except Exception as reason:
     answer = str(reason)
     kind = type(reason).__name__
-    if kind != "InputError":
+    if isinstance(reason, ModuleNotFoundError):
+        answer = f"reading it needs {reason.name}: pip install 'erc-contact[pictures]' brings it."
+    elif kind != "InputError":
         words = answer.strip().rstrip(".")
         # gmsh's errors are of no class of their own.
         words = words if kind == "Exception" else f"{kind}: {words}"
