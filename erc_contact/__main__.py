@@ -84,7 +84,7 @@ def _pictures() -> str:
 
         lack = lack_of_window()
     except ImportError as reason:
-        lack = f"{reason}; pip install pyvista"
+        lack = f"{reason}; pip install 'erc-contact[pictures]'"
     return f"no, {lack}" if lack else "yes"
 
 

@@ -537,6 +537,166 @@ def cases_by_hand():
         regions={"7": 1.0, "8": 1.0},
     )
 
+    yield Case("inp with words before the first card", inp_with_words, regions=WHOLE)
+    yield Case("inp with numbers behind an element", inp_with_more_numbers, regions=WHOLE)
+    yield Case("inp of a part without an assembly", inp_of_part, regions=WHOLE)
+    numbers = {"parts": {"1": 2.0, "2": 2.0}, "regions": {"7": 1.0, "8": 1.0}}
+    for kind in ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid"):
+        dim = 2 if kind in ("triangle", "quad") else 3
+        yield Case(f"MFEM, {kind}", by_mfem(kind), dim=dim, **numbers)
+        yield Case(f"GiD, {kind}, materials", by_gid(kind), dim=dim, **numbers)
+    yield Case("MFEM, hexahedra with names", by_mfem("hexahedron", named=True))
+    for by_node in (False, True):
+        name = f"MFEM, curved, {'by nodes' if by_node else 'by directions'}"
+        yield Case(name, by_mfem("hexahedron", curved=True, by_node=by_node), **numbers)
+    yield Case("GiD, hexahedra with names", by_gid("hexahedron", named=True))
+    yield Case("med of version 2.3", by_old_med)
+
+
+def inp_of_all(change, *, before="", after=""):
+    """A file of hexahedra with two sets of nodes, whose lines of elements are changed."""
+    x, cells = arrays("hexahedron")
+    rows, _ = cells["hexahedron"]
+    lines = ["*NODE", *(f"{i}, {a}, {b}, {c}" for i, (a, b, c) in enumerate(x, start=1))]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=body"]
+    lines += [change(", ".join(map(str, (i, *(row + 1))))) for i, row in enumerate(rows, start=1)]
+    for name, height in SIDES_AT.items():
+        lines += [f"*NSET, NSET={name}", *rows_of(np.flatnonzero(x[:, 2] == height) + 1)]
+    return before + "\n".join(lines) + "\n" + after
+
+
+SIDES_AT = {"foot": 0.0, "roof": 1.0}
+
+
+def inp_with_words(folder):
+    path = folder / "body.inp"
+    path.write_text(inp_of_all(str, before=">** an example\n"))
+    return path
+
+
+def inp_with_more_numbers(folder):
+    """CalculiX takes as many nodes of a line as the type has."""
+    path = folder / "body.inp"
+    path.write_text(inp_of_all(lambda line: f"{line}, 1, 2,"))
+    return path
+
+
+def inp_of_part(folder):
+    path = folder / "body.inp"
+    path.write_text("*HEADING\n*PART, NAME=block\n*INCLUDE, INPUT=mesh.inp\n*END PART\n")
+    (folder / "mesh.inp").write_text(inp_of_all(str))
+    return path
+
+
+MFEM_TYPES = {
+    "line": 1,
+    "triangle": 2,
+    "quad": 3,
+    "tetra": 4,
+    "hexahedron": 5,
+    "wedge": 6,
+    "pyramid": 7,
+}
+
+
+def by_mfem(kind, *, named=False, curved=False, by_node=False):
+    """A mesh of MFEM, with numbers or names, vertices or a field of nodes."""
+
+    def make(folder):
+        x, cells = arrays(kind)
+        d = 2 if kind in ("triangle", "quad") else 3
+        sides = [entry for name, entry in cells.items() if name != kind]
+        names = [name for name in cells if name != kind]
+        lines = [f"MFEM mesh v1.{3 if named else 0}", "", "# types", "", "dimension", str(d), ""]
+        body = [
+            f"{tag} {MFEM_TYPES[kind]} {' '.join(map(str, row))}"
+            for row, tag in zip(*cells[kind], strict=True)
+        ]
+        boundary = [
+            f"{tag} {MFEM_TYPES[name]} {' '.join(map(str, row))}"
+            for name, side in zip(names, sides, strict=True)
+            for row, tag in zip(*side, strict=True)
+        ]
+        lines += ["elements", str(len(body)), *body, ""]
+        if named:
+            lines += ["attribute_sets", "2", '"left" 1 7', '"right" 1 8', ""]
+        lines += ["boundary", str(len(boundary)), *boundary, ""]
+        if named:
+            lines += ["bdr_attribute_sets", "2", '"foot" 1 1', '"roof" 1 2', ""]
+        lines += ["vertices", str(len(x))]
+        if curved:
+            # Nodes amid edges come after the vertices.
+            nodes = np.vstack([x, x[:1] + 0.1])
+            values = nodes.ravel() if by_node else nodes.T.ravel()
+            lines += ["", "nodes", "FiniteElementSpace", "FiniteElementCollection: H1_3D_P2"]
+            lines += ["VDim: 3", f"Ordering: {int(by_node)}", "", *map(str, values)]
+        else:
+            lines += [str(d), *(" ".join(map(str, point[:d])) for point in x)]
+        path = folder / "body.mesh"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return make
+
+
+GID_KINDS = {
+    "line": "Linear",
+    "triangle": "Triangle",
+    "quad": "Quadrilateral",
+    "tetra": "Tetrahedra",
+    "hexahedron": "Hexahedra",
+    "wedge": "Prism",
+    "pyramid": "Pyramid",
+}
+
+
+def by_gid(kind, *, named=False):
+    """A mesh of GiD, whose sets are materials or the names of its meshes."""
+
+    def make(folder):
+        x, cells = arrays(kind)
+        lines = ["# of GiD"]
+        coordinates = ["Coordinates", *(f"{i} {a} {b} {c}" for i, (a, b, c) in enumerate(x, 1))]
+        coordinates += ["End Coordinates"]
+        names = {1: "foot", 2: "roof", 7: "left", 8: "right"}
+        number = 0
+        for shape, (rows, tags) in cells.items():
+            for tag in np.unique(tags):
+                called = f'"{names[tag]}" ' if named else ""
+                lines += [
+                    f"MESH {called}dimension 3 ElemType {GID_KINDS[shape]} Nnode {rows.shape[1]}",
+                    *coordinates,
+                    "Elements",
+                ]
+                coordinates = ["Coordinates", "End Coordinates"]
+                for row in rows[tags == tag] + 1:
+                    number += 1
+                    material = "" if named else f" {tag}"
+                    lines.append(f"{number} {' '.join(map(str, row))}{material}")
+                lines += ["End Elements"]
+        path = folder / "body.msh"
+        path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return make
+
+
+def by_old_med(folder):
+    """A file of MED in the form of version 2.3, in which families are in the mesh."""
+    import h5py
+
+    path = by_gmsh(".med")(folder)
+    with h5py.File(path, "r+") as file:
+        ((name, mesh),) = file["ENS_MAA"].items()
+        (step,) = mesh
+        for kind in ("NOE", "MAI"):
+            file.move(f"ENS_MAA/{name}/{step}/{kind}", f"ENS_MAA/{name}/{kind}")
+        file.move(f"FAS/{name}", f"ENS_MAA/{name}/FAS")
+        del mesh[step]
+        mesh.attrs["DIM"] = mesh.attrs["ESP"]
+        del mesh.attrs["ESP"]
+    return path
+
 
 def by_kratos(kind):
     def make(folder):

@@ -338,7 +338,7 @@ def test_tiny_faces_are_told_and_removed(kind, folder, told):
 
 
 BAD = {
-    "no size": ({}, "has no size of cells; give read_mesh(..., size=), a length"),
+    "no size": ({}, "its extent is 6: give read_mesh(..., size=), a length, for instance size=0.6"),
     "negative size": ({"size": -1.0}, "read_mesh: size is -1.0"),
     "size in words": ({"size": "fine"}, "read_mesh: size is 'fine'"),
     "heal": ({"size": 1.0, "heal": -1.0}, "read_mesh: heal is -1.0"),

@@ -387,6 +387,44 @@ def test_what_cannot_be_worked_with_is_refused_by_its_place(case, shared_tmp_pat
         ec.read_mesh(path)
 
 
+UNREADABLE = {
+    "nurbs.mesh": ("MFEM NURBS mesh v1.0\n\ndimension\n2\n", "MFEM NURBS mesh.*PrintVTU"),
+    "body.cgns": ("no CGNS", "damaged, or of a form.*another format"),
+    "table.dat": ("1 2 3\n", "finds no mesh in it.*another format"),
+    "body.meshb": ("no mesh", "another format"),
+    "short.inp": (
+        "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3\n",
+        "element 1 has 3 nodes and its type 4",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_what_cannot_be_read_is_told_with_a_way(name, shared_tmp_path):
+    text, words = UNREADABLE[name]
+    with pytest.raises(ec.InputError, match=words):
+        read_text(shared_tmp_path, name, text)
+
+
+def test_an_image_is_no_mesh(shared_tmp_path):
+    path = shared_tmp_path / "image.vti"
+    if COMM.rank == 0:
+        import pyvista
+
+        pyvista.ImageData(dimensions=(101, 101, 101)).save(path)
+    COMM.barrier()
+    with pytest.raises(ec.InputError, match="image of 1000000 voxels"):
+        ec.read_mesh(path)
+
+
+def test_axisymmetric_cells_are_told(shared_tmp_path, caplog):
+    text = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=CAX4,ELSET=E\n1,1,2,3,4\n"
+    with caplog.at_level(logging.WARNING, logger="erc_contact"):
+        read_text(shared_tmp_path, "round.inp", text)
+    if COMM.rank == 0:
+        assert "type CAX4 are round about an axis; here they are plane" in caplog.text
+
+
 def test_a_plane_mesh_in_another_plane_is_told_how_to_swap(shared_tmp_path):
     path = shared_tmp_path / "upright.vtu"
     if COMM.rank == 0:

@@ -132,6 +132,45 @@ def test_import_loads_no_optional_package():
     )
 
 
+WITHOUT_PICTURES = """
+import sys
+sys.modules.update(dict.fromkeys(("matplotlib", "pyvista", "vtkmodules", "vtk")))
+import erc_contact as ec
+block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+scene = ec.Scene(
+    ec.Elastic(1.0, 0.3),
+    ec.Displacement("top", (0.0, -0.01)),
+    contacts=[ec.Contact("bottom", friction=0.3)],
+)
+history = ec.adapt(scene, block, accuracy=0.3)
+print(history, history.force("bottom"), ec.interval(history, ec.Energy()))
+for draw in (
+    lambda: ec.output.draw_deformed(history.error, "body.png"),
+    lambda: ec.output.write_fields(history.error, "body.vtkhdf"),
+    lambda: ec.draw_parts(block),
+):
+    try:
+        draw()
+    except ec.InputError as reason:
+        print("told:", reason)
+"""
+
+
+def test_the_core_works_without_pictures(tmp_path):
+    """One sentence tells how pictures are had."""
+    run = subprocess.run(
+        [sys.executable, "-c", WITHOUT_PICTURES],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("told: Pictures and files for ParaView need") == 3, run.stdout
+    assert run.stdout.count("pip install 'erc-contact[pictures]'") == 3
+
+
 LOADS_MPI, NEEDS_MPI = {"mpi4py", "erc_contact", "dolfinx_solver"}, {"dolfinx", "petsc4py"}
 """Packages that load MPI, and those that fail in uv's environment where it is not loaded."""
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

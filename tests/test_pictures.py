@@ -24,7 +24,13 @@ from test_output import error_of, punch
 import erc_contact as ec
 from erc_contact import output
 from erc_contact.output.along import through_means
-from erc_contact.output.contact_plots import PRESSURE, contact_curves
+from erc_contact.output.contact_plots import (
+    CURVES_SIZE,
+    PRESSURE,
+    _write_legend,
+    contact_curves,
+)
+from erc_contact.output.drawing import new_figure
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results.stresses import cell_stresses, linear_mises, vertex_stress
 
@@ -102,6 +108,20 @@ def test_vectors_hold_no_image(error, shared_tmp_path):
         text = (shared_tmp_path / "error.pdf").read_bytes()
         assert b"/Type3" not in text
         assert text.startswith(b"%PDF")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("statuses", [(2,), (1, 2), (0, 1, 2)])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_no_entry_of_a_legend_stands_alone(degree, statuses):
+    axes = new_figure(*CURVES_SIZE).subplots()
+    for label in ("friction bound", "pressure", "shear along (1, 0)"):
+        axes.plot([0.0, 1.0], label=label)
+    _write_legend(axes, np.array(statuses), degree)
+    axes.figure.draw_without_rendering()
+    texts = axes.get_legend().get_texts()
+    _, entries = np.unique([round(t.get_window_extent().y0, -1) for t in texts], return_counts=True)
+    assert entries.min() > 1
 
 
 @pytest.mark.on_ranks("1")

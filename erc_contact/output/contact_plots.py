@@ -37,6 +37,8 @@ PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
 CURVES_SIZE = (6.3, 2.9)
 """Width and height of the axes in 2D [inches]."""
+IN_ONE_LINE = 4
+"""Greatest number of entries of a legend in one line."""
 LABEL_DISTANCE = 0.05
 """Least distance of two labels of an axis, as a share of its length [-]."""
 PEAK = 8.0
@@ -218,7 +220,10 @@ def _write_legend(axes: Any, status: np.ndarray, degree: int) -> None:
     for code in np.unique(status):
         handles.append(Patch(fc=STATUS_COLOURS[code], ec="0.6"))
         labels.append(STATUS_NAMES[code])
-    where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4, "frameon": False}
+    # Two lines share the entries, so that none stands alone.
+    columns = len(labels) if len(labels) <= IN_ONE_LINE else (len(labels) + 1) // 2
+    where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False}
+    where["ncols"] = columns
     axes.legend(handles, labels, columnspacing=1.2, **where)
 
 

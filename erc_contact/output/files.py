@@ -53,6 +53,9 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
         comm: Communicator.
         path: File whose folder is made if it is missing; None if there is no file.
         draw: Draws and writes the file.
+
+    Raises:
+        InputError: If a library for pictures is not installed.
     """
     error: Exception | None = None
     if comm.rank == 0:
@@ -60,6 +63,11 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
             if path is not None:
                 Path(path).parent.mkdir(parents=True, exist_ok=True)
             draw()
+        except ModuleNotFoundError as reason:
+            error = InputError(
+                f"Pictures and files for ParaView need {reason.name}, which is not installed: "
+                "pip install 'erc-contact[pictures]' brings it. All else works without."
+            )
         except Exception as reason:
             error = reason
     raise_together(comm, error)

@@ -97,11 +97,6 @@ def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
             f"The drawing {str(path)!r} does not exist; look at the path and the working folder."
         )
     if path.suffix.lower() in CAD:
-        if wanted.size is None:
-            raise InputError(
-                f"The drawing {str(path)!r} has no size of cells; give read_mesh(..., size=), a "
-                "length."
-            )
         return [_meshed(gmsh, path, wanted)]
     if wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
         return [_meshed(gmsh, path, wanted)]

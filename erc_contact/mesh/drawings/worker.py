@@ -68,6 +68,11 @@ def _mesh(gmsh: Any, job: dict[str, Any], tell: Any) -> None:
     solids = opened.open_drawing(gmsh, Path(job["path"]), tell)
     model = gmsh.model
     size = job["size"] or small.extent(gmsh) / 10
+    if not job["size"] and Path(job["path"]).suffix.lower() in opened.CAD:
+        raise opened.Refused(
+            f"it has no size of cells; its extent is {small.extent(gmsh):.4g}: give "
+            f"read_mesh(..., size=), a length, for instance size={float(f'{size:.1g}'):g}"
+        )
     of_occ = bool(model.occ.getEntities())
     named = bool(model.getPhysicalGroups())
     if of_occ and not named:

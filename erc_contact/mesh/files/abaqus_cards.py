@@ -46,13 +46,16 @@ class Card:
 
 
 def is_abaqus(path: Path) -> bool:
-    """Tell whether a text file begins as files of Abaqus and CalculiX do."""
+    """Tell whether a text file begins as files of Abaqus and CalculiX do.
+
+    A file that ends with .inp may have words before its first card.
+    """
     with path.open("rb") as file:
-        head = file.read(4000)
-    for line in head.decode("latin-1").splitlines():
-        if line.strip():
-            return bool(FIRST_CARD.match(line))
-    return False
+        lines = file.read(4000).decode("latin-1").splitlines()
+    lines = [line for line in lines if line.strip()]
+    if path.suffix.lower() != ".inp":
+        lines = lines[:1]
+    return any(FIRST_CARD.match(line) for line in lines)
 
 
 def cards_of(path: Path, deep: int = 0) -> Iterator[Card]:
@@ -138,7 +141,31 @@ def numbers_of(lines: list[str], width: int) -> np.ndarray:
     return table
 
 
-def integers_of(lines: list[str]) -> np.ndarray:
-    """Return all whole numbers in lines, in one row."""
+def integers_of(lines: list[str], width: int) -> np.ndarray:
+    """Return whole numbers, shape (n, width), where a row may go on in the next line.
+
+    What follows a whole row on its line is left out, as Abaqus and CalculiX do.
+
+    Raises:
+        InputError: If the last row is not whole.
+    """
     words = " ".join(lines).replace(",", " ").split()
-    return np.array(words, dtype=np.float64).astype(np.int64)
+    if len(words) != width * len(lines):
+        words = _whole_rows(lines, width)
+    return np.array(words, dtype=np.float64).astype(np.int64).reshape(-1, width)
+
+
+def _whole_rows(lines: list[str], width: int) -> list[str]:
+    """Return the words of rows that end with a line."""
+    words: list[str] = []
+    row: list[str] = []
+    for line in lines:
+        row += line.replace(",", " ").split()
+        if len(row) >= width:
+            words += row[:width]
+            row = []
+    if row:
+        raise InputError(
+            f"element {row[0]} has {len(row) - 1} nodes and its type {width - 1}; look at its line."
+        )
+    return words

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import signal
 import subprocess
@@ -15,19 +16,28 @@ from erc_contact.mesh.files.file_mesh import FileMesh
 PACKAGE = Path(__file__).resolve().parents[2]
 """Folder of the package."""
 READ = """
-import importlib, pickle, sys, types
+import importlib, json, pickle, sys, types
 from pathlib import Path
-folder, module, function, path, target = sys.argv[1:]
+folder, module, function, path, target, options = sys.argv[1:]
 package = types.ModuleType("erc_contact")
 package.__path__ = [folder]
 sys.modules["erc_contact"] = package
 reader = getattr(importlib.import_module(module), function)
 try:
-    answer = reader(Path(path))
+    answer = reader(Path(path), **json.loads(options))
 except Exception as reason:
     answer = str(reason)
-    if type(reason).__name__ != "InputError":
-        answer = f"it is damaged, or of another format ({type(reason).__name__}: {answer})."
+    kind = type(reason).__name__
+    if isinstance(reason, ModuleNotFoundError):
+        answer = f"reading it needs {reason.name}: pip install 'erc-contact[pictures]' brings it."
+    elif kind != "InputError":
+        words = answer.strip().rstrip(".")
+        # gmsh's errors are of no class of their own.
+        words = words if kind == "Exception" else f"{kind}: {words}"
+        answer = (
+            f"it is damaged, or of a form that the library does not read ({words}). "
+            "Write the mesh in another format: .msh, .vtu, .med, .inp."
+        )
 Path(target).write_bytes(pickle.dumps(answer))
 """
 """Program of the process: modules of the package without what starts MPI."""
@@ -35,13 +45,14 @@ PATIENCE = 60.0
 """Time that reading may take [s], beside a second for each megabyte of the file."""
 
 
-def read_apart(module: str, function: str, path: Path) -> FileMesh:
+def read_apart(module: str, function: str, path: Path, **options: bool) -> FileMesh:
     """Read a file by a function of a module, in a process of its own.
 
     Args:
         module: Name of the module.
         function: Name of the function, which gets the path.
         path: The file.
+        options: Options of the function.
 
     Raises:
         InputError: If the function raises, or the process ends without an answer.
@@ -52,7 +63,7 @@ def read_apart(module: str, function: str, path: Path) -> FileMesh:
         cause = "no answer"
         try:
             run = subprocess.run(
-                [*call, str(path.resolve()), str(target)],
+                [*call, str(path.resolve()), str(target), json.dumps(options)],
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
                 timeout=PATIENCE + path.stat().st_size / 1e6,

@@ -61,10 +61,9 @@ def body_of(mesh: FileMesh) -> Body:
             "plane triangles or quadrilaterals."
             + (f" It has elements that are no solids: {others}." if others else "")
         )
-    notes = [
-        f"{number} elements of type {kind}, which are no solids"
-        for kind, number in mesh.left_out.items()
-    ]
+    notes = [*mesh.notes]
+    for kind, number in mesh.left_out.items():
+        notes.append(f"{number} elements of type {kind}, which are no solids")
     numbers = tuple(i for i, block in enumerate(mesh.blocks) if block.dim == dim)
     blocks = [mesh.blocks[number] for number in numbers]
     used = np.unique(np.concatenate([block.corners.ravel() for block in blocks]))

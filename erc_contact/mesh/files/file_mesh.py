@@ -162,6 +162,7 @@ class FileMesh:
             part.
         left_out: Kind of elements that are no solids -> their number.
         values: Name of a vector at the points -> its values, shape (n, 3).
+        notes: What reading has changed, in words.
     """
 
     points: np.ndarray
@@ -171,6 +172,7 @@ class FileMesh:
     node_sets: tuple[NodeSet, ...] = ()
     left_out: Mapping[str, int] = field(default_factory=dict)
     values: Mapping[str, np.ndarray] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     @property
     def dim(self) -> int:

@@ -66,6 +66,8 @@ FACES = {
 """Corners of the faces S1, S2, ... of each shape."""
 INNER = re.compile(r"_|internal", re.IGNORECASE)
 """Beginning of names of sets that programs make for their own use."""
+ROUND = re.compile(r"C?G?AX|DCAX")
+"""Pattern of the types of bodies that are round about an axis."""
 GENERATORS = ("NGEN", "ELGEN", "NFILL", "NCOPY", "ELCOPY", "NMAP")
 """Keywords that compute a mesh."""
 
@@ -188,6 +190,8 @@ def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Insta
             into = rest
         else:
             into.append(card)
+    if not instances:  # a file of a part alone
+        instances = {name: (name, [], []) for name in parts}
     return parts, instances, rest
 
 
@@ -253,7 +257,7 @@ def _add_elements(mesh: _Mesh, space: _Space, card: Card) -> None:
     if shape is None:
         mesh.left_out[kind] = mesh.left_out.get(kind, 0) + len(card.lines)
         return
-    table = integers_of(card.lines).reshape(-1, width + 1)
+    table = integers_of(card.lines, width + 1)
     known = space.node_rows
     nodes = [known.get(number, -1) for number in table[:, 1:].ravel().tolist()]
     rows = range(mesh.element_count, mesh.element_count + len(table))
@@ -338,6 +342,10 @@ def _file_mesh(mesh: _Mesh) -> FileMesh:
             for block, elements in _members(begins, rows).items():
                 facet_sets += _facets(name, blocks[block], elements, face)
     element_sets, node_sets = _sets(mesh, begins)
+    round_ = sorted({part.kind for part in mesh.blocks if ROUND.match(part.kind)})
+    notes = [
+        f"cells of type {kind} are round about an axis; here they are plane" for kind in round_
+    ]
     return FileMesh(
         np.concatenate(mesh.points),
         tuple(blocks),
@@ -345,6 +353,7 @@ def _file_mesh(mesh: _Mesh) -> FileMesh:
         tuple(found for found in facet_sets if found.corners.shape[1] == 2 * (dim - 1)),
         tuple(node_sets),
         left_out,
+        notes=tuple(notes),
     )
 
 

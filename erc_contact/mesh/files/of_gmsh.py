@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from erc_contact.mesh.files.file_mesh import (
     FileMesh,
     padded,
 )
+from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 
 SHAPE_NAMES = {
     "Line": "line",
@@ -30,24 +32,45 @@ SHAPE_NAMES = {
 """The shape of elements by the first word of gmsh's name of their type."""
 
 
+def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
+    """Read a file by gmsh, in a process of its own; see :func:`grouped`."""
+    import gmsh  # noqa: PLC0415 - paid for only by those who read such files
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.merge(str(path))
+    with grouped(gmsh.model, numbered=numbered):
+        # In version 2 each element has groups; gmsh gives them to whole entities.
+        if in_two_groups(gmsh.model) and _is_of_second_version(path):
+            return mesh_of_meshio(path, "gmsh")
+        return mesh_of_model(gmsh.model)
+
+
+def _is_of_second_version(path: Path) -> bool:
+    """Tell whether a file of gmsh is of version 2."""
+    with path.open("rb") as file:
+        return file.read(40).split()[:2] in ([b"$MeshFormat", b"2.2"], [b"$MeshFormat", b"2"])
+
+
 def mesh_of_model(model: Any) -> FileMesh:
     """Return the mesh of a gmsh model, whose sets are its physical groups.
 
-    Raises:
-        InputError: If it has elements of a type that is not read.
+    Elements of other shapes are left out and counted.
     """
     dim = int(model.getDimension())
     rows, points = _points(model)
     blocks: dict[str, list[np.ndarray]] = {}
     places: dict[tuple[int, int], list[tuple[str, int, int]]] = {}
+    left_out: dict[str, int] = {}
     for d, tag in model.getEntities():
         if d < dim - 1:
             continue
-        for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
+        for kind, elements, flat in zip(*model.mesh.getElements(d, tag), strict=True):
             name, _, _, nodes_each, _, _ = model.mesh.getElementProperties(kind)
             shape = SHAPE_NAMES.get(name.split()[0])
-            if shape is None:
-                raise InputError(f"The gmsh model has elements of type {name}, which are not read.")
+            if shape is None or not nodes_each:
+                left_out[name] = left_out.get(name, 0) + len(elements)
+                continue
             nodes = rows[flat.astype(np.int64)].reshape(-1, nodes_each)
             key = f"{shape} {nodes_each}"
             begin = sum(map(len, blocks.setdefault(key, [])))
@@ -66,7 +89,7 @@ def mesh_of_model(model: Any) -> FileMesh:
     tables = []
     for key, parts in blocks.items():
         tables.append(Block(key.split()[0], np.concatenate(parts)))
-    return FileMesh(points, tuple(tables), tuple(sets))
+    return FileMesh(points, tuple(tables), tuple(sets), left_out=left_out)
 
 
 def _points(model: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,8 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet
 
+NAME = 80
+"""Letters of the name of a group."""
 SHAPE_NAMES = {
     "PO": "vertex",
     "SE": "line",
@@ -33,22 +35,19 @@ def mesh_of_med(path: Path) -> FileMesh:
     import h5py  # noqa: PLC0415 - paid for only by those who read such files
 
     with h5py.File(path, "r") as file:
-        if "ENS_MAA" not in file or not len(file["ENS_MAA"]):
-            raise InputError(
-                "it has no mesh (no ENS_MAA, as files of MED have from version 2.2 on)."
-            )
-        name = sorted(file["ENS_MAA"])[0]
-        mesh = file["ENS_MAA"][name]
-        dim = int(mesh.attrs["ESP"])
-        if "NOE" not in mesh:  # meshes of several time steps: the last one is taken
-            mesh = mesh[sorted(mesh)[-1]]
+        name, mesh = _first_mesh(file)
+        # Files of version 2.3 have no dimension of space, and families in the mesh.
+        attributes = file["ENS_MAA"][name].attrs
+        dim = int(attributes["ESP" if "ESP" in attributes else "DIM"])
+        families = _families(mesh["FAS"] if "FAS" in mesh else file.get(f"FAS/{name}", {}))
         coordinates = mesh["NOE"]["COO"][()].reshape(dim, -1).T
-        families = _families(file, name)
         blocks = []
         tags = []
         left_out = {}
-        for kind, group in mesh.get("MAI", {}).items():
+        for kind, group in mesh["MAI"].items():
             shape = SHAPE_NAMES.get(kind[:3], SHAPE_NAMES.get(kind[:2]))
+            if "NOD" not in group:
+                continue
             count = int(group["NOD"].attrs["NBR"])
             if shape is None:
                 left_out[kind] = count
@@ -69,22 +68,47 @@ def mesh_of_med(path: Path) -> FileMesh:
     )
 
 
-def _families(file: Any, mesh: str) -> dict[str, dict[str, list[int]]]:
+def _first_mesh(file: Any) -> tuple[str, Any]:
+    """Return name and group of the first mesh that has points and cells.
+
+    Of a mesh of several time steps it is the first one, the body at rest.
+
+    Raises:
+        InputError: If there is none.
+    """
+    for name, mesh in file.get("ENS_MAA", {}).items():
+        steps = [mesh]
+        if "NOE" not in mesh:
+            steps = [mesh[key] for key in sorted(mesh) if "NDT" in mesh[key].attrs]
+            steps.sort(key=lambda step: int(step.attrs["NDT"]))
+        for step in steps:
+            if "COO" in step.get("NOE", {}) and any("NOD" in cells for cells in _kinds(step)):
+                return name, step
+    raise InputError(
+        "it has no mesh of points and cells (in ENS_MAA, as files of MED have from version 2.2 "
+        "on), but results, groups or a grid by rule alone; let Salome write the mesh as cells."
+    )
+
+
+def _kinds(mesh: Any) -> list[Any]:
+    """Return the groups of cells of a mesh."""
+    return list(mesh["MAI"].values()) if "MAI" in mesh else []
+
+
+def _families(kinds: Any) -> dict[str, dict[str, list[int]]]:
     """Return the numbers of families by group, for elements and for nodes."""
     found: dict[str, dict[str, list[int]]] = {}
-    if "FAS" not in file or mesh not in file["FAS"]:
-        return found
-    for kind, families in file["FAS"][mesh].items():
+    for kind, families in kinds.items():
         if kind not in ("ELEME", "NOEUD"):
             continue
         groups = found.setdefault(kind, {})
         for family in families.values():
             if "GRO" not in family:
                 continue
-            for letters in family["GRO"]["NOM"][()]:
-                name = bytes(np.asarray(letters).astype(np.uint8)).split(b"\0")[0]
-                text = name.decode("latin-1").strip()
-                groups.setdefault(text, []).append(int(family.attrs["NUM"]))
+            letters = np.asarray(family["GRO"]["NOM"][()]).tobytes()
+            for begin in range(0, NAME * int(family["GRO"].attrs["NBR"]), NAME):
+                name = letters[begin : begin + NAME].split(b"\0")[0].decode("latin-1").strip()
+                groups.setdefault(name, []).append(int(family.attrs["NUM"]))
     return found
 
 

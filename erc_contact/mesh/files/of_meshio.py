@@ -48,6 +48,8 @@ def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
         kept.append(number)
     fields = {}
     for name, values in mesh.cell_data.items():
+        if len(values) != len(mesh.cells):
+            continue  # meshio's reader of Nastran loses some
         fields[name] = [np.asarray(values[number]) for number in kept]
     names = {}
     for name, value in mesh.field_data.items():
@@ -87,3 +89,9 @@ def _read(path: Path, file_format: str | None) -> Any:
     except SystemExit as end:  # meshio's way to say that a file is broken
         words = " ".join(messages.getvalue().split())
         raise InputError(f"meshio cannot read it: {words}") from end
+    except Exception as reason:  # what its readers stumble over
+        words = f"{type(reason).__name__}: {reason}".strip().rstrip(":.")
+        raise InputError(
+            f"meshio finds no mesh in it ({words}). Write the mesh in another format: .msh, .vtu, "
+            ".med, .inp."
+        ) from reason

@@ -60,6 +60,8 @@ POLYGON = 7
 """VTK's number of a polygon."""
 CORNER_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6]}
 """Order of the corners of pixels and voxels, which count them line by line."""
+MOST_VOXELS = 500_000
+"""Greatest number of voxels of an image that is taken for a mesh."""
 FACE_SETS = ("Side Sets", "Face Sets")
 """Groups of Exodus whose members are sides of cells."""
 
@@ -74,7 +76,13 @@ def mesh_of_vtk(path: Path) -> FileMesh:
         reader = _reader(path)
         reader.SetFileName(str(path))
         reader.Update()
-        grid = _unstructured(reader.GetOutputDataObject(0))
+        data = reader.GetOutputDataObject(0)
+        if data is not None and data.IsA("vtkImageData") and data.GetNumberOfCells() > MOST_VOXELS:
+            raise InputError(
+                f"it is an image of {data.GetNumberOfCells()} voxels; mesh the body that it shows, "
+                "by pyvista's threshold and a mesher, and read that mesh."
+            )
+        grid = _unstructured(data)
     if grid is None or not grid.GetNumberOfCells():
         raise InputError("VTK found no cells in it; the file is damaged, or of another format.")
     blocks, cells_of, left_out = _blocks(grid)

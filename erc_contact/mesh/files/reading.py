@@ -12,29 +12,23 @@ from erc_contact.mesh.files.file_mesh import FileMesh
 from erc_contact.mesh.files.of_abaqus import mesh_of_abaqus
 from erc_contact.mesh.files.of_frd import mesh_of_frd
 from erc_contact.mesh.files.of_getfem import is_getfem, mesh_of_getfem
-from erc_contact.mesh.files.of_gmsh import grouped, in_two_groups, mesh_of_model
+from erc_contact.mesh.files.of_gid import is_gid, mesh_of_gid
 from erc_contact.mesh.files.of_kratos import mesh_of_kratos
 from erc_contact.mesh.files.of_med import mesh_of_med
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
+from erc_contact.mesh.files.of_mfem import is_mfem, mesh_of_mfem
 from erc_contact.mesh.files.of_xdmf import mesh_of_xdmf
-from erc_contact.mesh.gmsh_session import new_model
 
 
-def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
-    """Read a file by gmsh, whose sets are its groups; see :func:`grouped`."""
-    with new_model() as gmsh:
-        gmsh.merge(str(path))
-        with grouped(gmsh.model, numbered=numbered):
-            # In version 2 each element has groups; gmsh gives them to whole entities.
-            if in_two_groups(gmsh.model) and _is_of_second_version(path):
-                return mesh_of_meshio(path, "gmsh")
-            return mesh_of_model(gmsh.model)
-
-
-def _is_of_second_version(path: Path) -> bool:
-    """Tell whether a file of gmsh is of version 2."""
-    with path.open("rb") as file:
-        return file.read(40).split()[:2] in ([b"$MeshFormat", b"2.2"], [b"$MeshFormat", b"2"])
+def _by_gmsh(path: Path, *, numbered: bool) -> FileMesh:
+    """Read a file of gmsh, else by meshio."""
+    try:
+        return read_apart("erc_contact.mesh.files.of_gmsh", "mesh_of_gmsh", path, numbered=numbered)
+    except InputError as reason:
+        try:
+            return mesh_of_meshio(path)
+        except InputError:
+            raise reason from None
 
 
 OF_GMSH = (".msh", ".unv", ".cgns", ".mesh", ".meshb", ".bdf", ".nas", ".p3d", ".ir3")
@@ -51,6 +45,13 @@ def _of_exodus(path: Path) -> FileMesh:
     return read_apart("erc_contact.mesh.files.of_vtk", "mesh_of_exodus", path)
 
 
+BY_THEIR_BEGINNING: tuple[tuple[Callable[[Path], bool], Callable[[Path], FileMesh]], ...] = (
+    (is_abaqus, mesh_of_abaqus),
+    (is_getfem, mesh_of_getfem),
+    (is_mfem, mesh_of_mfem),
+    (is_gid, mesh_of_gid),
+)
+"""Readers of texts whose endings other programs use, too."""
 READERS: dict[str, Callable[[Path], FileMesh]] = {
     **dict.fromkeys((".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf"), _by_vtk),
     ".med": mesh_of_med,
@@ -77,13 +78,12 @@ def read(path: Path, *, numbered: bool) -> FileMesh:
         raise InputError(
             f"The mesh file {str(path)!r} does not exist; look at the path and the working folder."
         )
-    if is_abaqus(path):
-        return mesh_of_abaqus(path)
-    if is_getfem(path):
-        return mesh_of_getfem(path)
+    for is_of_kind, mesh_of in BY_THEIR_BEGINNING:
+        if is_of_kind(path):
+            return mesh_of(path)
     suffix = path.suffix.lower()
     if suffix == ".inp":
         return mesh_of_meshio(path, "avsucd")
     if suffix in OF_GMSH:
-        return mesh_of_gmsh(path, numbered=numbered)
+        return _by_gmsh(path, numbered=numbered)
     return READERS.get(suffix, mesh_of_meshio)(path)
