@@ -253,3 +253,23 @@ def test_proximal_steps_on_ranks():
         assert "proximal" in solution.reason
         found = solution.profile("bottom")["slip"]
         assert found == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
+
+
+def test_multigrid_tells_round_off_of_a_stiff_body():
+    """No other attempt finds digits that a body stiffer by 1e9 has lost."""
+    upper = ec.rectangle((0.0, 1.0), (1.0, 2.0), cells=(3, 3))
+    lower = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 2))
+    bodies = ec.assembly({"u": upper, "l": lower}).joined("u bottom", "l top")
+    scene = ec.Scene(
+        ec.Elastic({"u": 1e9, "l": 1.0}, 0.44),
+        loads=ec.Traction("u top", (0.0, -3e-3)),
+        contacts=[
+            ec.Contact("u bottom", against="l top", friction=0.4),
+            ec.Contact("l bottom", friction=0.4),
+        ],
+    )
+    with pytest.raises(ec.NotConverged, match=r"round-off of the stiffest body.*direct") as failure:
+        ec.solve(scene, bodies, solver="iterative")
+    assert len(failure.value.rungs) == 1
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, bodies, solver="direct")))
+    assert error.force("u bottom").force[1] == pytest.approx(3e-3, rel=1e-9)

@@ -21,7 +21,7 @@ from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome
+from erc_contact.newton.snes import ROUND_OFF_HIDES, DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
 SLOW_ATTEMPTS = 5
@@ -134,7 +134,8 @@ class ContactSolve:
                 # The ladder sees the new state: it asks for attempts that start there.
                 states[attempt.gives] = state
             slow += outcome.reason == "diverged_linear_solve"
-            if slow == SLOW_ATTEMPTS:
+            # Other attempts end in the same round-off.
+            if slow == SLOW_ATTEMPTS or outcome.reason == ROUND_OFF_HIDES:
                 raise NotConverged(
                     f"The linear solver did not converge: {self.rungs[-1]}. {TRY_DIRECT}",
                     tuple(self.rungs),

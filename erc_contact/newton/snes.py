@@ -43,6 +43,8 @@ In exact numbers there is none.
 """
 NEARER = 0.5
 """Fall of the residual in so many steps that counts as nearer [-]."""
+ROUND_OFF_HIDES = "round-off of the stiffest body hides the contact forces"
+"""Reason of an attempt whose residual is round-off, but is not small [-]."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +114,11 @@ class Equations(Protocol):
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and a linear solver."""
 
-    def round_off(self, x: PETSc.Vec) -> float:
-        """Return the norm of F that counts as round-off at x [-]."""
+    def round_off(self, x: PETSc.Vec) -> tuple[float, float]:
+        """Return the norm of F that counts as solved, and its round-off at x [-].
+
+        The second is the greater one where too few digits of the forces are left.
+        """
 
     def balances(self, x: PETSc.Vec) -> bool:
         """Tell whether K x has no resultant on motions that no support holds."""
@@ -216,10 +221,15 @@ class _StoppingTest:
         if interrupted(comm):
             # The exception comes when SNES has ended: it may lose one raised here.
             return reasons.DIVERGED_INNER
-        end = self._solved_as(x, norm, atol)
-        if end and not self.problem.balances(x):
+        solved, round_off = self.problem.round_off(x)
+        end = self._solved_as(x, norm, max(atol, solved))
+        is_lost = not end and norm <= round_off
+        if (end or is_lost) and not self.problem.balances(x):
             # A body that nothing holds has moved so far that round-off holds it.
             self.reason = "moved away until round-off balances the loads"
+            return reasons.DIVERGED_INNER
+        if is_lost:
+            self.reason = ROUND_OFF_HIDES
             return reasons.DIVERGED_INNER
         if end:
             self.reason = end
@@ -229,9 +239,9 @@ class _StoppingTest:
         self.reason = self._repeats(key, step, norm) or self._stands_still(key, step, norm)
         return reasons.DIVERGED_INNER if self.reason else reasons.ITERATING
 
-    def _solved_as(self, x: PETSc.Vec, norm: float, atol: float) -> str:
+    def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
-        if norm <= max(atol, self.problem.round_off(x)):
+        if norm <= solved:
             return "converged to round-off"
         if self.tolerance is not None and self.problem.accurate(x, self.tolerance):
             return "accurate enough"
