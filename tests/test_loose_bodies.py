@@ -273,3 +273,30 @@ def test_multigrid_tells_round_off_of_a_stiff_body():
     assert len(failure.value.rungs) == 1
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, bodies, solver="direct")))
     assert error.force("u bottom").force[1] == pytest.approx(3e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", [Direct, Iterative], ids=["direct", "iterative"])
+def test_springs_are_as_soft_as_the_body_that_they_hold(kind):
+    """A soft body between stiff ones slides at both: it needs few proximal steps."""
+    bricks = {}
+    for number, cells in enumerate([(4, 2), (1, 3), (3, 3)]):
+        low, high = (0.0, float(number)), (1.0, number + 1.0)
+        bricks[f"b{number}"] = ec.rectangle(low, high, cells=cells)
+    bodies = ec.assembly(bricks).joined("b1 bottom", "b0 top").joined("b2 bottom", "b1 top")
+    scene = ec.Scene(
+        ec.Elastic({"b0": 1e9, "b1": 1.0, "b2": 1e5}, 0.4),
+        [
+            ec.Displacement("b0 bottom", (0.0, 0.0)),
+            ec.Displacement("b2 top", (-0.0005, -0.01)),
+        ],
+        contacts=[
+            ec.Contact("b1 bottom", against="b0 top", friction=ec.Tresca(1e-3)),
+            ec.Contact("b2 bottom", against="b1 top", friction=ec.Tresca(1e-3)),
+        ],
+    )
+    solver = kind(bind(scene, bodies, 1, None))
+    attempt = Attempt(METHODS[0], "glued", proximal=True)
+    outcome, _, _ = solver.attempt(attempt, solver.glued(), None)
+    assert outcome.converged
+    assert outcome.steps <= 50
+    solver.destroy()

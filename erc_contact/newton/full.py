@@ -100,6 +100,9 @@ class FullSpace:
             # The equations of the multiplier stand in place of the equilibrium.
             f.array[rows] = 0.0
         f.array[rows] += self._contact_forces()[rows]
+        # Supports hold as exactly as numbers can: the rest of them is no force.
+        is_held = self._fixed & (abs(f.array) <= ELASTIC_ROUND_OFF * abs(self.loads.array_r))
+        f.array[is_held] = 0.0
         f.scale(1 / self.force)
 
     def _contact_forces(self) -> np.ndarray:
