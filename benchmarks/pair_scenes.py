@@ -227,10 +227,10 @@ def in_a_bowl(
 ) -> tuple[list[str], ec.Domain]:
     """Make half a ring in half a ring, tubes in space, with the same facets.
 
-    These are enough for the normals of a cylinder to be found from its vertices.
+    The 21 vertices of a side, at least, are enough for the quadric that gives its normals.
     """
     make = ec.rectangle if d == 2 else ec.box
-    around = 4 + cells[0][0]
+    around = 5 + cells[0][0]
     along = tuple(1 + n for n in cells[0][1:-1])
     bodies = {}
     for number, of_body in enumerate(cells):
