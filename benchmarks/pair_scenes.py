@@ -227,7 +227,7 @@ def in_a_bowl(
 ) -> tuple[list[str], ec.Domain]:
     """Make half a ring in half a ring, tubes in space, with the same facets.
 
-    The 21 vertices of a side, at least, are enough for the quadric that gives its normals.
+    A side has 21 vertices at least, enough for the quadric that gives its normals.
     """
     make = ec.rectangle if d == 2 else ec.box
     around = 5 + cells[0][0]
