@@ -5,10 +5,12 @@ Where all of the contact slips in a state of Newton's method, the tangent is sin
 - both methods solve scenes that are convex or nearly so, with both solvers, from rest
   and after a step; contact forces balance the loads;
 - springs on the free motions hold a state where it is, and leave nothing behind;
+- friction is lowered from more of it, and bodies that slide then are told as such;
 - what slides away or tips has no solution, and is told so in few Newton steps: springs
   that pull for ever are given up.
 """
 
+import itertools
 import re
 from functools import cache
 
@@ -24,7 +26,7 @@ from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import SOFTEST, Attempt, following
+from erc_contact.newton.ladder import DESCENT, SOFTEST, Attempt, following
 from erc_contact.newton.linear.loose_energies import imbalance
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -299,4 +301,58 @@ def test_springs_are_as_soft_as_the_body_that_they_hold(kind):
     outcome, _, _ = solver.attempt(attempt, solver.glued(), None)
     assert outcome.converged
     assert outcome.steps <= 50
+    solver.destroy()
+
+
+def lintel(friction: float) -> tuple[ec.Scene, ec.Domain]:
+    """Hold five stones between two abutments by the thrust of their weight."""
+    stones, width, height = 5, 0.4, 0.5
+    bodies = {}
+    names = ["left", *(f"s{number}" for number in range(stones)), "right"]
+    for number, name in enumerate(names):
+        low = ((number - 1) * width, 0.0)
+        bodies[name] = ec.rectangle(low, (low[0] + width, height), cells=(3, 4))
+    domain = ec.assembly(bodies)
+    contacts = []
+    for here, there in itertools.pairwise(names):
+        domain = domain.joined(f"{here} right", f"{there} left")
+        contacts.append(ec.Contact(f"{here} right", against=f"{there} left", friction=friction))
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.2),
+        [ec.Displacement("left left", (0.0, 0.0)), ec.Displacement("right right", (0.0, 0.0))],
+        ec.BodyForce((0.0, -4e-6)),
+        contacts,
+    )
+    return scene, domain
+
+
+@pytest.mark.serial
+def test_a_lintel_slides_between_its_abutments():
+    """Statics allow any thrust; elasticity gives one, and with it the least friction."""
+    scene, domain = lintel(1.2)
+    force = ec.solve(scene, domain, METHODS[1]).force("left right").force
+    needed = abs(force[1] / force[0])
+    scene, domain = lintel(0.9 * needed)
+    with pytest.raises(ec.NotConverged, match="followed it to less friction") as failure:
+        ec.solve(scene, domain, METHODS[1])
+    told = re.search(
+        r"with (\S+) times the friction \(a coefficient of (\S+)\)", str(failure.value)
+    )
+    assert told is not None
+    assert 1.1 <= float(told[1]) <= 1.2
+    assert needed <= float(told[2]) <= 1.1 * needed
+    assert len(failure.value.rungs) <= 4
+
+
+def test_friction_is_lowered_to_that_of_the_scene():
+    """Two hundredths above the least friction the descent finds the solution."""
+    scene, domain = lintel(1.2)
+    force = ec.solve(scene, domain, METHODS[1]).force("left right").force
+    scene, domain = lintel(1.02 * abs(force[1] / force[0]))
+    solver = Direct(bind(scene, domain, 1, None))
+    attempt = Attempt(METHODS[1], "glued", friction_shares=DESCENT)
+    outcome, _, solution = solver.attempt(attempt, solver.glued(), None)
+    assert outcome.friction == 1.0
+    assert solution is not None
+    assert outcome.steps <= 40
     solver.destroy()
