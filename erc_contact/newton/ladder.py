@@ -182,8 +182,7 @@ def attempts(
         yield Attempt(method, "glued")
     if loose:
         yield from _proximal(method, nodal, first, known)
-    if slides:
-        yield from _lowered(method, nodal, known)
+        yield from _lowered(method, nodal, known) if slides else ()
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
