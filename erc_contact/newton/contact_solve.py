@@ -136,7 +136,8 @@ class ContactSolve:
             if outcome.converged:
                 # The ladder sees the new state: it asks for attempts that start there.
                 states[attempt.gives] = state
-            elif outcome.friction > 1.0:
+            elif outcome.friction > 1.0 and not gap:
+                # Across gaps it may end for other reasons than friction.
                 raise NotConverged(self._sliding(outcome.friction), tuple(self.rungs))
             slow += outcome.reason == "diverged_linear_solve"
             # Other attempts end in the same round-off.
