@@ -2,9 +2,9 @@
 
 Random scenes of one to three bodies in the plane and in space: moduli with ratios from
 1e-12 to 1e12, units of force from 1e-25 to 1e12 and of length from 1e-9 to 1e9, bodies
-that a contact alone holds, that hang on a vertex, or that are one cell; solutions, and
-`certify` of zeros, translations, rotations and noise. On 1, 2 and 3 ranks, as many as
-there are.
+that a contact alone holds, that hang on a vertex, that lie in a round bowl, or that are
+one cell; solutions, and `certify` of zeros, translations, rotations and noise. On 1, 2
+and 3 ranks, as many as there are.
 
 sigma^ of each pair is gathered and evaluated at random points: its divergence by
 differences within sub-cells, its jumps across facets of sub-cells and cells, its

@@ -183,20 +183,43 @@ def across_facets(
     case: Case, it: Gathered, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what is missing on facets of cells [force/area], and their cells."""
-    cell, keys, normal, t, _ = on_sides(it, rng.dirichlet(np.ones(it.x.shape[2]), POINTS))
+    weights = rng.dirichlet(np.ones(it.x.shape[2]), POINTS)
+    cell, keys, normal, t, places = on_sides(it, weights)
+    turned = np.repeat(normal[:, None], len(weights), axis=1)
+    if case.round:
+        turned = radial(places, it.x[cell], normal)
     _, number, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     total = np.zeros((len(count), *t.shape[1:]))
     np.add.at(total, number.ravel(), t)
     missing = abs(total[number.ravel()]).max(axis=(1, 2))
     for side in np.flatnonzero(count[number.ravel()] == 1):
-        missing[side] = of_boundary(case, it, tuple(keys[side].tolist()), normal[side], t[side])
+        missing[side] = of_boundary(case, it, tuple(keys[side].tolist()), turned[side], t[side])
     return cell, missing
+
+
+def radial(places: np.ndarray, x: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Return normals between radial ones at vertices, at places (f, q, d+1) of sides.
+
+    Args:
+        places: Barycentric coordinates in the cells.
+        x: Vertices of the cells [length], shape (f, d+1, d).
+        normal: Outward normals of the sides, shape (f, d).
+    """
+    d = x.shape[2]
+    across = x * (np.arange(d) != 1) if d == 3 else x
+    at_vertices = across / np.linalg.norm(across, axis=2, keepdims=True)
+    result = np.einsum("fqv,fvi->fqi", places, at_vertices)
+    result *= np.copysign(1.0, np.einsum("fqi,fi->fq", result, normal))[..., None]
+    return result / np.linalg.norm(result, axis=2, keepdims=True)
 
 
 def of_boundary(
     case: Case, it: Gathered, key: tuple[int, ...], normal: np.ndarray, t: np.ndarray
 ) -> float:
-    """Return what a traction on a facet of the boundary may not have [force/area]."""
+    """Return what a traction on a facet of the boundary may not have [force/area].
+
+    Normals are those at the points of the traction, shape (q, d).
+    """
     names = [name for name, facets in it.parts.items() if key in facets]
     if any(name in case.held for name in names):
         return 0.0
@@ -204,7 +227,7 @@ def of_boundary(
     if not any(name in touching for name in names):
         load = case.pressed if case.top in names else 0.0
         return float(abs(t - load).max())
-    pressure = -t @ normal
+    pressure = -np.einsum("qi,qi->q", t, normal)
     shear = np.linalg.norm(t + pressure[:, None] * normal, axis=1)
     law = case.scene.contacts[0].friction
     bound = law.limit if isinstance(law, ec.Tresca) else law * pressure

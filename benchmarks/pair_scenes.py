@@ -2,7 +2,7 @@
 
 Moduli have ratios up to 1e12, units of force are 1e-25 to 1e12 and units of length 1e-9
 to 1e9. Bodies are stacked, a contact alone holds the lowest of them, two of them meet
-at a vertex or an edge, or a body is one cell.
+at a vertex or an edge, one lies in a round bowl, or a body is one cell.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.partition import distributed
 
-KINDS = ("stack", "stack", "loose", "hinged", "one cell")
+KINDS = ("stack", "stack", "loose", "hinged", "one cell", "bowl")
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,8 @@ class Case:
         top: Name of the loaded part, "" without one.
         sides: Names of both sides of each contact, the second None on a foundation.
         held: Names of the parts that supports hold.
+        round: Whether contacts are round about the second axis, in the plane about a
+            point, so that normals turn along their facets.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Case:
     top: str
     sides: list[tuple[str, str | None]]
     held: tuple[str, ...]
+    round: bool
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,9 @@ def random_case(rng: np.random.Generator, comm: MPI.Comm) -> Case:
     laws = (0.0, 0.4, ec.Tresca(0.001 * soft))
     friction = laws[int(rng.integers(kind == "loose", 3))]
     weight = bool(rng.integers(0, 2)) or kind in ("hinged", "one cell")
-    loaded = kind == "loose" or (kind == "stack" and bool(rng.integers(0, 2)))
+    # Without friction nothing holds a body that may turn in its bowl.
+    may_be_loaded = kind == "stack" or (kind == "bowl" and friction != 0.0)
+    loaded = kind == "loose" or (may_be_loaded and bool(rng.integers(0, 2)))
     aside = 0.1 * rng.uniform(-1, 1, d - 1) * (0.2 if loaded else float(friction != 0.0))
     down = np.array([*aside, -1.0])
 
@@ -125,6 +130,7 @@ def random_case(rng: np.random.Generator, comm: MPI.Comm) -> Case:
         bodies.top if loaded else "",
         bodies.sides,
         tuple(support.facets for support in supports),
+        kind == "bowl",
     )
 
 
@@ -143,7 +149,10 @@ def random_bodies(
         return Bodies(["body"], one_cell(d, length, comm), "left", "left", [("bottom", None)], [])
     if kind == "hinged":
         return Bodies(["body 0", "body 1"], hinged(d, length, comm), "roof", "floor", [], [])
-    names, domain = stacked(d, length, cells[:count], comm)
+    if kind == "bowl":
+        count = 2
+    make = in_a_bowl if kind == "bowl" else stacked
+    names, domain = make(d, length, cells[:count], comm)
     prefixes = [f"{name} " for name in names] if count > 1 else [""]
     sides: list[tuple[str, str | None]] = []
     for lower, upper in pairwise(prefixes):
@@ -211,6 +220,30 @@ def stacked(
     for number in range(len(cells) - 1):
         domain = domain.joined(f"b{number + 1} bottom", f"b{number} top")
     return list(bodies), domain
+
+
+def in_a_bowl(
+    d: int, length: float, cells: list[tuple[int, ...]], comm: MPI.Comm
+) -> tuple[list[str], ec.Domain]:
+    """Make half a ring in half a ring, tubes in space, with the same facets.
+
+    A side has 21 vertices at least, enough for the quadric that gives its normals.
+    """
+    make = ec.rectangle if d == 2 else ec.box
+    around = 5 + cells[0][0]
+    along = tuple(1 + n for n in cells[0][1:-1])
+    bodies = {}
+    for number, of_body in enumerate(cells):
+        low = (*(0.0,) * (d - 1), float(number))
+        high = (*(1.0,) * (d - 1), number + 1.0)
+        divisions = (around, *along, of_body[-1])
+        brick = make(low, high, cells=divisions, comm=comm)
+        x = brick.mesh.geometry.x
+        radius, angle = 3.0 - x[:, d - 1], np.pi * (1.0 + x[:, 0])
+        x[:, 0], x[:, d - 1] = radius * np.cos(angle), radius * np.sin(angle)
+        x *= length
+        bodies[f"b{number}"] = ec.Domain(brick.mesh, brick.facet_tags, brick.names)
+    return list(bodies), ec.assembly(bodies).joined("b1 bottom", "b0 top")
 
 
 def one_cell(d: int, length: float, comm: MPI.Comm) -> ec.Domain:

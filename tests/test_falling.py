@@ -46,6 +46,23 @@ def test_a_clearance_changes_nothing(method, solver):
     assert error.relative == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("friction", [0.0, 0.3], ids=["none", "mu"])
+def test_a_plate_falls_onto_a_bowl(friction):
+    """It rests on a few nodes: the forces that cancel in it are 1e6 times its weight."""
+    body = ec.rectangle((0.0, 0.0), (100.0, 1.0), cells=(50, 1))
+    scene = ec.Scene(
+        ec.Elastic(STEEL, 0.3),
+        [] if friction else ec.Displacement("left", (0.0, None)),
+        ec.BodyForce((0.0, -WEIGHT)),
+        ec.Contact("bottom", friction=friction, gap=lambda x: 0.01 + 1e-5 * (x[0] - 40) ** 2),
+    )
+    solution = ec.solve(scene, body, degree=2)
+    force = ec.constitutive_error(ec.equilibrate(solution)).force("bottom").force
+    assert force[1] == pytest.approx(100.0 * WEIGHT, rel=1e-7)
+    assert solution.force("bottom").force[1] == pytest.approx(100.0 * WEIGHT, rel=1e-5)
+
+
 def bricks_apart(gaps, comm=None, moduli=(1.0, 1.0)):
     """Stack two bricks with clearances under their weight."""
     comm = MPI.COMM_WORLD if comm is None else comm

@@ -5,10 +5,12 @@ Where all of the contact slips in a state of Newton's method, the tangent is sin
 - both methods solve scenes that are convex or nearly so, with both solvers, from rest
   and after a step; contact forces balance the loads;
 - springs on the free motions hold a state where it is, and leave nothing behind;
+- friction is lowered from more of it, and bodies that slide then are told as such;
 - what slides away or tips has no solution, and is told so in few Newton steps: springs
   that pull for ever are given up.
 """
 
+import itertools
 import re
 from functools import cache
 
@@ -24,7 +26,7 @@ from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import SOFTEST, Attempt, following
+from erc_contact.newton.ladder import DESCENT, SOFTEST, Attempt, following
 from erc_contact.newton.linear.loose_energies import imbalance
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -253,3 +255,104 @@ def test_proximal_steps_on_ranks():
         assert "proximal" in solution.reason
         found = solution.profile("bottom")["slip"]
         assert found == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
+
+
+def test_multigrid_tells_round_off_of_a_stiff_body():
+    """No other attempt finds digits that a body stiffer by 1e9 has lost."""
+    upper = ec.rectangle((0.0, 1.0), (1.0, 2.0), cells=(3, 3))
+    lower = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 2))
+    bodies = ec.assembly({"u": upper, "l": lower}).joined("u bottom", "l top")
+    scene = ec.Scene(
+        ec.Elastic({"u": 1e9, "l": 1.0}, 0.44),
+        loads=ec.Traction("u top", (0.0, -3e-3)),
+        contacts=[
+            ec.Contact("u bottom", against="l top", friction=0.4),
+            ec.Contact("l bottom", friction=0.4),
+        ],
+    )
+    with pytest.raises(ec.NotConverged, match=r"round-off of the stiffest body.*direct") as failure:
+        ec.solve(scene, bodies, solver="iterative")
+    assert len(failure.value.rungs) == 1
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, bodies, solver="direct")))
+    assert error.force("u bottom").force[1] == pytest.approx(3e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", [Direct, Iterative], ids=["direct", "iterative"])
+def test_springs_are_as_soft_as_the_body_that_they_hold(kind):
+    """A soft body between stiff ones slides at both: it needs few proximal steps."""
+    bricks = {}
+    for number, cells in enumerate([(4, 2), (1, 3), (3, 3)]):
+        low, high = (0.0, float(number)), (1.0, number + 1.0)
+        bricks[f"b{number}"] = ec.rectangle(low, high, cells=cells)
+    bodies = ec.assembly(bricks).joined("b1 bottom", "b0 top").joined("b2 bottom", "b1 top")
+    scene = ec.Scene(
+        ec.Elastic({"b0": 1e9, "b1": 1.0, "b2": 1e5}, 0.4),
+        [
+            ec.Displacement("b0 bottom", (0.0, 0.0)),
+            ec.Displacement("b2 top", (-0.0005, -0.01)),
+        ],
+        contacts=[
+            ec.Contact("b1 bottom", against="b0 top", friction=ec.Tresca(1e-3)),
+            ec.Contact("b2 bottom", against="b1 top", friction=ec.Tresca(1e-3)),
+        ],
+    )
+    solver = kind(bind(scene, bodies, 1, None))
+    attempt = Attempt(METHODS[0], "glued", proximal=True)
+    outcome, _, _ = solver.attempt(attempt, solver.glued(), None)
+    assert outcome.converged
+    assert outcome.steps <= 50
+    solver.destroy()
+
+
+def lintel(friction: float) -> tuple[ec.Scene, ec.Domain]:
+    """Hold five stones between two abutments by the thrust of their weight."""
+    stones, width, height = 5, 0.4, 0.5
+    bodies = {}
+    names = ["left", *(f"s{number}" for number in range(stones)), "right"]
+    for number, name in enumerate(names):
+        low = ((number - 1) * width, 0.0)
+        bodies[name] = ec.rectangle(low, (low[0] + width, height), cells=(3, 4))
+    domain = ec.assembly(bodies)
+    contacts = []
+    for here, there in itertools.pairwise(names):
+        domain = domain.joined(f"{here} right", f"{there} left")
+        contacts.append(ec.Contact(f"{here} right", against=f"{there} left", friction=friction))
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.2),
+        [ec.Displacement("left left", (0.0, 0.0)), ec.Displacement("right right", (0.0, 0.0))],
+        ec.BodyForce((0.0, -4e-6)),
+        contacts,
+    )
+    return scene, domain
+
+
+@pytest.mark.serial
+def test_a_lintel_slides_between_its_abutments():
+    """Statics allow any thrust; elasticity gives one, and with it the least friction."""
+    scene, domain = lintel(1.2)
+    force = ec.solve(scene, domain, METHODS[1]).force("left right").force
+    needed = abs(force[1] / force[0])
+    scene, domain = lintel(0.9 * needed)
+    with pytest.raises(ec.NotConverged, match="followed it to less friction") as failure:
+        ec.solve(scene, domain, METHODS[1])
+    told = re.search(
+        r"with (\S+) times the friction \(a coefficient of (\S+)\)", str(failure.value)
+    )
+    assert told is not None
+    assert 1.1 <= float(told[1]) <= 1.2
+    assert needed <= float(told[2]) <= 1.1 * needed
+    assert len(failure.value.rungs) <= 4
+
+
+def test_friction_is_lowered_to_that_of_the_scene():
+    """Two hundredths above the least friction the descent finds the solution."""
+    scene, domain = lintel(1.2)
+    force = ec.solve(scene, domain, METHODS[1]).force("left right").force
+    scene, domain = lintel(1.02 * abs(force[1] / force[0]))
+    solver = Direct(bind(scene, domain, 1, None))
+    attempt = Attempt(METHODS[1], "glued", friction_shares=DESCENT)
+    outcome, _, solution = solver.attempt(attempt, solver.glued(), None)
+    assert outcome.friction == 1.0
+    assert solution is not None
+    assert outcome.steps <= 40
+    solver.destroy()

@@ -14,6 +14,7 @@ from dolfinx import fem
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
+from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.newton.default_methods import method_beside_faces
 from erc_contact.newton.forms import ContactForms
@@ -21,7 +22,7 @@ from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome
+from erc_contact.newton.snes import ROUND_OFF_HIDES, DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
 SLOW_ATTEMPTS = 5
@@ -109,12 +110,14 @@ class ContactSolve:
         )
         friction = any(contact.friction is not None for contact in self.model.contacts)
         gap = any(contact.gap is not None for contact in self.model.contacts)
+        loose = bool(self.model.free_motions)
         for attempt in attempts(
             self.method,
             states,
             friction=friction,
             gap=gap,
-            loose=bool(self.model.free_motions),
+            loose=loose,
+            slides=loose and _friction_grows(self.model),
             fallback=self.fallback,
             nodal_first=nodal_first,
         ):
@@ -133,13 +136,34 @@ class ContactSolve:
             if outcome.converged:
                 # The ladder sees the new state: it asks for attempts that start there.
                 states[attempt.gives] = state
+            elif outcome.friction > 1.0 and not gap:
+                # Across gaps it may end for other reasons than friction.
+                raise NotConverged(self._sliding(outcome.friction), tuple(self.rungs))
             slow += outcome.reason == "diverged_linear_solve"
-            if slow == SLOW_ATTEMPTS:
+            # Other attempts end in the same round-off.
+            if slow == SLOW_ATTEMPTS or outcome.reason == ROUND_OFF_HIDES:
                 raise NotConverged(
                     f"The linear solver did not converge: {self.rungs[-1]}. {TRY_DIRECT}",
                     tuple(self.rungs),
                 )
         raise NotConverged(self._failure(), tuple(self.rungs))
+
+    def _sliding(self, share: float) -> str:
+        """Say with what friction there is a solution, where less does not hold bodies.
+
+        Args:
+            share: Share of the friction bound at which there was one, > 1 [-].
+        """
+        needed = f"{share:.3g} times the friction"
+        coefficients = [self.model.greatest_coefficient(c) for c in self.model.contacts]
+        if any(coefficients):
+            needed += f" (a coefficient of {share * max(coefficients):.3g})"
+        return (
+            f"The contact solve found a solution on {self.model.domain.cells} cells with {needed}, "
+            "and followed it to less friction until it ended: contacts slide there that must hold "
+            "a body. So there may be no solution with the friction given. More friction, more "
+            "pressure or a Displacement holds the body."
+        )
 
     def _failure(self) -> str:
         """Say what was tried and what to do, where no attempt converged."""
@@ -203,6 +227,12 @@ class ContactSolve:
             forms=self.solver.forms,
             carried=solution.carried,
         )
+
+
+def _friction_grows(model: Model) -> bool:
+    """Tell whether the bound of a friction grows with the pressure."""
+    frictions = [contact.friction for contact in model.contacts]
+    return any(law is not None and law.dependence != CONSTANT for law in frictions)
 
 
 def _has_strong_friction(model: Model) -> bool:

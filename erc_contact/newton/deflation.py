@@ -198,7 +198,7 @@ class _Search:
         """Return the norm of the scaled residual that counts as round-off at x [-]."""
         vector = self.dense.vector()
         vector.array[:] = x / self.problem.length
-        small = self.dense.round_off(vector)
+        small, _ = self.dense.round_off(vector)
         vector.destroy()
         return small
 

@@ -18,7 +18,7 @@ from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, attempt
 
 SOLVED_DENSE = 1e-12
 """Residual at which Newton's method stops, over the forces that cancel in it [-]."""
-MOST_FORCES = 1e5
+MOST_FORCES = 1e6
 """Bound of the forces that cancel in the residual, over those with the glue [-]."""
 INVERSE_ITERATIONS = 4
 """Steps of the inverse iteration for the least singular value."""
@@ -86,8 +86,8 @@ class Dense:
         ksp.setType("preonly")
         ksp.getPC().setType("lu")
 
-    def round_off(self, x: PETSc.Vec) -> float:
-        """Return the norm of the scaled residual that counts as round-off [-].
+    def round_off(self, x: PETSc.Vec) -> tuple[float, float]:
+        """Return the norm of the scaled residual that counts as round-off, twice [-].
 
         The forces that cancel in it are bounded: a body that nothing holds moves so far
         that any residual would be round-off of its forces.
@@ -95,7 +95,8 @@ class Dense:
         problem = self.problem
         forces = abs(problem.matrix) @ abs(self._displacement(x)) + abs(problem.loads)
         size = max(1.0, float(forces.max(initial=0.0)) / problem.force)
-        return SOLVED_DENSE * min(size, MOST_FORCES)
+        solved = SOLVED_DENSE * min(size, MOST_FORCES)
+        return solved, solved
 
     def balances(self, x: PETSc.Vec) -> bool:
         """Tell whether K x has no resultant on motions that no support holds."""

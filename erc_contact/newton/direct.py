@@ -89,6 +89,7 @@ class Direct:
             dense = Dense(problem, tolerance)
             u_A = problem.from_contact(state)
             steps = 0
+            friction = 0.0
             problems = attempt.problems()
             shares: Shares | None = next(problems)
             while shares is not None:
@@ -100,6 +101,7 @@ class Direct:
                 if outcome.converged:
                     pull = shares.springs * float(np.linalg.norm(last.displacement - u_A))
                     u_A = last.displacement
+                    friction = shares.friction
                 shares = following(problems, pull)
             problem.set_shares(1.0, 1.0)
             problem.hold(0.0, u_A)
@@ -110,7 +112,8 @@ class Direct:
                 force = problem.matrix @ u_A - problem.loads
                 results = distance, least, u_A, force
             dense.destroy()
-            return replace(outcome, steps=steps), u_A[: self.elastic.contact_size], results
+            whole = replace(outcome, steps=steps, friction=friction)
+            return whole, u_A[: self.elastic.contact_size], results
 
         outcome, state, results = problem.run(work)
         if results is None:

@@ -100,6 +100,9 @@ class FullSpace:
             # The equations of the multiplier stand in place of the equilibrium.
             f.array[rows] = 0.0
         f.array[rows] += self._contact_forces()[rows]
+        # Supports hold as exactly as numbers can: the rest of them is no force.
+        is_held = self._fixed & (abs(f.array) <= ELASTIC_ROUND_OFF * abs(self.loads.array_r))
+        f.array[is_held] = 0.0
         f.scale(1 / self.force)
 
     def _contact_forces(self) -> np.ndarray:
@@ -135,18 +138,20 @@ class FullSpace:
         self._tangent.prepare(snes.getKSP())
         snes.getKSP().setTolerances(atol=0.3 * SOLVED)
 
-    def round_off(self, x: PETSc.Vec) -> float:
-        """Return the norm of the scaled residual that counts as solved [-].
+    def round_off(self, x: PETSc.Vec) -> tuple[float, float]:
+        """Return norms of the scaled residual: what counts as solved, round-off [-].
 
-        It is bounded: a body that nothing holds moves so far that any residual would be
-        round-off of its forces.
+        The first is bounded: a body that nothing holds moves so far that any residual
+        would be round-off of its forces. So would it be of a body that is stiffer by
+        orders than those that hold it.
         """
         diagonal = self.elastic.matrix.getDiagonal()
         diagonal.pointwiseMult(diagonal, x)
         diagonal.array[self._fixed] = 0.0
         forces = diagonal.norm() * self.length / self.force
         diagonal.destroy()
-        return max(SOLVED, min(ELASTIC_ROUND_OFF * forces, FAR_FROM_SOLVED))
+        round_off = ELASTIC_ROUND_OFF * forces
+        return max(SOLVED, min(round_off, FAR_FROM_SOLVED)), round_off
 
     def balances(self, x: PETSc.Vec) -> bool:
         """Tell whether K x has no resultant on motions that no support holds."""

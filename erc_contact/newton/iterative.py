@@ -100,6 +100,7 @@ class Iterative:
         x = problem.vector()
         x.array[:] = self.elastic.start(state) / problem.length
         steps = 0
+        friction = 0.0
         problems = step.problems()
         shares: Shares | None = next(problems)
         while shares is not None:
@@ -108,7 +109,10 @@ class Iterative:
             before = x.copy()
             outcome = attempt(problem, x, step.line_search, tolerance)
             steps += outcome.steps
-            pull = shares.springs * _distance(x, before) if outcome.converged else None
+            pull = None
+            if outcome.converged:
+                pull = shares.springs * _distance(x, before)
+                friction = shares.friction
             shares = following(problems, pull)
             if shares is not None and not outcome.converged:
                 before.copy(x)
@@ -123,7 +127,7 @@ class Iterative:
             least = problem.least_singular_value(x)
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
-        return replace(outcome, steps=steps), v, solution
+        return replace(outcome, steps=steps, friction=friction), v, solution
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""

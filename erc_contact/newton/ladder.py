@@ -17,6 +17,12 @@ from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
+DESCENT = (8.0, 4.0, 2.0, 1.5, 1.2, 1.1, 1.05, 1.02, 1.01, 1.0)
+"""Shares of the friction bound when friction that holds a body is lowered in steps.
+
+More friction makes more of the contact stick. So loose bodies that stick at last are
+followed to the friction of the scene, or to that at which they begin to slide.
+"""
 GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
 """Shares of the gaps when they are opened in steps.
 
@@ -139,6 +145,7 @@ def attempts(
     friction: bool,
     gap: bool,
     loose: bool,
+    slides: bool,
     fallback: bool,
     nodal_first: bool,
 ) -> Iterator[Attempt]:
@@ -156,6 +163,8 @@ def attempts(
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
         loose: Whether supports leave a body rigid motions.
+        slides: Whether such a body may slide however it is pressed, as pressure grows
+            friction but friction no pressure.
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian.
@@ -173,6 +182,7 @@ def attempts(
         yield Attempt(method, "glued")
     if loose:
         yield from _proximal(method, nodal, first, known)
+        yield from _lowered(method, nodal, known) if slides else ()
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
@@ -212,6 +222,21 @@ def _proximal(
     yield Attempt(method, first, proximal=True)
     if nodal != method and "nodal" not in known:
         yield Attempt(nodal, first, proximal=True, final=False)
+        yield Attempt(method, "nodal")
+
+
+def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:
+    """Generate the attempts by friction that is lowered, for a body that may slide.
+
+    Args:
+        method: The method whose solution is wanted.
+        nodal: The augmented Lagrangian.
+        known: Names of the starts that are known.
+    """
+    if "nodal" in known:
+        return
+    yield Attempt(nodal, "glued", friction_shares=DESCENT, final=nodal == method)
+    if nodal != method:
         yield Attempt(method, "nodal")
 
 

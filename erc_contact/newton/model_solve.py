@@ -12,6 +12,7 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.runtime.garbage import free_dropped, track_communicator
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_solve import ContactSolve, Solver
+from erc_contact.newton.limit_loads import what_can_be_carried
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
 from erc_contact.newton.rest import displacement_at_rest, displacement_back_at_rest
@@ -99,9 +100,9 @@ def _check_statics(model: Model, loads: fem.Function) -> None:
     moved = mechanism(model, loads)
     if moved is not None:
         raise NotConverged(
-            f"There is no solution: the loads {moved}, whatever tractions the contacts allow. Look "
-            "at the directions of loads and normals and at the signs of gaps; more friction or a "
-            "Displacement may hold the body.",
+            f"There is no solution: the loads {moved}, whatever tractions the contacts allow. "
+            f"{what_can_be_carried(model, loads)}Look at the directions of loads and normals and "
+            "at the signs of gaps; a Displacement may hold the body.",
             (),
         )
 

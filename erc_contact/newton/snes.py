@@ -41,8 +41,12 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
+ASTRAY = 1e8
+"""Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
 """Fall of the residual in so many steps that counts as nearer [-]."""
+ROUND_OFF_HIDES = "round-off of the stiffest body hides the contact forces"
+"""Reason of an attempt whose residual is round-off, but is not small [-]."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,8 @@ class Outcome:
         residual: Norm of the residual as a fraction of the forces that cancel in it
             [-].
         status: Numbers of open, slipping and sticking points of the contact.
+        friction: Share of the friction bound of the last problem of a sequence that was
+            solved [-]; 0 if none was.
     """
 
     converged: bool
@@ -63,6 +69,7 @@ class Outcome:
     steps: int
     residual: float
     status: tuple[int, int, int]
+    friction: float = 0.0
 
     @property
     def open(self) -> bool:
@@ -112,8 +119,11 @@ class Equations(Protocol):
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and a linear solver."""
 
-    def round_off(self, x: PETSc.Vec) -> float:
-        """Return the norm of F that counts as round-off at x [-]."""
+    def round_off(self, x: PETSc.Vec) -> tuple[float, float]:
+        """Return the norm of F that counts as solved, and its round-off at x [-].
+
+        The second is the greater one where too few digits of the forces are left.
+        """
 
     def balances(self, x: PETSc.Vec) -> bool:
         """Tell whether K x has no resultant on motions that no support holds."""
@@ -196,6 +206,8 @@ class _StoppingTest:
         self.tolerance = tolerance
         self.reason = ""
         self.is_solved = False
+        self._first = np.inf
+        """Residual at the first step."""
         self._before: dict[bytes, tuple[int, float]] = {}
         """Last step and least residual of each contact status."""
         self._stay: tuple[bytes, int, float] = (b"", 0, np.inf)
@@ -216,22 +228,34 @@ class _StoppingTest:
         if interrupted(comm):
             # The exception comes when SNES has ended: it may lose one raised here.
             return reasons.DIVERGED_INNER
-        end = self._solved_as(x, norm, atol)
-        if end and not self.problem.balances(x):
+        solved, round_off = self.problem.round_off(x)
+        end = self._solved_as(x, norm, max(atol, solved))
+        is_lost = not end and norm <= round_off
+        if (end or is_lost) and not self.problem.balances(x):
             # A body that nothing holds has moved so far that round-off holds it.
             self.reason = "moved away until round-off balances the loads"
-            return reasons.DIVERGED_INNER
-        if end:
+        elif end:
             self.reason = end
             self.is_solved = True
             return reasons.CONVERGED_ITS
-        key, _ = self.problem.status(x)
-        self.reason = self._repeats(key, step, norm) or self._stands_still(key, step, norm)
+        elif is_lost:
+            self.reason = ROUND_OFF_HIDES
+        else:
+            self.reason = self._goes_astray(x, step, norm)
         return reasons.DIVERGED_INNER if self.reason else reasons.ITERATING
 
-    def _solved_as(self, x: PETSc.Vec, norm: float, atol: float) -> str:
+    def _goes_astray(self, x: PETSc.Vec, step: int, norm: float) -> str:
+        """Say why the steps lead nowhere, or ""."""
+        if step == 0:
+            self._first = norm
+        if norm > ASTRAY * self._first:
+            return "residual grows without end"
+        key, _ = self.problem.status(x)
+        return self._repeats(key, step, norm) or self._stands_still(key, step, norm)
+
+    def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
-        if norm <= max(atol, self.problem.round_off(x)):
+        if norm <= solved:
             return "converged to round-off"
         if self.tolerance is not None and self.problem.accurate(x, self.tolerance):
             return "accurate enough"

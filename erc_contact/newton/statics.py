@@ -110,10 +110,10 @@ def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     moves = any(c.gap is not None or c.trace.before is not None for c in model.contacts)
     if not model.free_motions or not moves:
         return None
-    motions, work, parts = _programme(model, loads)
+    motions, work, parts = programme(model, loads)
     if not work.any():
         return None
-    solution = _on_first(model, parts, _rest, work)
+    solution = on_first(model, parts, _rest, work)
     if solution is None:
         return None
     displacement = model.function()
@@ -133,10 +133,10 @@ def mechanism(model: Model, loads: fem.Function) -> Mechanism | None:
     """
     if not model.free_motions:
         return None
-    motions, work, parts = _programme(model, loads)
+    motions, work, parts = programme(model, loads)
     if not work.any():
         return None
-    solution = _on_first(model, parts, _unbalanced, work)
+    solution = on_first(model, parts, unbalanced, work)
     if solution is None:
         return None
     left, amounts = solution
@@ -175,15 +175,27 @@ def _described(model: Model, motion: np.ndarray, work: float) -> Mechanism:
     return Mechanism(turn / rate, place, np.zeros(d), work / float(rate))
 
 
-def _programme(model: Model, loads: fem.Function) -> tuple[np.ndarray, np.ndarray, list[Forces]]:
-    """Return the free motions (nodes d, K), the work of loads, and unit forces."""
+def programme(
+    model: Model, loads: fem.Function, friction: float = 1.0
+) -> tuple[np.ndarray, np.ndarray, list[Forces]]:
+    """Return free motions, the work of loads on them, and unit forces; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+        friction: Factor of the friction bounds [-].
+
+    Returns:
+        The motions at the nodes, shape (nodes d, K); work [force length], shape (K,);
+        the forces of this rank at each contact.
+    """
     motions = np.column_stack([motion.x.array for motion in model.free_motions])
-    work = _work_of_loads(model, loads, motions)
-    parts = [_forces(model, contact, motions) for contact in model.contacts]
+    work = work_of_loads(model, loads, motions)
+    parts = [_forces(model, contact, motions, friction) for contact in model.contacts]
     return motions, work, parts
 
 
-def _work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
+def work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
     """Return the work of loads on free motions [force length], zero for round-off."""
     forces = loads.x.array
     local = np.array([forces @ motions, abs(forces) @ abs(motions)])
@@ -191,7 +203,7 @@ def _work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np
     return np.where(abs(work) > NO_LOAD * size, work, 0.0)
 
 
-def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
+def _forces(model: Model, contact: BoundContact, motions: np.ndarray, friction: float) -> Forces:
     """Return unit forces at the vertices of a contact's owned facets; collective."""
     trace = contact.trace
     d = model.d
@@ -205,8 +217,8 @@ def _forces(model: Model, contact: BoundContact, motions: np.ndarray) -> Forces:
         gap = evaluate(contact.gap, model.mesh, points, contact.facets)[owned]
     slip = trace.slip_before[owned, vertices]
     slope, offset, is_free = _friction(model, contact)
-    slope = np.broadcast_to(slope[owned, None], gap.shape)
-    limit = (offset * trace.here.areas / d)[owned, None]
+    slope = np.broadcast_to(friction * slope[owned, None], gap.shape)
+    limit = (friction * offset * trace.here.areas / d)[owned, None]
     limit = np.broadcast_to(np.inf if is_free else limit, gap.shape)
 
     normal_least = -np.inf if contact.bilateral else 0.0
@@ -285,7 +297,7 @@ def _polygon(tangents: list[np.ndarray]) -> list[np.ndarray]:
     return [np.cos(angle) * first + np.sin(angle) * second for angle in angles]
 
 
-def _on_first(
+def on_first(
     model: Model, parts: list[Forces], solve: Callable[[Forces, np.ndarray], Any], work: np.ndarray
 ) -> Any:
     """Solve a programme with the forces of all ranks on rank 0; collective.
@@ -320,11 +332,12 @@ def _rest(forces: Forces, work: np.ndarray) -> np.ndarray | None:
     """Return the amounts of the motions at rest, or None without a solution."""
     length = abs(forces.cost).max(initial=0.0) or 1.0
     bounds = np.column_stack([forces.least, forces.most])
-    result = _minimised(forces.cost / length, forces.work.T, work, bounds)
+    size = float(abs(work).max())
+    result = _minimised(forces.cost / length, forces.work.T, work, bounds, size)
     return None if result is None else -length * result[1]
 
 
-def _unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | None:
+def unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | None:
     """Return the work that no forces balance, and the amounts of its motion.
 
     None if forces balance all of it.
@@ -335,24 +348,48 @@ def _unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | 
     cost = np.concatenate([np.zeros(len(forces.cost)), np.ones(2 * count)])
     least = np.concatenate([forces.least, np.zeros(2 * count)])
     most = np.concatenate([forces.most, np.full(2 * count, np.inf)])
-    result = _minimised(cost, matrix, work, np.column_stack([least, most]))
     size = float(abs(work).max())
+    result = _minimised(cost, matrix, work, np.column_stack([least, most]), size)
     if result is None or result[0] <= BALANCED * size:
         return None
     return result[0], -result[1]
 
 
+def greatest_share(forces: Forces, work: np.ndarray, part: np.ndarray) -> float | None:
+    """Return the greatest share of a part of the loads that forces balance [-].
+
+    The other loads are as they are. None if no share of it is balanced.
+
+    Args:
+        forces: The unit forces.
+        work: Work of all loads on the motions [force length], shape (K,).
+        part: Work of the part, shape (K,).
+    """
+    size = float(abs(work).max())
+    matrix = np.column_stack([forces.work.T, part / size])
+    cost = np.append(np.zeros(len(forces.cost)), -1.0)
+    bounds = np.column_stack([np.append(forces.least, 0.0), np.append(forces.most, size)])
+    result = _minimised(cost, matrix, work - part, bounds, size)
+    return None if result is None else -result[0] / size
+
+
 def _minimised(
-    cost: np.ndarray, matrix: np.ndarray, work: np.ndarray, bounds: np.ndarray
+    cost: np.ndarray, matrix: np.ndarray, work: np.ndarray, bounds: np.ndarray, size: float
 ) -> tuple[float, np.ndarray] | None:
     """Minimise the cost of forces that balance work; None without a solution.
+
+    Args:
+        cost: Cost of each force.
+        matrix: Work of each on the motions, shape (K, n).
+        work: Work that they balance [force length], shape (K,).
+        bounds: Least and most size of each, shape (n, 2).
+        size: Size of the work of all loads [force length].
 
     Returns:
         The least cost, and the multipliers of the equations.
     """
     from scipy.optimize import linprog  # type: ignore[import-untyped]  # noqa: PLC0415 - for loose bodies only
 
-    size = float(abs(work).max())
     scaled = bounds / size
     # Few forces do the work: those that would lower the cost join a sample of them.
     chosen = np.zeros(len(cost), dtype=bool)

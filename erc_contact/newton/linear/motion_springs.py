@@ -1,7 +1,9 @@
 """Springs on the rigid motions that no support holds, for iterative solvers.
 
-With Q the orthonormal free motions and k the mean of K's diagonal, springs of weight w
-that keep the motions of a displacement v add ``w k Q Q^T (x - v)`` to the forces K x.
+With q an orthonormal free motion and D the diagonal of K, springs of weight w that keep
+the motions of a displacement v add ``w k q q^T (x - v)`` to the forces K x. The
+stiffness is ``k = 1/(q^T D^-1 q)``, a mean in which the softest body counts: springs as
+stiff as a body stiffer by orders would not let a soft one move.
 """
 
 from __future__ import annotations
@@ -26,7 +28,12 @@ class MotionSprings:
         self._space = free_motions(model, matrix)
         self._motions = self._space.getVecs()
         diagonal = matrix.getDiagonal()
-        self._stiffness = weight * diagonal.sum() / diagonal.getSize()
+        softness = matrix.createVecRight()
+        self._stiffness = []
+        for motion in self._motions:
+            softness.pointwiseDivide(motion, diagonal)
+            self._stiffness.append(weight / motion.dot(softness))
+        softness.destroy()
         diagonal.destroy()
         self._kept = [motion.dot(x) for motion in self._motions]
 
@@ -50,5 +57,5 @@ class MotionSprings:
 
     def _add(self, amounts: list[float], y: PETSc.Vec) -> None:
         """Add the forces of springs that are stretched by amounts, in place."""
-        for motion, amount in zip(self._motions, amounts, strict=True):
-            y.axpy(self._stiffness * amount, motion)
+        for motion, stiffness, amount in zip(self._motions, self._stiffness, amounts, strict=True):
+            y.axpy(stiffness * amount, motion)

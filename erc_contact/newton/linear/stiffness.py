@@ -229,9 +229,14 @@ class Stiffness(Elastic):
         return self.unglued(count) + self.springs(count)
 
     def springs(self, count: int) -> np.ndarray:
-        """Return springs on free motions, as stiff as the body [force/length]."""
+        """Return springs on free motions, as stiff as the body [force/length].
+
+        The stiffness is a mean in which the softest body counts, as in
+        :mod:`.motion_springs`.
+        """
         kernel = self.kernel(count)
-        stiffness = np.mean(self.reduced(count)[0].diagonal())
+        diagonal = self.reduced(count)[0].diagonal()
+        stiffness = 1.0 / np.sum(kernel**2 / diagonal[:, None], axis=0)
         return np.asarray(stiffness * kernel @ kernel.T)
 
     def kernel(self, count: int) -> np.ndarray:
