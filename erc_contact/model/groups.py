@@ -77,11 +77,23 @@ class Groups:
         self.jumps = self.whole * self.is_free[:, :, None]
 
     @cached_property
+    def _patterns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the different B, shape (b, R, C), and the place of each, (G d,).
+
+        There are few of them.
+        """
+        height, width = self.jumps.shape[2:]
+        flat = self.jumps.reshape(-1, height * width)
+        unique, place = np.unique(flat, axis=0, return_inverse=True)
+        return unique.reshape(-1, height, width), place.ravel()
+
+    @cached_property
     def inverse(self) -> np.ndarray:
         """Return B^+, shape (G, d, C, R)."""
-        if self.jumps.size == 0:
+        unique, place = self._patterns
+        if len(unique) == 0:
             return self.jumps.swapaxes(2, 3)
-        return np.linalg.pinv(self.jumps)
+        return np.linalg.pinv(unique)[place].reshape(self.jumps.swapaxes(2, 3).shape)
 
     @cached_property
     def projector(self) -> np.ndarray:
@@ -120,11 +132,15 @@ class Groups:
             move all nodes of the group alike, shape (G, d, C). The others are no
             displacements.
         """
-        is_not = np.where(self.is_free, 0.0, 2.0)
+        unique, place = self._patterns
+        # Each node of a group is in a row: a column without entries is no displacement.
+        is_not = np.where(unique.any(axis=1), 0.0, 2.0)
+        projectors = self.projector.reshape(-1, *self.projector.shape[2:])
+        _, first = np.unique(place, return_index=True)
         diagonal = is_not[..., None] * np.eye(is_not.shape[-1])
-        values, vectors = np.linalg.eigh(self.projector + diagonal)
-        kind = np.rint(values)
-        return vectors, kind == 1.0, kind == 0.0
+        values, vectors = np.linalg.eigh(projectors[first] + diagonal)
+        kind = np.rint(values)[place].reshape(self.is_free.shape)
+        return vectors[place].reshape(self.projector.shape), kind == 1.0, kind == 0.0
 
     def between_nodes(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rows, columns and values of a matrix between nodes that is not zero.

@@ -8,30 +8,15 @@ contacts read to those on the unknowns. Symbols: A, u_A and z as in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
-from petsc4py import PETSc
 
 from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import pattern_of
+from erc_contact.newton.contact_nodes import Reading
 from erc_contact.newton.forms import ContactForms
-
-
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """Tell what the forces of one reader are in the condensed problem.
-
-    Attributes:
-        row_of: Row of each degree of freedom of this rank, -1 without.
-        matrix: From unknowns A to what is read at these rows, on rank 0; None
-            elsewhere.
-    """
-
-    row_of: np.ndarray
-    matrix: PETSc.Mat | None
 
 
 class Assembly:

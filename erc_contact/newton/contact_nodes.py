@@ -57,6 +57,20 @@ class Entries:
 
 
 @dataclass(frozen=True, eq=False)
+class Reading:
+    """Tell what the forces of one reader are in the condensed problem.
+
+    Attributes:
+        row_of: Row of each degree of freedom of this rank, -1 without.
+        matrix: From unknowns A to what is read at these rows, on rank 0; None
+            elsewhere.
+    """
+
+    row_of: np.ndarray
+    matrix: PETSc.Mat | None
+
+
+@dataclass(frozen=True, eq=False)
 class ContactNodes:
     """Hold the nodes and facets of a contact of all ranks, the same on all ranks.
 

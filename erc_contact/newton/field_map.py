@@ -24,8 +24,7 @@ from erc_contact.base.exceptions import together
 from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import times
 from erc_contact.model.trace import dofs_of
-from erc_contact.newton.assembly import Reading
-from erc_contact.newton.contact_nodes import Entries
+from erc_contact.newton.contact_nodes import Entries, Reading
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import MultiplierMap

@@ -196,22 +196,17 @@ class ContactForms:
             values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
 
-    def nodal_multipliers(
-        self, coefficients: Sequence[fem.Function] | None = None
-    ) -> tuple[fem.Function, ...]:
-        """Return multipliers as new Functions of nodal values [force/area].
+    def nodal_multipliers(self, multipliers: Sequence[fem.Function]) -> tuple[fem.Function, ...]:
+        """Replace Bernstein coefficients of multipliers by nodal values, in place.
 
         Args:
-            coefficients: Their Bernstein coefficients; None for those of the forms.
+            multipliers: The multiplier of each contact [force/area], also returned.
         """
         model = self.model
-        nodal = []
-        multipliers = self.multipliers if coefficients is None else coefficients
-        for contact, multiplier in zip(model.contacts, multipliers, strict=False):
-            values = multiplier.copy()
-            model.to_coefficients(values.x.array.reshape(-1, model.d), [contact], back=True)
-            nodal.append(values)
-        return tuple(nodal)
+        for contact, multiplier in zip(model.contacts, multipliers, strict=True):
+            nodal = multiplier.x.array.reshape(-1, model.d)
+            model.to_coefficients(nodal, [contact], back=True)
+        return tuple(multipliers)
 
     def _with_multipliers(self) -> list[tuple[BoundContact, fem.Function | None]]:
         """Return each contact with its multiplier, None for a method without."""

@@ -41,6 +41,7 @@ from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
 from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
+from erc_contact.newton.linear.changed import DIFFERENT
 
 
 class MultiplierMap:
@@ -178,7 +179,7 @@ class MultiplierMap:
             passive_area[places] = np.where(active, 0.0, self.contacts[k].area[:, None])
             if passive_area.any():
                 borne = diagonal(passive_area.ravel()).matMult(of_contact)
-                forces.axpy(-1.0, borne, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+                forces.axpy(-1.0, borne, DIFFERENT)
         return maps[::-1]
 
     def _completion(self, k: int, active: np.ndarray) -> PETSc.Mat:
@@ -225,7 +226,7 @@ class MultiplierMap:
                 of_facet = coefficients(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]).matMult(force)
             borne = jumps.transposeMatMult(force)
-            rest.axpy(-1.0, borne, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            rest.axpy(-1.0, borne, DIFFERENT)
 
         share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(rest)
         done = np.zeros(len(rows.here), dtype=bool)
@@ -239,7 +240,7 @@ class MultiplierMap:
                 of_facet = at_nodes(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]).matMult(force)
             inverse = np.divide(1.0, scales[k], out=np.zeros_like(scales[k]), where=scales[k] > 0)
-            matrix.axpy(1.0, _scaled(inverse, force), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            matrix.axpy(1.0, _scaled(inverse, force), DIFFERENT)
 
 
 class Reactions:

@@ -18,6 +18,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import matrix_of
 from erc_contact.newton.forms import ContactForms, Reader
+from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.krylov import set_up
 from erc_contact.newton.linear.motion_springs import MotionSprings
 from erc_contact.newton.linear.multigrid import Multigrid
@@ -25,8 +26,6 @@ from erc_contact.newton.linear.shells import shell
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.springs import Springs
-
-DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 
 
 class Tangent:

@@ -22,10 +22,8 @@ from petsc4py import PETSc
 from erc_contact.base.runtime import compiled
 from erc_contact.base.sparse import as_entries, assembled
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.glue import Glue
-
-DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 
 
 class Elastic:
@@ -47,7 +45,7 @@ class Elastic:
         u = ufl.TrialFunction(model.V)
         v = ufl.TestFunction(model.V)
         self.form = compiled.form(model.stiffness(u, v))
-        self.glue = Glue(model)
+        self.glue = Glue(model, model.contacts, model.fixed)
         self.owned = model.V.dofmap.index_map.size_local * model.d
         self.support_stiffness = 1.0
         self._owners = 0

@@ -12,7 +12,6 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import sparse, times
 from erc_contact.model.groups import Groups
 from erc_contact.model.trace import dofs_of
-from erc_contact.newton.linear.layer import Layer
 
 
 class JumpBasis:
@@ -20,33 +19,35 @@ class JumpBasis:
 
     Args:
         groups: B of all contacts at connected nodes.
-        layer: The layer.
+        numbers: Global numbers of the degrees of freedom of the layer, those of contact
+            nodes first, shape (L,).
+        contact_size: How many of them are at contact nodes.
 
     Attributes:
         jump_count: Number of unknowns A that change jumps.
     """
 
-    def __init__(self, groups: Groups, layer: Layer) -> None:
-        self._numbers = layer.numbers
-        self._order = np.argsort(layer.numbers)
+    def __init__(self, groups: Groups, numbers: np.ndarray, contact_size: int) -> None:
+        self._numbers = numbers
+        self._order = np.argsort(numbers)
         self._matrix: PETSc.Mat | None = None
         self._transpose: PETSc.Mat | None = None
-        self.jump_count = layer.contact_size
+        self.jump_count = contact_size
         if len(groups.numbers) == 0:
             return
         d = groups.jumps.shape[1]
-        in_groups = np.isin(layer.numbers, dofs_of(groups.numbers, d))
-        at_contact = np.arange(len(in_groups)) < layer.contact_size
+        in_groups = np.isin(numbers, dofs_of(groups.numbers, d))
+        at_contact = np.arange(len(in_groups)) < contact_size
         alone = np.flatnonzero(at_contact & ~in_groups)
         vectors, is_jump, is_alike = groups.bases
         self.jump_count = len(alone) + int(is_jump.sum())
         column_of = np.full(is_jump.shape, -1)
         column_of[is_jump] = np.arange(len(alone), self.jump_count)
-        column_of[is_alike] = np.arange(self.jump_count, layer.contact_size)
+        column_of[is_alike] = np.arange(self.jump_count, contact_size)
         used = (column_of >= 0)[:, :, None] & groups.is_free[..., None]
         dofs, columns, values = groups.columns_of(vectors, used, column_of)
 
-        off_contact = np.arange(layer.contact_size, len(in_groups))
+        off_contact = np.arange(contact_size, len(in_groups))
         identity = np.ones(len(alone) + len(off_contact))
         self._matrix = sparse(
             len(in_groups),

@@ -38,7 +38,8 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
 from erc_contact.base.sparse import times
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import DIFFERENT, SUBSET, Elastic
+from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
+from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.jump_basis import JumpBasis
 from erc_contact.newton.linear.layer import contact_layer
 from erc_contact.newton.linear.mumps import Factor, factorised
@@ -72,7 +73,9 @@ class Stiffness(Elastic):
         self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
         if self.layer.contact_size:
-            self.basis = JumpBasis(model.connections.groups, self.layer)
+            self.basis = JumpBasis(
+                model.connections.groups, self.layer.numbers, self.layer.contact_size
+            )
             self.contact_size = self.basis.jump_count
             self._condense()
 

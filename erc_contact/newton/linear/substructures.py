@@ -27,6 +27,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.sparse import sparse_like
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.glue import Glue
 from erc_contact.newton.linear.mumps import dense_factor, dense_solve
 from erc_contact.newton.linear.parts import Interface, Joint, Part
@@ -189,7 +190,7 @@ def _stiffness(form: fem.Form, glue: Glue, rows: np.ndarray) -> PETSc.Mat:
     used = glue.free
     added = sparse_like(matrix, place[glue.rows[used]], place[glue.columns[used]])
     added.setValuesCOO(glue.values[used])
-    matrix.axpy(1.0, added, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    matrix.axpy(1.0, added, DIFFERENT)
     added.destroy()
     matrix.setOption(PETSc.Mat.Option.SPD, True)
     return matrix
