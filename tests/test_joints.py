@@ -2,9 +2,9 @@
 
 Properties: a homogeneous stress under which all contacts of the point slip is found and
 certified to round-off by both methods, whichever body a contact names first, and so is
-one of two bodies beside each other on a foundation; supports of displacements are
-supports of unknowns, whatever they fix; the error falls with the mesh; a soft body gets
-no force that stiff ones leave.
+one of two bodies beside each other on a foundation; rows of groups are told apart by the
+components that supports leave free; the error falls with the mesh; a soft body gets no
+force that stiff ones leave.
 """
 
 from dataclasses import replace
@@ -20,8 +20,7 @@ from two_bodies import random_joint
 
 import erc_contact as ec
 from erc_contact.mesh.tags import tags_of
-from erc_contact.model.coordinates import Coordinates
-from erc_contact.model.model import Model
+from erc_contact.model.groups import NOBODY, Groups
 
 COMM = MPI.COMM_WORLD
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())
@@ -277,47 +276,52 @@ def test_order_of_contacts_changes_nothing():
     assert eps[1:] == pytest.approx([eps[0]] * 2, rel=1e-10)
 
 
-@pytest.mark.parametrize("count", [3, 4])
-def test_supports_are_supports_of_unknowns(count):
-    """Whichever nodes of a joint are fixed, as many unknowns are, and they tell u there."""
-    orders = "ab ac bc" if count == 3 else "ba ac bd dc"
-    pairs = contacts(orders, {})
-    held = [ec.Displacement(name, (0.0, 0.0)) for name in ("bottom", "top", "top of a")]
-    model = Model(ec.Scene(material(count), held, [], pairs), joint(2, count))
-    traces = [contact.trace for contact in model.contacts]
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_rows_of_a_group_with_supports(count):
+    """Whatever supports fix: P projects to what changes jumps, and forces fit reactions."""
+    pairs = {2: [(0, 1)], 3: [(0, 1), (0, 2), (2, 1)], 4: [(1, 0), (0, 2), (1, 3), (3, 2)]}[count]
+    here, there = np.array([*pairs, (0, NOBODY)]).T
     rng = np.random.default_rng(count)
-    x = model.V.tabulate_dof_coordinates()[:, :2]
-    at_joint = np.linalg.norm(x - 1.0, axis=1) < 1e-9
     for _ in range(40):
-        # The same on all ranks: nodes are told apart by the middle of a cell.
-        draw = rng.random((count, 2)) < rng.random()
-        body = body_of_nodes(model, count)
-        fixed = np.zeros((len(x), 2), dtype=bool)
-        fixed[at_joint] = draw[body[at_joint]]
-        u = model.function()
-        nodal = u.x.array.reshape(-1, 2)
-        nodal[at_joint] = rng.random((count, 2))[body[at_joint]]
-        prescribed = model.function()
-        prescribed.x.array[fixed.ravel()] = u.x.array[fixed.ravel()]
-        coordinates = Coordinates(model, traces, fixed, prescribed)
-        unknowns = coordinates.to_x(u)
-        back = coordinates.to_u(unknowns).x.array
-        assert abs(back - u.x.array).max() < 1e-14
-        fixed_x = coordinates.fixed
-        owned = slice(0, model.V.dofmap.index_map.size_local)
-        assert COMM.allreduce(int(fixed_x[owned].sum())) == COMM.allreduce(int(fixed[owned].sum()))
-        # Free unknowns do not move what supports fix.
-        free = model.function()
-        free.x.array[:] = np.where(fixed_x.ravel(), 0.0, 1.0 + unknowns.x.array)
-        moved = coordinates.to_u(free).x.array.reshape(-1, 2)
-        assert abs(moved[fixed]).max(initial=0.0) < 1e-14
-        values = coordinates.prescribed.x.array
-        assert abs(values - unknowns.x.array)[fixed_x.ravel()].max(initial=0.0) < 1e-14
+        free = rng.random((count, 1)) < rng.random()
+        groups = Groups(
+            5 + here, np.where(there < 0, NOBODY, 5 + there), 5 + np.arange(count), free
+        )
+        B = np.zeros((len(here), count))
+        B[np.arange(len(here)), here] = 1.0
+        B[np.arange(len(pairs)), there[: len(pairs)]] = -1.0
+        B *= free.ravel()
+        P = groups.projector[0, 0]
+        assert abs(P @ P - P).max() < 1e-14
+        assert abs(P - P.T).max() < 1e-14
+        assert abs(B @ P - B).max() < 1e-14
+        assert np.trace(P) == pytest.approx(np.linalg.matrix_rank(B))
+        vectors, is_jump, is_alike = (part[0, 0] for part in groups.bases)
+        assert is_jump.sum() + is_alike.sum() == free.sum()
+        assert abs(B @ vectors[:, is_alike]).max(initial=0.0) < 1e-14
+        assert abs(vectors[:, is_jump] @ vectors[:, is_jump].T - P).max() < 1e-14
+        # Rows are independent where no self-balanced forces have a part in them.
+        alone = [np.linalg.matrix_rank(np.delete(B, k, axis=0)) for k in range(len(B))]
+        is_needed = np.array(alone) < np.linalg.matrix_rank(B)
+        assert (groups.is_independent[:, 0] == is_needed).all()
+        # Forces by stiffness have the resultants of any reaction that rows can have.
+        stiffness = 10.0 ** rng.uniform(-3.0, 3.0, len(here))
+        reaction = P @ rng.normal(size=count)
+        forces = groups.shares(stiffness)[0, 0] @ reaction
+        assert B.T @ forces == pytest.approx(reaction, abs=1e-9)
 
 
-def body_of_nodes(model: Model, count: int) -> np.ndarray:
-    """The number of the body of each node of this rank."""
-    body = np.zeros(model.node_count, dtype=int)
-    for number, name in enumerate("abcd"[:count]):
-        body[model.nodes[model.domain.region(name)]] = number
-    return body
+def test_an_open_joint_moves_bodies_apart():
+    """Supports on one side alone leave the jump to the other side, at a joint, too."""
+    held = [ec.Displacement(name, (0.0, 0.0)) for name in ("bottom", "left")]
+    pull = ec.Displacement("top", (0.01, 0.01))
+    loads = [ec.Traction("right", (0.5, 0.0))]
+    scene = ec.Scene(material(3), [*held, pull], loads, contacts("ab ac bc", {"ab": 0.3}))
+    found = []
+    for method in METHODS:
+        for solver in ("direct", "iterative"):
+            solution = ec.solve(scene, joint(2), method, solver=solver)
+            found.append(ec.constitutive_error(ec.equilibrate(solution)).absolute)
+            for pair in ("ab", "ac", "bc"):
+                assert abs(solution.force(pair).force).max() < 1e-7
+    assert found[1:] == pytest.approx(found[:1] * 3, rel=1e-7)

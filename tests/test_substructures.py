@@ -66,7 +66,7 @@ def solved(elastic: Stiffness, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
     elastic.add_glue(whole)
     b, x, r = whole.createVecLeft(), whole.createVecRight(), whole.createVecLeft()
     b.array[:] = values
-    parts = Substructures(elastic.model, elastic.form, elastic.glue, elastic.local)
+    parts = Substructures(elastic.model, elastic.form, elastic.glue, elastic.layer.local)
     parts.solve(b, x)
     whole.mult(x, r)
     r.axpy(-1.0, b)
@@ -92,9 +92,9 @@ def check(case: str, degree: int) -> None:
     if not elastic.contact_size:
         return
     at_contact = np.zeros(owned)
-    at_contact[elastic.local[elastic.local < owned]] = rng.standard_normal(
-        np.count_nonzero(elastic.local < owned)
-    )
+    local = elastic.layer.local
+    local = local[local < owned]
+    at_contact[local] = rng.standard_normal(len(local))
     x, b, residual = solved(elastic, at_contact)
     assert residual < 1e-12
     u, force = model.function(), model.function()
@@ -170,7 +170,7 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
 
     monkeypatch.setattr("erc_contact.newton.linear.parts.factorised", failing)
     with pytest.raises(ec.InputError, match="cannot be factorised"):
-        Substructures(model, elastic.form, elastic.glue, elastic.local)
+        Substructures(model, elastic.form, elastic.glue, elastic.layer.local)
 
 
 def test_a_joint_that_is_not_definite_is_told():
@@ -201,7 +201,7 @@ def test_compressed_factors_solve_as_the_others(monkeypatch):
         found = []
         for limit in (100, 10**9):
             monkeypatch.setattr(mumps, "COMPRESSED_FROM", limit)
-            factor = mumps.factorised(matrix, elastic.numbers)
+            factor = mumps.factorised(matrix, elastic.layer.numbers)
             compressed = factor.mumps.getMumpsIcntl(35)
             found.append((compressed, factor.schur_complement()))
         (yes, small), (no, usual) = found

@@ -1,12 +1,12 @@
 """The displacement of a contact and what is made of it.
 
-One linear map, its transpose and its matrix.
+One linear map and its transpose.
 
 - on a foundation it is the displacement of the facets; in a history its tangential part
   counts from the last step;
 - between two bodies that touch with equal facets it is their jump, whatever the order
-  of the vertices, and forces come back opposite on both sides; map, transpose and
-  matrix agree to round-off on any number of ranks;
+  of the vertices, and forces come back opposite on both sides; map and transpose agree
+  to round-off on any number of ranks;
 - no other module of the method takes the trace on a contact, its coefficients or its
   stiffness.
 """
@@ -138,20 +138,6 @@ class TestTwoSides:
         )
         # Action and reaction.
         assert abs(nodal.sum(axis=0)).max() <= 1e-13 * max(abs(forces).sum(), 1.0)
-
-    def test_matrix_is_the_map(self, d, degree):
-        model, trace = two_sided(d, degree)
-        rng = np.random.default_rng(COMM.rank)
-        u = rng.standard_normal((model.node_count, d))
-        rows, columns, values = trace.matrix()
-        w = np.zeros(trace.here.nodes.size * d)
-        np.add.at(w, rows, values * u.ravel()[columns])
-        assert abs(w - trace.of(u).ravel()).max(initial=0.0) <= 1e-14
-        forces = rng.standard_normal(w.shape)
-        nodal = np.zeros(u.size)
-        np.add.at(nodal, columns, values * forces[rows])
-        back = trace.back(forces.reshape((*trace.here.nodes.shape, d)))
-        assert abs(nodal - back.ravel()).max(initial=0.0) <= 1e-14 * max(abs(forces).sum(), 1.0)
 
     def test_stiffness_is_that_of_springs_in_a_row(self, d, degree):
         model, trace = two_sided(d, degree)

@@ -23,6 +23,7 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.loads import sum_of
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import product
 from erc_contact.newton.linear.solver import ElasticSolver
 
 SPRING_FACTOR = 1e6
@@ -62,7 +63,7 @@ def lifting(
     for other in others:
         other.add(values, -_working_part(other.contact, other.jump(values)))
     values[model.fixed] = 0.0
-    values[model.coordinates.is_joint] = 0.0
+    values[model.connections.is_joint] = 0.0
     # A node of several contacts is not free for all of them: phi is zero there.
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
     for other in others:
@@ -93,16 +94,18 @@ class _Surface:
             model.V, model.d - 1, model.facet_numbers(contact.facets)
         )
         # Where more than two bodies meet, phi is zero: the jumps are not independent.
-        is_joint = model.coordinates.is_joint[nodes]
+        is_joint = model.connections.is_joint[nodes]
         self.has_joint = bool(is_joint.any())
         self.nodes = nodes[~is_joint]
         self._partners = np.zeros(0, dtype=np.int64)
         self._free = ~model.fixed
         if contact.against is not None:
-            partners = model.coordinates.partner_here[self.nodes]
+            number = model.contacts.index(contact)
+            pairs = model.connections.pairs[number]
+            pairs = model.local_nodes(pairs.ravel()).reshape(-1, 2)
             # The owners of both nodes of a pair have both of them.
-            self.nodes = self.nodes[partners >= 0]
-            self._partners = partners[partners >= 0]
+            pairs = pairs[np.isin(pairs[:, 0], self.nodes) & (pairs[:, 1] >= 0)]
+            self.nodes, self._partners = pairs.T
 
     def jump(self, values: np.ndarray) -> np.ndarray:
         """Return phi, or its jump, of values (all nodes, d), shape (n, d)."""
@@ -140,14 +143,14 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
     b = model.function()
     fem.assemble_vector(b.x.array, compiled.form(pull))
     start = model.function()
-    if model.coordinates.is_identity:
+    if not model.connections.any:
         # The solver starts from a rigid motion, if the body is free to make it.
         start.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
         start.x.array[model.fixed.ravel()] = 0.0
-    elif contact.against is not None:
+    if contact.against is not None:
         # The springs pull at the jump.
         b.x.scatter_reverse(la.InsertMode.add)
-        b = model.coordinates.forces_on_bodies(b)
+        b = product(model, model.connections.jump(which), b, transpose=True)
         b.x.array[model.V.dofmap.index_map.size_local * model.d :] = 0.0
     with elastic.in_memory():
         phi = elastic.solve_with_springs(matrix, b, start)
@@ -160,31 +163,33 @@ def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarra
 
 
 def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
-    """Assemble the springs of all contacts for the solver's unknowns; collective."""
+    """Assemble the springs of all contacts; collective."""
     u = ufl.TrialFunction(model.V)
     v = ufl.TestFunction(model.V)
     on_foundations: list[Ufl] = []
-    between: list[Ufl] = []
-    for contact in model.contacts:
-        term = gamma * ufl.inner(_working_part_ufl(contact, u), v) * contact.ds
-        kind = on_foundations if contact.against is None else between
-        kind.append(term)
-    coordinates = model.coordinates
-    first_part = on_foundations if coordinates.is_identity else between
+    matrices = []
     # Without supports: fixed components beside the contacts have no entry, and DOLFINx
     # would make PETSc fail, unheard, for each of them.
-    matrix = fp.assemble_matrix(compiled.form(sum_of(first_part)))
-    matrix.assemble()
-    if on_foundations and not coordinates.is_identity:
-        of_bodies = fp.assemble_matrix(compiled.form(sum_of(on_foundations)))
-        of_bodies.assemble()
-        of_unknowns = of_bodies.ptap(coordinates.matrix)
-        matrix.axpy(1.0, of_unknowns, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        of_bodies.destroy()
-        of_unknowns.destroy()
+    for number, contact in enumerate(model.contacts):
+        term = gamma * ufl.inner(_working_part_ufl(contact, u), v) * contact.ds
+        if contact.against is None:
+            on_foundations.append(term)
+            continue
+        of_jump = fp.assemble_matrix(compiled.form(term))
+        of_jump.assemble()
+        matrices.append(of_jump.ptap(model.connections.jump(number)))
+        of_jump.destroy()
+    if on_foundations:
+        on_bodies = fp.assemble_matrix(compiled.form(sum_of(on_foundations)))
+        on_bodies.assemble()
+        matrices.append(on_bodies)
+    matrix, *others = matrices
+    for other in others:
+        matrix.axpy(1.0, other, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        other.destroy()
     matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
     first, last = matrix.getOwnershipRange()
-    fixed = first + np.flatnonzero(coordinates.fixed.ravel()[: last - first])
+    fixed = first + np.flatnonzero(model.fixed.ravel()[: last - first])
     matrix.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
     return matrix
 

@@ -26,7 +26,6 @@ from erc_contact.mesh.simplex import coefficients, in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import marked_by_any
 from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 
@@ -279,18 +278,7 @@ def _with_several_forces(model: Model) -> np.ndarray | None:
     That is several contacts, or a support, which may hold one of the bodies alone.
     Shape (nodes,); None where there are none on any rank.
     """
-    coordinates = model.coordinates
-    if coordinates.is_identity:
+    if not model.connections.any:
         return None
-    on_foundation = np.zeros(model.node_count, dtype=bool)
-    for contact in model.contacts:
-        if contact.trace.there is None:
-            on_foundation[contact.trace.here.nodes] = True
-    is_held = model.fixed.any(axis=1)
-    all_partners = coordinates.partner_here
-    partner_is_held = np.where(all_partners >= 0, is_held[all_partners], False)
-    several = (on_foundation | is_held | partner_is_held) & coordinates.is_paired
-    partners = all_partners[several]
-    several[partners[partners >= 0]] = True
-    (several,) = marked_by_any(model, several | coordinates.is_joint)
+    several = model.connections.has_several
     return several if model.comm.allreduce(bool(several.any()), MPI.LOR) else None

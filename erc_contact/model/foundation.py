@@ -54,8 +54,8 @@ class BoundContact:
             carries all.
         variable: The displacement whose jump a solver varies, and this jump, Functions;
             None outside a solver, and on a foundation.
-        test_jump: Factor of the jump of test functions, a Constant, with which a solver
-            tells the jump from the rest; None where it need not.
+        tests_jump: Whether the jump of test functions counts: a solver asks for
+            equations without it, too.
         gap_share: Factor of the gap in the equations of a solver [-], UFL; None outside
             a solver.
         gap_vectors: M at the vertices of the facets [-], shape (f, d, d); None where
@@ -78,7 +78,7 @@ class BoundContact:
     stiffness: Ufl | None = None
     lost: np.ndarray | None = None
     variable: tuple[fem.Function, fem.Function] | None = None
-    test_jump: fem.Constant | None = None
+    tests_jump: bool = True
     gap_share: Ufl | None = None
     gap_vectors: np.ndarray | None = None
     moved: fem.Function | None = None
@@ -179,7 +179,7 @@ class BoundContact:
             InputError: If u is UFL, and the contact is between two bodies.
         """
         if has_arguments(u):
-            return u if self.test_jump is None else self.test_jump * u
+            return u if self.tests_jump else 0.0 * u
         w = u if self.trace.there is None else self._difference(u)
         before = self.trace.before
         if before is None:

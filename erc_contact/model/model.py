@@ -12,10 +12,10 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.connections import Connections
 from erc_contact.model.constitution import Constitution
 from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.coordinates import Coordinates
 from erc_contact.model.dimension import check_dimension
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.held_motions import free_motions
@@ -70,7 +70,7 @@ class Model(Space):
             support.
         contacts: The scene's contacts.
         ties: The scene's tied joints.
-        coordinates: The solver's unknowns: jumps at contacts between bodies.
+        connections: The nodes that contacts between bodies connect.
         bodies: Number of the body of each node of this rank, and number of bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
             :func:`free_motions`.
@@ -107,7 +107,7 @@ class Model(Space):
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
         self.gap_limits: dict[BoundContact, np.ndarray] = {}
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
-        self.bind_coordinates()
+        self.bind_connections()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
         self.bodies = bodies_of_nodes(self)
         self.free_motions = free_motions(
@@ -126,10 +126,10 @@ class Model(Space):
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
 
-    def bind_coordinates(self) -> None:
-        """Set the solver's unknowns, given contacts and supports; collective."""
+    def bind_connections(self) -> None:
+        """Find the nodes that contacts connect, given supports; collective."""
         traces = [contact.trace for contact in self.contacts]
-        self.coordinates = Coordinates(self, traces, self.fixed, self.prescribed)
+        self.connections = Connections(self, traces, self.fixed)
 
     # -- forms
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from dolfinx import la
+from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.model.space import Space
@@ -42,6 +42,21 @@ def sums_of_cells(space: Space, values: np.ndarray) -> np.ndarray:
         of_cells.x.scatter_reverse(la.InsertMode.add)
         values = of_cells.x.array[place]
     return values[: space.domain.owned_cells]
+
+
+def product(
+    space: Space, matrix: PETSc.Mat, u: fem.Function, *, transpose: bool = False
+) -> fem.Function:
+    """Return the product of a matrix of all ranks, or its transpose, and a Function."""
+    x, y = matrix.createVecs()
+    x.array[:] = u.x.array[: len(x.array_r)]
+    (matrix.multTranspose if transpose else matrix.mult)(x, y)
+    result = space.function()
+    result.x.array[: len(y.array_r)] = y.array_r
+    result.x.scatter_forward()
+    x.destroy()
+    y.destroy()
+    return result
 
 
 def matrix_of_ranks(

@@ -172,6 +172,10 @@ class Space:
         local = nodes.ravel().astype(np.int32)
         return self.V.dofmap.index_map.local_to_global(local).reshape(nodes.shape)
 
+    def local_nodes(self, numbers: np.ndarray) -> np.ndarray:
+        """Return nodes of global numbers as those of this rank, -1 elsewhere, (n,)."""
+        return self.V.dofmap.index_map.global_to_local(numbers).astype(np.int64)
+
     def global_dofs(self, dofs: np.ndarray) -> np.ndarray:
         """Return the global numbers of degrees of freedom of this rank, shape (n,)."""
         return self.global_numbers(dofs // self.d) * self.d + dofs % self.d

@@ -1,4 +1,4 @@
-"""Take the displacement of a contact: values on facets, forces back, matrix, stiffness.
+"""Take the displacement of a contact: values on facets, forces back, stiffness.
 
 A contact reads of a displacement u only w, its value at the contact. On a rigid
 foundation w is u itself; between two bodies it is the jump, u on this side less u at
@@ -308,24 +308,6 @@ class Trace:
             values: Values at the nodes of the facets, shape (f, m, ...).
         """
         return np.take_along_axis(values, self._order_there[..., None], axis=1)
-
-    def matrix(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return :meth:`of` as the entries of a sparse matrix.
-
-        It maps degrees of freedom of this rank to the components of w.
-
-        Returns:
-            Rows, in the order of w raveled, columns and values of its entries.
-        """
-        columns = dofs_of(self.here.nodes, self.here.d)
-        rows = np.arange(columns.size)
-        values = np.ones(columns.size)
-        if self.there is None:
-            return rows, columns, values
-        # The other side has a minus, because w is this side less the other one.
-        both_columns = np.concatenate([columns, dofs_of(self.partners, self.here.d)])
-        both_values = np.concatenate([values, -values])
-        return np.tile(rows, 2), both_columns, both_values
 
     @cached_property
     def stiffness(self) -> np.ndarray:

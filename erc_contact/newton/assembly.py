@@ -1,7 +1,9 @@
 """Assembly of the contact equations on all ranks for the condensed problem on rank 0.
 
-Each rank assembles the terms of its own facets, and rank 0 adds them up. Symbols: u_A
-and z as in :mod:`erc_contact.newton.condensed`.
+Each rank assembles the terms of its own facets, for each reader of the forms in a
+vector and in matrices of its own. Rank 0 adds them up, and takes the forces on what
+contacts read to those on the unknowns. Symbols: A, u_A and z as in
+:mod:`erc_contact.newton.condensed`.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from dolfinx import fem, la
 
 from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import pattern_of
-from erc_contact.newton.forms import ContactForms, Pass
+from erc_contact.newton.contact_nodes import Reading
+from erc_contact.newton.forms import ContactForms
 
 
 class Assembly:
@@ -23,13 +26,13 @@ class Assembly:
 
     Args:
         forms: The equations of the method.
-        passes: The assemblies of the equations whose sum they are.
+        readings: What the forces of each reader are.
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         size: Number of unknowns u_A.
 
     Attributes:
-        readers: For each field its degrees of freedom that are in z, and their places.
+        fields: For each field its degrees of freedom that are in z, and their places.
         positions: Rows in u_A and columns in z of the entries of the tangent, on rank
             0; None elsewhere.
     """
@@ -37,7 +40,7 @@ class Assembly:
     def __init__(
         self,
         forms: ContactForms,
-        passes: list[Pass],
+        readings: list[Reading],
         columns: list[np.ndarray],
         size: int,
     ) -> None:
@@ -45,81 +48,65 @@ class Assembly:
         self._comm = forms.model.comm
         self._size = size
         self._residual = forms.model.function()
-        self._matrices = [la.matrix_csr(pattern_of(tangents)) for tangents in forms.tangents]
-
-        self.readers: list[tuple[np.ndarray, np.ndarray]] = []
+        self.fields: list[tuple[np.ndarray, np.ndarray]] = []
         for column in columns:
             dofs = np.flatnonzero(column >= 0)
-            self.readers.append((dofs, column[dofs]))
+            self.fields.append((dofs, column[dofs]))
 
-        self._passes = passes
-        all_rows = gathered(self._comm, np.concatenate([p.places for p in self._passes]))
-        self._all_rows = np.zeros(0, dtype=np.int64)
-        if all_rows is not None:
-            self._all_rows = np.concatenate(all_rows)
-
+        self._rows = [np.flatnonzero(reading.row_of >= 0) for reading in readings]
+        self._matrices = []
         self._picks: list[np.ndarray] = []
-        self._factors: list[np.ndarray] = []
-        entry_rows = []
-        entry_cols = []
-        for one_pass in self._passes:
-            for matrix, column in zip(self._matrices, columns, strict=True):
-                entry_dofs, col = _entries(matrix)
-                row = one_pass.row_of[entry_dofs]
-                col = column[col]
+        row_parts = []
+        entry_parts = []
+        for number, (reader, reading) in enumerate(zip(forms.readers, readings, strict=True)):
+            row_parts.append(_of_reader(number, reading.row_of[self._rows[number]]))
+            for column, tangents in zip(columns, reader.tangents, strict=True):
+                if not tangents:
+                    continue
+                matrix = la.matrix_csr(pattern_of(tangents))
+                row, col = _entries(matrix)
+                row, col = reading.row_of[row], column[col]
                 pick = np.flatnonzero((row >= 0) & (col >= 0))
+                self._matrices.append((matrix, tangents))
                 self._picks.append(pick)
-                self._factors.append(one_pass.factor_of[entry_dofs[pick]])
-                entry_rows.append(row[pick])
-                entry_cols.append(col[pick])
-        parts = gathered(self._comm, (np.concatenate(entry_rows), np.concatenate(entry_cols)))
+                entry_parts.append(_of_reader(number, row[pick], col[pick]))
+        rows = gathered(self._comm, np.concatenate(row_parts, axis=1))
+        entries = gathered(self._comm, np.concatenate(entry_parts, axis=1))
         self.positions: tuple[np.ndarray, np.ndarray] | None = None
-        if parts is not None:
-            all_entry_rows, all_entry_cols = zip(*parts, strict=True)
-            self.positions = np.concatenate(all_entry_rows), np.concatenate(all_entry_cols)
+        if rows is not None and entries is not None:
+            self._of_rows = _Spread(readings, np.concatenate(rows, axis=1))
+            self._of_entries = _Spread(readings, np.concatenate(entries, axis=1))
+            self.positions = self._of_entries.rows, self._of_entries.columns
 
     def set_fields(self, z: np.ndarray) -> None:
         """Set the fields that the forms read to z."""
-        fields = (*self._forms.displacements, *self._forms.multipliers)
-        for field, (dofs, places) in zip(fields, self.readers, strict=True):
+        for field, (dofs, places) in zip(self._forms.fields, self.fields, strict=True):
             field.x.array[dofs] = z[places]
 
     def residual(self) -> np.ndarray | None:
         """Assemble the equations at the fields [force], shape (A,)."""
         vector = self._residual.x.array
         values = []
-        tested = None
-        for one_pass in self._passes:
-            # Passes that test the same jumps read the same forces.
-            if one_pass.tested != tested:
-                tested = one_pass.tested
-                self._forms.test(tested)
-                vector[:] = 0.0
-                self._forms.assemble(vector)
-            values.append(one_pass.factors * vector[one_pass.rows])
+        for reader, rows in zip(self._forms.readers, self._rows, strict=True):
+            vector[:] = 0.0
+            reader.assemble(vector)
+            values.append(vector[rows])
         parts = gathered(self._comm, np.concatenate(values))
         if parts is None:
             return None
-        return np.bincount(self._all_rows, np.concatenate(parts), self._size)
+        spread = self._of_rows
+        return np.bincount(spread.rows, spread.values(np.concatenate(parts)), self._size)
 
     def tangent(self) -> np.ndarray | None:
         """Assemble the entries of the tangent, in the order of `positions`."""
         values = []
-        picks = zip(self._picks, self._factors, strict=True)
-        tested = None
-        for one_pass in self._passes:
-            is_new = one_pass.tested != tested
-            tested = one_pass.tested
-            self._forms.test(tested)
-            for matrix, tangents in zip(self._matrices, self._forms.tangents, strict=True):
-                if is_new:
-                    matrix.set_value(0.0)
-                    for tangent in tangents:
-                        fem.assemble_matrix(matrix, tangent)
-                pick, factor = next(picks)
-                values.append(factor * matrix.data[pick])
+        for (matrix, tangents), pick in zip(self._matrices, self._picks, strict=True):
+            matrix.set_value(0.0)
+            for tangent in tangents:
+                fem.assemble_matrix(matrix, tangent)
+            values.append(matrix.data[pick])
         parts = gathered(self._comm, np.concatenate(values))
-        return None if parts is None else np.concatenate(parts)
+        return None if parts is None else self._of_entries.values(np.concatenate(parts))
 
     def status(self) -> np.ndarray | None:
         """Return the status open (0), slip (1) or stick (2) at points of all facets."""
@@ -129,6 +116,47 @@ class Assembly:
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps [-]."""
         self._forms.set_shares(friction, gap)
+
+
+class _Spread:
+    """Take forces on what contacts read to the unknowns that it depends on.
+
+    Args:
+        readings: What the forces of each reader are, with their matrices.
+        places: Number of the reader, row, and maybe column of each entry, shape (2, n)
+            or (3, n).
+
+    Attributes:
+        rows: Rows in u_A, shape (m,).
+        columns: The columns given, or the rows.
+    """
+
+    def __init__(self, readings: list[Reading], places: np.ndarray) -> None:
+        rows, factors, sources = [], [], []
+        for number, reading in enumerate(readings):
+            assert reading.matrix is not None
+            begin, unknowns, values = reading.matrix.getValuesCSR()
+            of_reader = np.flatnonzero(places[0] == number)
+            row = places[1, of_reader]
+            count = np.diff(begin)[row]
+            first = np.repeat(begin[row] - (np.cumsum(count) - count), count)
+            entry = first + np.arange(len(first))
+            rows.append(unknowns[entry])
+            factors.append(values[entry])
+            sources.append(np.repeat(of_reader, count))
+        self.rows = np.concatenate(rows)
+        self._factors = np.concatenate(factors)
+        self._sources = np.concatenate(sources)
+        self.columns = places[-1, self._sources]
+
+    def values(self, entries: np.ndarray) -> np.ndarray:
+        """Return the values at the rows of given entries, shape (m,)."""
+        return self._factors * entries[self._sources]
+
+
+def _of_reader(number: int, *places: np.ndarray) -> np.ndarray:
+    """Return places of entries with the number of their reader, shape (k, n)."""
+    return np.stack([np.full(len(places[0]), number), *places])
 
 
 def _entries(matrix: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -1,16 +1,19 @@
 """The contact problem condensed on the contact: residual and tangent, small and dense.
 
-The unknowns are the displacements u_A of the degrees of freedom A whose equilibrium
-contains contact terms. The contact equations depend on the displacements u_L of the
-cells at the contact and on the multipliers lambda. Both are affine functions of u_A:
+The unknowns are the displacements u_A whose equilibrium contains contact terms: those
+that change what the contacts read, in an orthonormal basis
+(:mod:`erc_contact.newton.linear.stiffness`). The contact equations depend on the
+displacements u of the cells at the contact, on the jumps between bodies, and on the
+multipliers lambda. All are affine functions of u_A:
 
-    z = (u_L, lambda) = Z (u_A, 1),    a lambda = K u_A - s at a contact node of area a,
+    z = (u, jumps, lambda) = Z (u_A, 1),    B^T (a lambda) = K u_A - s,
 
-with K the elastic stiffness condensed on A and s the condensed loads. The problem is
-``K u_A - s + e(z) = 0``, where e are the equations of the method; for a method with a
-multiplier it is ``e(z) = 0``. Its tangent is ``K + e'(z) Z``, or ``e'(z) Z``. Newton's
-method for this problem has the same iterates as Newton's method for the whole body,
-because the equations away from the contact are linear and hold at every step.
+with B what contacts read of u_A, K the elastic stiffness condensed on A and s the
+condensed loads. The problem is ``K u_A - s + B^T e(z) = 0``, where e are the equations
+of the method; for a method with a multiplier it is ``B^T e(z) = 0``. Its tangent is ``K
++ B^T e'(z) Z``, or ``B^T e'(z) Z``. Newton's method for this problem has the same
+iterates as Newton's method for the whole body, because the equations away from the
+contact are linear and hold at every step.
 
 The affine functions are in :mod:`erc_contact.newton.field_map`.
 
@@ -34,9 +37,8 @@ from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.passes import passes
 from erc_contact.newton.pressing import contact_normals
-from erc_contact.newton.shared_laws import set_to_laws
+from erc_contact.newton.shared_laws import laws_of
 
 SMALL_FORCE = 1e-6
 """Contact forces that count as none, over those with the contact glued [-]."""
@@ -81,7 +83,9 @@ class Condensed:
         self.forms = forms
         self.u = self.forms.u
         self.multipliers = self.forms.multipliers
-        self.size = len(stiffness.numbers) if forms.method.in_layer else stiffness.contact_size
+        self.size = (
+            len(stiffness.layer.numbers) if forms.method.in_layer else stiffness.contact_size
+        )
         self.forms.set_displacement(w)
         self._last_u_A: np.ndarray | None = None
         self.matrix = self.schur = np.zeros((0, 0))
@@ -96,13 +100,14 @@ class Condensed:
         largest_slip = float(abs(slip.x.array).max(initial=0.0))
         self.length = max(model.comm.allgather(max(largest_w, largest_slip))) or 1.0
         slip_A = stiffness.gather(slip)[: self.size]
-        together(model.comm, self._condense, slip_A)
+        glue_forces = stiffness.gather(stiffness.glue.times(w))[: self.size]
+        together(model.comm, self._condense, slip_A, glue_forces)
         self.normals = stiffness.gather(contact_normals(model))[: self.size]
 
-        self._fields = FieldMap(self.forms, stiffness, self.size, w, self.matrix, self.loads)
-        fields = self._fields
-        assemblies = passes(self.forms, fields.rows)
-        self.assembly = Assembly(self.forms, assemblies, fields.columns, self.size)
+        w_A = self.w[: self.size]
+        fields = FieldMap(self.forms, stiffness, self.size, w_A, self.matrix, self.loads)
+        self._fields = fields
+        self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size)
         together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:
@@ -133,8 +138,8 @@ class Condensed:
         """Return the residual R(u_A) [force], on rank 0."""
         self._move(u_A)
         equations = self._on_all_ranks("residual")
-        rows = self._fields.in_equilibrium
-        equations[rows] += self.matrix[rows] @ u_A - self.loads[rows]
+        if not self.multipliers:
+            equations += self.matrix @ u_A - self.loads
         return equations
 
     def tangent(self, u_A: np.ndarray) -> np.ndarray:
@@ -143,8 +148,8 @@ class Condensed:
         self._sparse.setValuesCOO(self._on_all_ranks("tangent"))
         self._sparse.matMult(self._derivative, self._product)
         dense = self._product.getDenseArray(readonly=True).copy(order="F")
-        rows = self._fields.in_equilibrium
-        dense[rows] += self.matrix[rows]
+        if not self.multipliers:
+            dense += self.matrix
         return dense
 
     def status(self, u_A: np.ndarray) -> np.ndarray:
@@ -210,25 +215,16 @@ class Condensed:
 
     def multipliers_at(self, u_A: np.ndarray) -> tuple[fem.Function, ...]:
         """Return the nodal multipliers for u_A [force/area]; collective."""
-        comm, model = self.model.comm, self.model
+        comm = self.model.comm
         z = None
         if comm.rank == 0 and self.multipliers:
             z = self._fields_at(u_A)
         z = from_first(comm, z)
-        multipliers = []
-        if self._fields.shared is not None:
-            self.assembly.set_fields(z)
-            self._last_u_A = None
-            multipliers = [multiplier.copy() for multiplier in self.multipliers]
-            set_to_laws(self.forms, self._fields.shared, multipliers)
-            return self.forms.nodal_multipliers(multipliers)
-        readers = self.assembly.readers[len(self.forms.displacements) :]
-        for contact, (dofs, places) in zip(model.contacts, readers, strict=False):
-            multiplier = model.function()
-            multiplier.x.array[dofs] = z[places]
-            model.to_coefficients(multiplier.x.array.reshape(-1, model.d), [contact], back=True)
-            multipliers.append(multiplier)
-        return tuple(multipliers)
+        if self._fields.multipliers is None:
+            return ()
+        self.assembly.set_fields(z)
+        self._last_u_A = None
+        return self.forms.nodal_multipliers(laws_of(self.forms, self._fields.multipliers))
 
     def _fields_at(self, u_A: np.ndarray) -> np.ndarray:
         """Return z for u_A, on rank 0."""
@@ -247,7 +243,7 @@ class Condensed:
 
     # -- set up
 
-    def _condense(self, slip_A: np.ndarray) -> None:
+    def _condense(self, slip_A: np.ndarray, glue_forces: np.ndarray) -> None:
         """Make the dense matrices on rank 0."""
         if self.stiffness.schur is None:
             return
@@ -255,7 +251,7 @@ class Condensed:
         w_A = self.w[:a]
         self.schur, _ = self.stiffness.reduced(a)
         self.matrix = self.stiffness.unglued(a)
-        self.loads = self.matrix @ w_A + self.stiffness.glued_by[:a] * w_A
+        self.loads = self.matrix @ w_A + glue_forces
         forces = abs(self.matrix) @ np.maximum(abs(w_A), abs(slip_A))
         self.force = float(forces.max()) or 1.0
 

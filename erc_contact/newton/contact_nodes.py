@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -9,6 +10,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.base.sparse import sparse
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.groups import NOBODY
+from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
 
 NO_ENTRY = 1e-14
@@ -29,91 +33,139 @@ class Entries:
     columns: np.ndarray
     values: np.ndarray
 
+    def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> PETSc.Mat:
+        """Make a matrix between degrees of freedom, on this rank.
+
+        Args:
+            rows: Numbers of its rows, shape (n,).
+            columns: Numbers of its columns.
+            identity: Whether rows without entries are those of the identity.
+        """
+        order_of_rows, order_of_columns = np.argsort(rows), np.argsort(columns)
+        row = order_of_rows[np.searchsorted(rows, self.rows, sorter=order_of_rows)]
+        column = order_of_columns[np.searchsorted(columns, self.columns, sorter=order_of_columns)]
+        others = np.setdiff1d(np.arange(len(rows)), row)
+        if not identity:
+            others = others[:0]
+        return sparse(
+            len(rows),
+            len(columns),
+            np.concatenate([row, others]),
+            np.concatenate([column, others]),
+            [self.values, np.ones(len(others))],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """Tell what the forces of one reader are in the condensed problem.
+
+    Attributes:
+        row_of: Row of each degree of freedom of this rank, -1 without.
+        matrix: From unknowns A to what is read at these rows, on rank 0; None
+            elsewhere.
+    """
+
+    row_of: np.ndarray
+    matrix: PETSc.Mat | None
+
 
 @dataclass(frozen=True, eq=False)
 class ContactNodes:
     """Hold the nodes and facets of a contact of all ranks, the same on all ranks.
 
     Attributes:
-        numbers: Global numbers of the nodes, ascending, shape (n,).
-        facets: Nodes of each facet as places in `numbers`, shape (f, m).
+        here: Global numbers of the nodes on this side, ascending, shape (n,).
+        there: Those of the nodes of the other body, or ``NOBODY``, shape (n,).
+        facets: Nodes of each facet as places in `here`, shape (f, m).
         area: Areas of the nodes [length^(d-1)], shape (n,).
         stiffness: Stiffness of the bodies over these areas, that of two bodies as of
             springs in a row [force/length], shape (n,).
-        free: Components that no support fixes, shape (n, d).
     """
 
-    numbers: np.ndarray
+    here: np.ndarray
+    there: np.ndarray
     facets: np.ndarray
     area: np.ndarray
     stiffness: np.ndarray
-    free: np.ndarray
 
 
-class NodesOfAll:
-    """Number the nodes of all contacts; matrices between them are of this rank.
+def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
+    """Gather the nodes and facets of a contact; collective."""
+    trace = contact.trace
+    side = trace.here
+    nodes = side.nodes[side.owned]
+    m = nodes.shape[1]
+    shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
+    springs = shares * trace.stiffness[side.owned][:, None]
+    there = np.full(nodes.shape, NOBODY)
+    if trace.there is not None:
+        there = model.global_numbers(trace.partners[side.owned])
+    parts = model.comm.allgather((model.global_numbers(nodes), there, shares, springs))
+    all_here, all_there, all_shares, all_springs = (
+        np.concatenate(part) for part in zip(*parts, strict=True)
+    )
+    here, first, place = np.unique(all_here.ravel(), return_index=True, return_inverse=True)
+    area = np.bincount(place.ravel(), all_shares.ravel())
+    stiffness = np.bincount(place.ravel(), all_springs.ravel())
+    there = all_there.ravel()[first]
+    return ContactNodes(here, there, place.reshape(-1, m), area, stiffness)
+
+
+class RowsOfAll:
+    """Number what all contacts read at their nodes: a *row* for each node or pair.
+
+    Matrices between rows are of this rank.
 
     Args:
         d: The dimension.
         degree: Degree of the displacement.
         contacts: The nodes and facets of each contact.
-        more: Global numbers of nodes that count besides.
 
     Attributes:
         d: The dimension.
         degree: Degree of the displacement.
         contacts: The nodes and facets of each contact.
-        numbers: Global numbers of the nodes, ascending, shape (N,).
-        dofs: Their degrees of freedom, shape (N d,).
-        places: Places of the nodes of each contact among them.
-        areas: Areas of the nodes in each contact, zero elsewhere [length^(d-1)], shape
-            (N,).
+        here: Global number of the node on this side of each row, shape (n,).
+        there: That of the other body, or ``NOBODY``, shape (n,).
+        places: The rows of the nodes of each contact.
+        areas: Areas of the rows in each contact, zero elsewhere [length^(d-1)], shape
+            (n,).
     """
 
-    def __init__(self, d: int, degree: int, contacts: list[ContactNodes], more: np.ndarray) -> None:
+    def __init__(self, d: int, degree: int, contacts: list[ContactNodes]) -> None:
         self.d = d
         self.degree = degree
         self.contacts = contacts
-        self.numbers = np.unique(np.concatenate([*(c.numbers for c in contacts), more]))
-        self.dofs = dofs_of(self.numbers, d)
-        self.places = [np.searchsorted(self.numbers, c.numbers) for c in contacts]
+        pairs = np.concatenate([np.column_stack([c.here, c.there]) for c in contacts])
+        unique, places = np.unique(pairs, axis=0, return_inverse=True)
+        self.here, self.there = unique.T
+        ends = np.cumsum([len(contact.here) for contact in contacts])
+        self.places = np.split(places.ravel(), ends[:-1])
         self.areas = []
-        for contact, places in zip(contacts, self.places, strict=True):
-            area = np.zeros(len(self.numbers))
-            area[places] = contact.area
+        for contact, of_contact in zip(contacts, self.places, strict=True):
+            area = np.zeros(len(self.here))
+            area[of_contact] = contact.area
             self.areas.append(area)
 
-    def matrix(self, entries: Entries) -> PETSc.Mat:
-        """Make a matrix from entries between the nodes."""
-        size = len(self.dofs)
-        rows = np.searchsorted(self.dofs, entries.rows)
-        columns = np.searchsorted(self.dofs, entries.columns)
-        return sparse(size, size, rows, columns, [entries.values])
-
-    def entries(self, matrix: PETSc.Mat) -> Entries:
-        """Return the entries of a matrix between the nodes."""
-        begin, columns, values = matrix.getValuesCSR()
-        rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        return Entries(self.dofs[rows], self.dofs[columns], values)
-
     def change_of_basis(
-        self, of_facet: np.ndarray, contacts: list[ContactNodes], free: np.ndarray | None = None
+        self, of_facet: np.ndarray, numbers: Sequence[int], free: np.ndarray | None = None
     ) -> PETSc.Mat:
-        """Return a change of basis of polynomials on facets as a matrix.
+        """Return a change of basis of polynomials on facets as a matrix between rows.
 
         Args:
             of_facet: The change on a facet, (m, m), the same from all facets of a node.
-            contacts: The contacts with these facets.
-            free: Which components count, shape (N, d); all with None.
+            numbers: Numbers of the contacts with these facets.
+            free: Which components count, shape (n, d); all with None.
         """
         p, q = np.nonzero(abs(of_facet) > NO_ENTRY)
-        size = len(self.numbers)
+        size = len(self.here)
         keys = []
         values = []
-        for contact in contacts:
-            nodes = np.searchsorted(self.numbers, contact.numbers)[contact.facets]
-            keys.append((nodes[:, p] * size + nodes[:, q]).ravel())
-            values.append(np.tile(of_facet[p, q], len(nodes)))
+        for number in numbers:
+            rows = self.places[number][self.contacts[number].facets]
+            keys.append((rows[:, p] * size + rows[:, q]).ravel())
+            values.append(np.tile(of_facet[p, q], len(rows)))
         # Facets that share two nodes give the same entry, which counts once.
         unique, first = np.unique(np.concatenate(keys), return_index=True)
         value = np.concatenate(values)[first]
@@ -124,6 +176,11 @@ class NodesOfAll:
         rows = i[pair] * self.d + component
         columns = j[pair] * self.d + component
         return sparse(size * self.d, size * self.d, rows, columns, [value[pair]])
+
+    @property
+    def dofs(self) -> np.ndarray:
+        """Return the global degrees of freedom of the nodes on this side, (n d,)."""
+        return dofs_of(self.here, self.d)
 
 
 def neighbours(facets: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -65,6 +65,11 @@ class Direct:
         """Return the state of a displacement u of a model on another mesh."""
         field = first_guess.from_mesh(old, u, self.model)
         self.carried.take_from_contacts(field)
+        if self.model.connections.any:
+            # Supports have parts in the jumps.
+            field.x.scatter_forward()
+            field.x.array[:] -= self.model.prescribed.x.array
+            field = self.model.connections.least_displacement(field)
         state = self.elastic.gather(field)[: self.elastic.contact_size]
         return None if self.elastic.schur is None else state
 

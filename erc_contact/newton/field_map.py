@@ -5,15 +5,13 @@ and the multipliers. All of these are affine functions of u_A:
 
     z = Z (u_A, 1).
 
-First in z are the unknowns L. At contacts between bodies they are jumps
-(:mod:`erc_contact.model.coordinates`); u at their nodes, a sum of two unknowns, follows
-them. Then come the multipliers. For degree 2, the equations of a multiplier use
-Bernstein coefficients of u, jumps and lambda instead of nodal values; z contains this
-change (:mod:`erc_contact.newton.reactions`).
+For degree 2, the equations of a multiplier use Bernstein coefficients of u, jumps and
+lambda instead of nodal values; z contains this change
+(:mod:`erc_contact.newton.reactions`).
 
-The dense matrix Z is on rank 0. Symbols: A, L, K and s as in
-:mod:`erc_contact.newton.condensed`; C from nodal values to Bernstein coefficients; T
-from unknowns to displacements.
+The dense matrix Z is on rank 0. Symbols: A, K and s as in
+:mod:`erc_contact.newton.condensed`; L and Q as in
+:mod:`erc_contact.newton.linear.stiffness`.
 """
 
 from __future__ import annotations
@@ -23,16 +21,13 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import together
-from erc_contact.base.sparse import sparse, times
-from erc_contact.model.foundation import BoundContact
+from erc_contact.base.ranks import gathered
+from erc_contact.base.sparse import times
 from erc_contact.model.trace import dofs_of
-from erc_contact.newton.contact_nodes import Entries
-from erc_contact.newton.field_sums import sums_of_displacements, sums_of_jump
+from erc_contact.newton.contact_nodes import Entries, Reading
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.jump_sums import Sums
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import MultiplierMap
-from erc_contact.newton.shared_multipliers import SharedMultipliers
 
 
 class FieldMap:
@@ -43,7 +38,7 @@ class FieldMap:
             displacement.
         stiffness: The condensed elastic stiffness.
         unknowns: Size of A.
-        w: The glued displacement [length].
+        w_A: The glued displacement at A on rank 0 [length].
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: s on rank 0 [force], shape (A,).
 
@@ -52,10 +47,8 @@ class FieldMap:
         affine: Z, shape (size, A + 1), on rank 0; without rows elsewhere.
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
-        rows: Place in A of each degree of freedom of this rank, -1 where it has none.
-        shared: What contacts share at nodes of several bodies; None without.
-        in_equilibrium: Rows of A with the equilibrium, as an index; with a multiplier
-            its equations stand in place of that of its nodes.
+        readings: What the forces of each reader of the forms are.
+        multipliers: What reactions say of multipliers; None for a method without.
     """
 
     def __init__(
@@ -63,7 +56,7 @@ class FieldMap:
         forms: ContactForms,
         stiffness: Stiffness,
         unknowns: int,
-        w: fem.Function,
+        w_A: np.ndarray,
         matrix: np.ndarray,
         loads: np.ndarray,
     ) -> None:
@@ -71,192 +64,120 @@ class FieldMap:
         self._model = forms.model
         self._stiffness = stiffness
         self._unknowns = unknowns
-        self.size = len(stiffness.numbers)
-        self.in_equilibrium: slice | np.ndarray = slice(None)
-        self._map: MultiplierMap | None = None
-        self.shared: SharedMultipliers | None = None
-        if forms.multipliers:
-            self._map = MultiplierMap(self._model)
-            self.shared = self._map.shared
-            dofs = dofs_of(self._map.numbers, self._model.d)[self._map.free.ravel()]
-            self.in_equilibrium = np.flatnonzero(~np.isin(stiffness.numbers[:unknowns], dofs))
-        self._w_A = stiffness.gather(w)[:unknowns]
-        z_L = stiffness.gather_x(self._read_unknowns(w))
-        self.affine = together(self._model.comm, self._of_unknowns, z_L)
-
-        place = np.full(len(w.x.array), -1)
-        place[stiffness.local] = stiffness.place
-        self.columns = self._columns_of_displacements(place)
-        if self._map is not None:
+        self._w_A = w_A
+        self._on_first = stiffness.schur is not None
+        self.multipliers = MultiplierMap(self._model) if forms.multipliers else None
+        self.size = 0
+        self.columns: list[np.ndarray] = []
+        parts = [np.zeros((0, unknowns + 1))]
+        numbers = {jump: self._model.contacts.index(c) for jump, c in forms.jumps.items()}
+        for field in forms.displacements:
+            parts.append(self._displacement(field, numbers.get(field)))
+        self.readings = [self._reading(reader.contact) for reader in forms.readers]
+        self.affine = np.concatenate(parts)
+        if self.multipliers is not None:
             self._first_multiplier = self.size
-            self.columns += self._columns_of_multipliers(self._map)
+            for contact, nodes in zip(self._model.contacts, self.multipliers.contacts, strict=True):
+                # The forms of this rank read multipliers of ghost facets, too.
+                visible = np.unique(contact.trace.here.nodes)
+                self._add_column(
+                    dofs_of(visible, self._model.d), dofs_of(nodes.here, self._model.d)
+                )
             together(self._model.comm, self.set_reactions, matrix, loads)
-        self.rows = np.where(place < unknowns, place, -1)
 
-    # -- displacements
-
-    def _read_unknowns(self, w: fem.Function) -> fem.Function:
-        """Return the unknowns of a displacement, with a multiplier as coefficients."""
-        unknowns = self._model.coordinates.to_x(w).copy()
-        if self._forms.multipliers:
-            values = unknowns.x.array.reshape(-1, self._model.d)
-            self._model.to_coefficients(values, self._model.contacts)
-        return unknowns
-
-    def _of_unknowns(self, z_L: np.ndarray) -> np.ndarray:
-        """Return the rows of Z for L, on rank 0.
+    def _displacement(self, field: fem.Function, contact: int | None) -> np.ndarray:
+        """Return the rows of Z for u or a jump, and add it to z; collective.
 
         Args:
-            z_L: Values of these fields for the glued displacement [length].
+            field: The field at the glued displacement.
+            contact: Number of the contact between bodies whose jump it is, else None.
         """
-        if self._stiffness.schur is None:
-            return np.zeros((0, 0))
-        a = self._unknowns
-        _, lift = self._stiffness.reduced(a)
-        if self._map is not None and self._map.coefficients is not None:
-            # The nodes of L that are not in A have no coefficients of their own.
-            change = self._at_A(self._map.coefficients, self._stiffness.numbers[:a])
-            lift = np.vstack([times(change, lift[:a]), lift[a:]])
-            change.destroy()
-        constant = z_L - lift @ self._w_A
-        return np.hstack([lift, constant[:, None]])
+        layer, model = self._stiffness.layer, self._model
+        rows, local = layer.numbers, layer.local
+        if contact is not None:
+            rows = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.d))
+            visible = np.unique(model.contacts[contact].trace.here.nodes)
+            local = dofs_of(visible, model.d)
+        place = self._add_column(local, rows)
+        owned = local < self._stiffness.owned
+        of_rank = place[owned], field.x.array[local[owned]]
+        parts = gathered(model.comm, of_rank)
 
-    def _columns_of_displacements(self, place: np.ndarray) -> list[np.ndarray]:
-        """Return the places in z of u and the jumps that the forms read; collective.
+        def affine() -> np.ndarray:
+            if parts is None:
+                return np.zeros((0, self._unknowns + 1))
+            values = np.zeros(len(rows))
+            for place, part in parts:
+                values[place] = part
+            change = None
+            if self.multipliers is not None:
+                change = self.multipliers.coefficients_of(contact)
+            read = self._read(contact, rows, change)
+            _, lift = self._stiffness.reduced(self._unknowns)
+            derivative = times(read, lift)
+            constant = values - derivative @ self._w_A
+            return np.column_stack([derivative, constant])
+
+        return together(model.comm, affine)
+
+    def _add_column(self, local: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Add a field to z, and return its places at degrees of freedom of this rank.
 
         Args:
-            place: Place in L of each degree of freedom of this rank, -1 elsewhere.
+            local: Degrees of freedom of this rank that are read.
+            rows: Global numbers of all that are read, shape (n,).
         """
-        model = self._model
-        jumps = self._forms.jumps
-        columns = []
-        for field in self._forms.displacements:
-            if field in jumps:
-                columns.append(self._column_of_jump(field, jumps[field], place))
-            elif model.coordinates.is_identity:
-                columns.append(place)
-            else:
-                columns.append(self._column_of_sums(place))
-        return columns
-
-    def _column_of_sums(self, place: np.ndarray) -> np.ndarray:
-        """Return the places of u in z, and add to z what is no unknown; collective.
-
-        Args:
-            place: Place in L of each degree of freedom of this rank, -1 elsewhere.
-        """
-        model = self._model
-        comm = model.comm
-        is_sum = np.zeros(model.fixed.size, dtype=bool)
-        entries = model.coordinates.entries
-        is_sum[entries.rows[entries.other != 0]] = True
-        read = np.zeros(model.fixed.shape, dtype=bool)
-        changed = is_sum.reshape(read.shape).copy()
-        for contact in model.contacts:
-            read[model.nodes[contact.facets[:, 0]]] = True
-            if self._map is not None and contact.trace.there is None:
-                # Coefficients of a facet change with each of its nodes.
-                nodes = contact.trace.here.nodes
-                changed[nodes[changed[nodes].any(axis=(1, 2))]] = True
-        added = np.flatnonzero((read & changed & ~model.fixed).ravel())
-        numbers = model.global_dofs(added)
-        values = self._forms.u.x.array[added]
-        rows, first = np.unique(np.concatenate(comm.allgather(numbers)), return_index=True)
-        all_values = np.concatenate(comm.allgather(values))[first]
-        together(comm, self._add_sums, self._sums_of_u(rows), rows, all_values)
-
-        column = np.where((read & ~model.fixed).ravel(), place, -1)
-        column[added] = self.size + np.searchsorted(rows, numbers)
+        order = np.argsort(rows)
+        numbers = self._model.global_dofs(local)
+        place = order[np.searchsorted(rows, numbers, sorter=order)]
+        column = np.full(self._model.fixed.size, -1)
+        column[local] = self.size + place
+        self.columns.append(column)
         self.size += len(rows)
-        return column
+        return place
 
-    def _column_of_jump(
-        self, field: fem.Function, contact: BoundContact, place: np.ndarray
-    ) -> np.ndarray:
-        """Return the places in z of a jump, and add sums to z; collective.
+    def _reading(self, contact: int | None) -> Reading:
+        """Return what forces on u, or on the jump of a contact, are; collective."""
+        layer, model = self._stiffness.layer, self._model
+        rows, local = layer.numbers, layer.local
+        if not self._forms.method.in_layer:
+            rows, local = rows[: layer.contact_size], local[layer.place < layer.contact_size]
+        if contact is not None:
+            # Supports may fix the node on this side alone.
+            here = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.d))
+            rows = np.union1d(rows, here)
+            visible = dofs_of(np.unique(model.contacts[contact].trace.here.nodes), model.d)
+            local = np.union1d(local, visible)
+        order = np.argsort(rows)
+        row_of = np.full(model.fixed.size, -1)
+        row_of[local] = order[np.searchsorted(rows, model.global_dofs(local), sorter=order)]
+        matrix: PETSc.Mat | None = None
+        if self._on_first:
+            columns = self._unknowns
+            matrix = self._stiffness.basis.first(self._read(contact, rows, None), columns)
+        return Reading(row_of, matrix)
 
-        Args:
-            field: The jump that the forms read.
-            contact: Its contact.
-            place: Place in L of each degree of freedom of this rank, -1 elsewhere.
-        """
-        model = self._model
-        dofs = dofs_of(np.unique(contact.trace.here.nodes), model.d)
-        column = np.full(len(place), -1)
-        column[dofs] = place[dofs]
-        if not self._forms.jump_sums.any:
-            return column
-        all_sums, rows = self._sums_of_jump(contact)
-        numbers = model.global_dofs(dofs)
-        if self._map is not None and self._map.shared is not None:
-            # Where supports fix all summands the jump does not change.
-            shared = self._map.shared.at.numbers
-            column[dofs[np.isin(numbers // model.d, shared)]] = -1
-        is_sum = np.isin(numbers, rows)
-        dofs, numbers = dofs[is_sum], numbers[is_sum]
-        values = np.column_stack([numbers, field.x.array[dofs]])
-        of_all = np.concatenate(model.comm.allgather(values))
-        _, first = np.unique(of_all[:, 0], return_index=True)
-        together(model.comm, self._add_sums, all_sums, rows, of_all[first, 1])
-
-        column[dofs] = self.size + np.searchsorted(rows, numbers)
-        self.size += len(rows)
-        return column
-
-    def _sums_of_u(self, dofs: np.ndarray) -> Sums:
-        """Return what the displacements on foundations are sums of; collective."""
-        change = None if self._map is None else self._map.on_foundations
-        return sums_of_displacements(self._model, change, dofs)
-
-    def _sums_of_jump(self, contact: BoundContact) -> tuple[Sums, np.ndarray]:
-        """Return what a jump is a sum of, see :func:`.sums_of_jump`; collective.
-
-        With a multiplier it is that of its Bernstein coefficients.
-        """
-        if self._map is None or self._map.shared is None:
-            return sums_of_jump(self._model, self._forms.jump_sums.of(contact))
-        entries = self._map.shared.jumps[self._model.contacts.index(contact)]
-        rows = np.unique(entries.rows)
-        return Sums(np.searchsorted(rows, entries.rows), entries.columns, entries.values), rows
-
-    def _add_sums(self, sums: Sums, rows: np.ndarray, values: np.ndarray) -> None:
-        """Add fields at degrees of freedom that are no unknowns to Z, on rank 0.
+    def _read(self, contact: int | None, rows: np.ndarray, change: Entries | None) -> PETSc.Mat:
+        """Return the matrix from unknowns L to u or to a jump, on rank 0.
 
         Args:
-            sums: The sums of unknowns that they are, by places in `rows`.
-            rows: Global numbers of the degrees of freedom, ascending, shape (n,).
-            values: Values of the field for the glued displacement [length], shape (n,).
+            contact: Number of the contact between bodies, else None.
+            rows: Global degrees of freedom that are read, shape (n,).
+            change: The change to Bernstein coefficients at contact nodes; None without.
         """
-        if self._stiffness.schur is None:
-            return
-        numbers = self._stiffness.numbers
-        order = np.argsort(numbers)
-        _, lift = self._stiffness.reduced(self._unknowns)
-        added = np.zeros((len(rows), self._unknowns))
-        nearest = np.searchsorted(numbers, sums.columns, sorter=order)
-        place = order[np.minimum(nearest, len(order) - 1)]
-        # An unknown that a support fixes is not in L, and does not change.
-        is_free = numbers[place] == sums.columns
-        factor = sums.values[is_free, None]
-        np.add.at(added, sums.rows[is_free], factor * lift[place[is_free]])
-        constant = values - added @ self._w_A
-        self.affine = np.vstack([self.affine, np.column_stack([added, constant])])
-
-    # -- multipliers
-
-    def _columns_of_multipliers(self, multiplier_map: MultiplierMap) -> list[np.ndarray]:
-        """Return the places in z of the multipliers of each contact, -1 elsewhere."""
-        model, d = self._model, self._model.d
-        columns = []
-        for contact, nodes in zip(model.contacts, multiplier_map.contacts, strict=True):
-            # Ghost facets count here: the forms of this rank read their multipliers.
-            visible = np.unique(contact.trace.here.nodes)
-            number = np.searchsorted(nodes.numbers, model.global_numbers(visible))
-            column = np.full((len(model.fixed), d), -1)
-            column[visible] = self.size + number[:, None] * d + np.arange(d)
-            columns.append(column.ravel())
-            self.size += len(nodes.numbers) * d
-        return columns
+        d = self._model.d
+        row, column, value = rows, rows, np.ones(len(rows))
+        if contact is not None:
+            here, there = (dofs_of(nodes, d) for nodes in self._model.connections.pairs[contact].T)
+            row = np.concatenate([row, here])
+            column = np.concatenate([column, there])
+            value = np.concatenate([value, -np.ones(len(here))])
+        order = np.argsort(rows)
+        places = order[np.searchsorted(rows, row, sorter=order)]
+        read = self._stiffness.basis.read(len(rows), places, column, value)
+        if change is None:
+            return read
+        return change.matrix(rows, rows, identity=True).matMult(read)
 
     def set_reactions(self, matrix: np.ndarray, loads: np.ndarray) -> None:
         """Set the multipliers in Z to those of the reactions ``K u_A - s``, on rank 0.
@@ -265,23 +186,17 @@ class FieldMap:
             matrix: K [force/length], shape (A, A).
             loads: s [force], shape (A,).
         """
-        if self._stiffness.schur is None or self._map is None:
+        if not self._on_first or self.multipliers is None:
             return
+        basis = self._stiffness.basis
         reaction = np.hstack([matrix, -loads[:, None]])
         rows = [self.affine[: self._first_multiplier]]
-        for nodes, entries in zip(self._map.contacts, self._map.multipliers, strict=True):
-            to_multiplier = self._at_A(entries, dofs_of(nodes.numbers, self._model.d))
-            rows.append(times(to_multiplier, reaction))
-            to_multiplier.destroy()
+        for nodes, entries in zip(
+            self.multipliers.contacts, self.multipliers.multipliers, strict=True
+        ):
+            dofs = dofs_of(nodes.here, self._model.d)
+            order = np.argsort(dofs)
+            places = order[np.searchsorted(dofs, entries.rows, sorter=order)]
+            by_forces = basis.read(len(dofs), places, entries.columns, entries.values)
+            rows.append(times(basis.first(by_forces, self._unknowns), reaction))
         self.affine = np.vstack(rows)
-
-    def _at_A(self, entries: Entries, dofs: np.ndarray) -> PETSc.Mat:
-        """Make a matrix from A to degrees of freedom, on rank 0.
-
-        Args:
-            entries: Its entries.
-            dofs: Global degrees of freedom of its rows, ascending.
-        """
-        rows = np.searchsorted(dofs, entries.rows)
-        columns = np.searchsorted(self._stiffness.numbers[: self._unknowns], entries.columns)
-        return sparse(len(dofs), self._unknowns, rows, columns, [entries.values])

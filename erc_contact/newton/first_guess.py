@@ -48,16 +48,16 @@ def glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarray | N
         The free components on rank 0, None on other ranks; collective.
     """
     a = stiffness.contact_size
-    gap = stiffness.gather(across_gap(model))[:a]
+    pull = stiffness.gather(stiffness.glue.times(across_gap(model)))[:a]
     start = stiffness.gather(w)[:a]
 
     def across() -> np.ndarray | None:
         if stiffness.schur is None:
             return None
-        if not gap.any():
+        if not pull.any():
             return start
         schur, _ = stiffness.reduced(a)
-        return start + np.linalg.solve(schur, stiffness.glued_by[:a] * gap)
+        return start + np.linalg.solve(schur, pull)
 
     return together(model.comm, across)
 
@@ -65,7 +65,8 @@ def glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarray | N
 def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     """Return the displacement of the contact nodes of a new mesh; collective.
 
-    Between bodies it is the jump, with the other side at rest.
+    Between bodies it is the jump, with the other side at rest
+    (:meth:`.connections.Connections.least_displacement` moves both).
 
     Args:
         model: The scene on the old mesh.

@@ -17,34 +17,41 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import BoundContact
 from erc_contact.model.model import Model
 from erc_contact.model.users import linear
-from erc_contact.newton.jump_sums import JumpSums
 from erc_contact.newton.methods import OURS, Method
 
 
-class Pass:
-    """Describe one assembly of the equations, of all that a term of them is.
+class Reader:
+    """Hold the equations that are forces on the same field of the displacement.
+
+    All foundations read u, and each contact between bodies its jump ``w = B u``. Forces
+    on w are ``B^T`` times as many on u (:meth:`.connections.Connections.jump`).
 
     Args:
-        tested: Factors of the jumps of test functions between bodies, one for each
-            colour of contacts [-], as :meth:`ContactForms.test`.
-        row_of: Place in u_A of the equation of each degree of freedom, -1 without.
-        factor_of: Factor of this equation [-].
+        contact: Number of the contact between bodies on whose jump the forces are; None
+            for those on u.
+        count: Number of fields by which forms are derived.
 
     Attributes:
-        rows: Degrees of freedom with a place.
-        places: Their places.
-        factors: Their factors.
+        contact: As given.
+        equations: The compiled equations.
+        tangents: For each of the fields the compiled derivatives by it.
     """
 
-    def __init__(
-        self, tested: tuple[float, ...], row_of: np.ndarray, factor_of: np.ndarray
-    ) -> None:
-        self.tested = tested
-        self.row_of = row_of
-        self.factor_of = factor_of
-        self.rows = np.flatnonzero(row_of >= 0)
-        self.places = row_of[self.rows]
-        self.factors = factor_of[self.rows]
+    def __init__(self, contact: int | None, count: int) -> None:
+        self.contact = contact
+        self.equations: list[fem.Form] = []
+        self.tangents: list[list[fem.Form]] = [[] for _ in range(count)]
+
+    def add(self, equations: Ufl, tangents: list[tuple[int, Ufl]]) -> None:
+        """Add equations and their derivatives by the fields of some numbers."""
+        self.equations.append(compiled.form(equations))
+        for number, tangent in tangents:
+            self.tangents[number].append(compiled.form(tangent))
+
+    def assemble(self, forces: np.ndarray) -> None:
+        """Add the equations to the forces of this rank on what is read [force]."""
+        for equations in self.equations:
+            fem.assemble_vector(forces, equations)
 
 
 class ContactForms:
@@ -58,9 +65,6 @@ class ContactForms:
         share: Share of the friction bound, a Constant; a solver may raise friction in
             steps.
         gap_share: Share of the gaps, likewise.
-        jump_sums: Jumps that are sums of unknowns.
-        test_jumps: Factors of the jumps of test functions between bodies, a Constant
-            for each colour of contacts (:mod:`erc_contact.newton.jump_sums`).
         contacts: The contacts of the model with this share.
         u: Displacement that the forms read [length]; for a method with multiplier its
             nodal values at the contact are the Bernstein coefficients.
@@ -69,10 +73,10 @@ class ContactForms:
         multipliers: Multiplier of each contact [force/area] that the forms read, or ()
             for a method without.
         displacements: Those of u and the jumps that are in the forms.
-        equations: The compiled equations e of each contact [force]. Contacts that are
-            alike share their code.
-        tangents: For each displacement, and then for each multiplier, the compiled
-            derivatives by it, of the contacts whose equations contain it.
+        fields: The displacements and the multipliers, by which the forms are derived.
+        equations: The compiled equations of each contact [force], those of its jump.
+            Contacts that are alike share their code.
+        readers: The equations, by what they are forces on.
 
     Raises:
         InputError: If the equations of the method are no form linear in the test
@@ -84,15 +88,11 @@ class ContactForms:
         self.method = method
         self.share = compiled.constant(model.mesh, 1.0)
         self.gap_share = compiled.constant(model.mesh, 1.0)
-        self.jump_sums = JumpSums(model, with_foundations=method.multiplier)
-        self.test_jumps = []
-        for _ in range(self.jump_sums.count):
-            self.test_jumps.append(compiled.constant(model.mesh, 1.0))
         self.u = model.function()
         self.jumps: dict[fem.Function, BoundContact] = {}
         self.contacts = []
-        for contact, colour in zip(model.contacts, self.jump_sums.colours, strict=True):
-            self.contacts.append(self._of_solver(contact, colour))
+        for contact in model.contacts:
+            self.contacts.append(self._of_solver(contact))
         self.multipliers: tuple[fem.Function, ...] = ()
         if method.multiplier:
             self.multipliers = tuple(model.function() for _ in model.contacts)
@@ -101,33 +101,37 @@ class ContactForms:
         with compiled.constants_with_ten_digits():
             equations = together(model.comm, self._parts)
             status = together(model.comm, self._status)
-        fields_of_contacts = [ufl.algorithms.extract_coefficients(part) for part in equations]
-        read = set().union(*fields_of_contacts)
+        coefficients = ufl.algorithms.extract_coefficients
+        read = {field for parts in equations for part in parts for field in coefficients(part[1])}
         # Between bodies the equations of a multiplier contain the jump only.
         self.displacements = [w for w in (self.u, *self.jumps) if w in read]
-
-        fields = (*self.displacements, *self.multipliers)
+        self.fields = (*self.displacements, *self.multipliers)
         self.equations: list[fem.Form] = []
-        self.tangents: list[list[fem.Form]] = [[] for _ in fields]
+        readers: dict[fem.Function, Reader] = {}
         self._status_of_facets = []
-        du = ufl.TrialFunction(model.V)
         points, _ = rule(model.d - 1, 2 * model.degree)
-        for number, part in enumerate(equations):
-            places = [k for k, field in enumerate(fields) if field in fields_of_contacts[number]]
-            derivatives = [ufl.derivative(part, fields[k], du) for k in places]
-            at_points = (status[number], points)
-            # One module for each contact: contacts that are alike have the same one.
-            compiled.compile_together(model.comm, [part, *derivatives], [at_points])
-            self.equations.append(compiled.form(part))
-            for k, derivative in zip(places, derivatives, strict=True):
-                self.tangents[k].append(compiled.form(derivative))
+        for number, parts in enumerate(equations):
             contact = self.contacts[number]
+            at_points = (status[number], points)
+            derivatives = [self._derivatives(form) for _, form in parts]
+            forms = [form for _, form in parts]
+            # One module for each contact: contacts that are alike have the same one.
+            of_contact = [*forms, *(form for part in derivatives for _, form in part)]
+            compiled.compile_together(model.comm, of_contact, [at_points])
+            self.equations.append(compiled.form(forms[0]))
+            for (field, form), by_fields in zip(parts, derivatives, strict=True):
+                is_jump = field is not self.u
+                reader = readers.setdefault(
+                    field, Reader(number if is_jump else None, len(self.fields))
+                )
+                reader.add(form, by_fields)
             owned = contact.facets[contact.trace.here.owned]
             compiled_status = compiled.expression(status[number], points, model.comm)
             self._status_of_facets.append((compiled_status, owned))
+        self.readers = list(readers.values())
 
-    def _of_solver(self, contact: BoundContact, colour: int) -> BoundContact:
-        """Return a contact of a colour as the forms see it, and keep its jump.
+    def _of_solver(self, contact: BoundContact) -> BoundContact:
+        """Return a contact as the forms see it, and keep its jump.
 
         It has the shares of friction and gap and, between bodies, the jump that is
         varied.
@@ -137,44 +141,17 @@ class ContactForms:
             return of_solver
         jump = self.model.function()
         self.jumps[jump] = contact
-        test_jump = None if self.method.multiplier else self.test_jumps[colour]
-        return replace(of_solver, variable=(self.u, jump), test_jump=test_jump)
+        return replace(of_solver, variable=(self.u, jump))
 
-    @property
-    def all_jumps(self) -> tuple[float, ...]:
-        """Return the factors that test the jumps of all contacts."""
-        return (1.0,) * len(self.test_jumps)
-
-    @property
-    def no_jumps(self) -> tuple[float, ...]:
-        """Return the factors that test what moves both sides of a contact alike."""
-        return (0.0,) * len(self.test_jumps)
-
-    def jumps_of(self, colour: int) -> tuple[float, ...]:
-        """Return the factors that test the jumps of the contacts of one colour."""
-        return tuple(float(k == colour) for k in range(len(self.test_jumps)))
-
-    def test(self, tested: tuple[float, ...]) -> None:
-        """Set the factors of the jumps of test functions, one for each colour [-]."""
-        for constant, factor in zip(self.test_jumps, tested, strict=True):
-            constant.value = factor
-
-    @property
-    def test_alike(self) -> bool:
-        """Tell whether the equations act on unknowns that move both sides alike.
-
-        Between bodies Nitsche's stress does so if it is tested, and so does a
-        foundation at the node of a pair.
-        """
-        if self.model.coordinates.is_identity or self.method.multiplier:
-            return False
-        on_foundation = any(contact.trace.there is None for contact in self.contacts)
-        return self.method.in_layer or on_foundation
-
-    def assemble(self, forces: np.ndarray) -> None:
-        """Add the equations of all contacts to the forces of this rank [force]."""
-        for equations in self.equations:
-            fem.assemble_vector(forces, equations)
+    def _derivatives(self, form: Ufl) -> list[tuple[int, Ufl]]:
+        """Return the derivatives of a form by the fields in it, with their numbers."""
+        du = ufl.TrialFunction(self.model.V)
+        fields = ufl.algorithms.extract_coefficients(form)
+        derivatives = []
+        for number, field in enumerate(self.fields):
+            if field in fields:
+                derivatives.append((number, ufl.derivative(form, field, du)))
+        return derivatives
 
     def read(self, u: fem.Function) -> list[np.ndarray]:
         """Return the values that a displacement gives to the displacements read.
@@ -219,22 +196,17 @@ class ContactForms:
             values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
 
-    def nodal_multipliers(
-        self, coefficients: Sequence[fem.Function] | None = None
-    ) -> tuple[fem.Function, ...]:
-        """Return multipliers as new Functions of nodal values [force/area].
+    def nodal_multipliers(self, multipliers: Sequence[fem.Function]) -> tuple[fem.Function, ...]:
+        """Replace Bernstein coefficients of multipliers by nodal values, in place.
 
         Args:
-            coefficients: Their Bernstein coefficients; None for those of the forms.
+            multipliers: The multiplier of each contact [force/area], also returned.
         """
         model = self.model
-        nodal = []
-        multipliers = self.multipliers if coefficients is None else coefficients
-        for contact, multiplier in zip(model.contacts, multipliers, strict=False):
-            values = multiplier.copy()
-            model.to_coefficients(values.x.array.reshape(-1, model.d), [contact], back=True)
-            nodal.append(values)
-        return tuple(nodal)
+        for contact, multiplier in zip(model.contacts, multipliers, strict=True):
+            nodal = multiplier.x.array.reshape(-1, model.d)
+            model.to_coefficients(nodal, [contact], back=True)
+        return tuple(multipliers)
 
     def _with_multipliers(self) -> list[tuple[BoundContact, fem.Function | None]]:
         """Return each contact with its multiplier, None for a method without."""
@@ -243,18 +215,25 @@ class ContactForms:
             fields = (None,) * len(self.contacts)
         return list(zip(self.contacts, fields, strict=True))
 
-    def _parts(self) -> list[Ufl]:
-        """Return the equations of the method on each contact, in UFL."""
+    def _parts(self) -> list[list[tuple[fem.Function, Ufl]]]:
+        """Return the equations of the method on each contact, in UFL.
+
+        Each part is with the field on which its forces are. Between bodies that is the
+        jump, and u for what tests the stress.
+        """
         v = ufl.TestFunction(self.model.V)
-        parts = []
-        colours = self.jump_sums.colours
-        for (contact, multiplier), colour in zip(self._with_multipliers(), colours, strict=True):
-            equations = self._equations(contact, multiplier, v)
-            if self.method.multiplier and self.jump_sums.any:
-                # The equations of a multiplier test no jump: they are told apart here.
-                equations = self.test_jumps[colour] * equations
-            parts.append(equations)
-        return parts
+        jumps = {contact.name: jump for jump, contact in self.jumps.items()}
+        equations = []
+        for contact, multiplier in self._with_multipliers():
+            form = self._equations(contact, multiplier, v)
+            field = jumps.get(contact.name, self.u)
+            parts = [(field, form)]
+            if self.method.in_layer and field is not self.u:
+                of_stress = replace(contact, tests_jump=False)
+                form_of_stress = self._equations(of_stress, multiplier, v)
+                parts = [(field, form - form_of_stress), (self.u, form_of_stress)]
+            equations.append(parts)
+        return equations
 
     def _status(self) -> list[Ufl]:
         """Return the status of each contact, in UFL."""

@@ -1,13 +1,17 @@
 """The contact problem for all degrees of freedom of the body, in parallel.
 
-With S the identity, for a method with multiplier without the rows of A, the problem is
+The equations e of a method are forces on what the contacts read, ``w = B u``
+(:mod:`erc_contact.model.groups`). Without a multiplier the problem is
 
-    R(u) = S (K u - b) + e(C u, lambda(K u - b)) = 0.
+    R(u) = K u - b + B^T e(w) = 0.
 
-Here e are the equations of the method and A the free degrees of freedom of the contact
-nodes. C turns nodal values of degree 2 at the contact into Bernstein coefficients. The
-reactions ``K u - b`` of the contact nodes give the multipliers lambda
-(:mod:`erc_contact.newton.reactions`). Newton's iterates are those of the condensed
+With one it is, with the projector P to the nodal forces ``B^T g``,
+
+    R(u) = (I - P) (K u - b) + B^T e(w, lambda(K u - b)) = 0.
+
+The reactions ``K u - b`` of the contact nodes give the multipliers lambda
+(:mod:`erc_contact.newton.reactions`). At degree 2 these equations read Bernstein
+coefficients of w. Newton's iterates are those of the condensed
 problem (:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver.
 The tangent and its preconditioner are in :mod:`erc_contact.newton.tangent`.
 """
@@ -23,12 +27,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import product
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.loose_energies import imbalance, rough_energy
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.pressing import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
-from erc_contact.newton.shared_laws import set_to_laws
+from erc_contact.newton.shared_laws import laws_of
 from erc_contact.newton.snes import IMBALANCE
 from erc_contact.newton.tangent import Tangent
 
@@ -94,41 +99,30 @@ class FullSpace:
     def function(self, _: Any, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """Set f to the scaled residual."""
         self._set(x)
-        self._elastic_residual.copy(f)
-        rows = self._rows
-        if self.forms.multipliers:
+        if self._reactions is None:
+            self._elastic_residual.copy(f)
+        else:
             # The equations of the multiplier stand in place of the equilibrium.
-            f.array[rows] = 0.0
-        f.array[rows] += self._contact_forces()[rows]
+            self._reactions.let_go(self._elastic_residual, f)
+        f.array[self._rows] += self._contact_forces()[self._rows]
         # Supports hold as exactly as numbers can: the rest of them is no force.
         is_held = self._fixed & (abs(f.array) <= ELASTIC_ROUND_OFF * abs(self.loads.array_r))
         f.array[is_held] = 0.0
         f.scale(1 / self.force)
 
     def _contact_forces(self) -> np.ndarray:
-        """Assemble the equations of the contacts at the owned unknowns [force]."""
-        owned = self.elastic.owned
-        values = self._equations.x.array
-        self._assemble(self.forms.all_jumps)
-        if not self._tangent.moved:
-            return values[:owned]
-        result = values[:owned].copy()
-        force, moved = self.vector(), self.vector()
-        for tested, on_others in self._tangent.moved:
-            self._assemble(tested)
-            force.array[:] = values[:owned]
-            on_others.mult(force, moved)
-            result += moved.array_r
-        force.destroy()
-        moved.destroy()
-        return result
-
-    def _assemble(self, tested: tuple[float, ...]) -> None:
-        """Assemble the equations for factors of tested jumps [force]."""
-        self.forms.test(tested)
-        self._equations.x.array[:] = 0.0
-        self.forms.assemble(self._equations.x.array)
-        self._equations.x.scatter_reverse(la.InsertMode.add)
+        """Assemble the nodal forces of the equations of this rank [force]."""
+        forces = np.zeros(self.elastic.owned)
+        for reader in self.forms.readers:
+            equations = self._equations
+            equations.x.array[:] = 0.0
+            reader.assemble(equations.x.array)
+            equations.x.scatter_reverse(la.InsertMode.add)
+            if reader.contact is not None:
+                jump = self.model.connections.jump(reader.contact)
+                equations = product(self.model, jump, equations, transpose=True)
+            forces += equations.x.array[: len(forces)]
+        return forces
 
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and FGMRES with multigrid."""
@@ -258,14 +252,12 @@ class FullSpace:
     def fields(self, x: PETSc.Vec) -> tuple[fem.Function, tuple[fem.Function, ...]]:
         """Return displacement and multipliers at x, new Functions of nodal values."""
         self._set(x)
-        u = self.elastic.displacement(x)
+        u = self.elastic.function(x)
         u.x.array[:] *= self.length
         self.elastic.follow(u)
-        if self._reactions is None or self._reactions.shared is None:
-            return u, self.forms.nodal_multipliers()
-        multipliers = [multiplier.copy() for multiplier in self.forms.multipliers]
-        set_to_laws(self.forms, self._reactions.shared, multipliers)
-        return u, self.forms.nodal_multipliers(multipliers)
+        if self._reactions is None:
+            return u, ()
+        return u, self.forms.nodal_multipliers(laws_of(self.forms, self._reactions.map))
 
     def _set(self, x: PETSc.Vec) -> None:
         """Set the fields of the forms to x, and with them ``K u - b`` [force]."""
@@ -273,7 +265,7 @@ class FullSpace:
             return
         residual = self._elastic_residual
         owned = self.elastic.owned
-        u = self.elastic.displacement(x)
+        u = self.elastic.function(x)
         u.x.array[:] *= self.length
         self.forms.set_displacement(u)
         self.elastic.times(x, residual)

@@ -81,8 +81,6 @@ def solution_of(
     for face in model.loose_faces:
         # Any motion of the face is admissible: here it is that of u.
         face.follow(model.prescribed, values)
-        if not model.coordinates.is_identity:
-            face.follow(model.coordinates.prescribed, values)
     fixed = model.fixed.ravel()
     prescribed = model.prescribed.x.array
     off = float(abs(values.ravel() - prescribed)[fixed].max(initial=0.0))
@@ -153,7 +151,7 @@ def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Funct
     matrix = elastic.stiffness()
     loads = elastic.right_side(elastic.load_vector(), supports=True)
     residual = loads.duplicate()
-    x = elastic.vector(model.coordinates.to_x(u))
+    x = elastic.vector(u)
     matrix.mult(x, residual)
     residual.axpy(-1.0, loads)
     reactions = Reactions(model, matrix)
@@ -161,7 +159,7 @@ def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Funct
     multipliers = []
     for contact, of_contact in zip(model.contacts, reactions.matrices, strict=True):
         of_contact.mult(residual, work)
-        multiplier = elastic.unknowns(work)
+        multiplier = elastic.function(work)
         nodal = multiplier.x.array.reshape(-1, model.d)
         model.to_coefficients(nodal, [contact], back=True)
         multipliers.append(multiplier)

@@ -142,15 +142,13 @@ class Iterative:
         springs scale the contact problem.
         """
         owned = slice(0, self.elastic.owned)
-        glue = self.elastic.glue.x.array[owned]
-        coordinates = self.model.coordinates
-        wanted = coordinates.to_x(target).x.array[owned]
-        springs = self.model.function()
-        springs.x.array[owned] = glue * wanted
+        target.x.scatter_forward()
         b = self._forces.copy()
-        b.x.array[owned] += coordinates.forces_on_bodies(springs).x.array[owned]
+        b.x.array[owned] += self.elastic.glue.times(target).x.array[owned]
         u = self.elastic.glued(b)
-        pull = glue * (wanted - coordinates.to_x(u).x.array[owned])
+        stretch = target.copy()
+        stretch.x.array[:] -= u.x.array
+        pull = self.elastic.glue.times(stretch).x.array[owned]
         comm = self.model.comm
         local_length = float(abs(u.x.array).max(initial=0.0))
         self._length = comm.allreduce(local_length, MPI.MAX) or 1.0

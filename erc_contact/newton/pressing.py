@@ -16,8 +16,12 @@ PRESSING = 1e-5
 
 
 def contact_normals(model: Model) -> fem.Function:
-    """Return the foundations' normals at the contact nodes, zero elsewhere [-]."""
+    """Return the displacement along all normals at the contacts [-]; collective.
+
+    Between bodies it is the least one with the normals as jumps. It is zero elsewhere.
+    """
     normals = model.function()
     for contact in model.contacts:
         contact.trace.assign(normals.x.array, contact.trace.normals)
-    return normals
+    normals.x.scatter_forward()
+    return model.connections.least_displacement(normals)

@@ -1,11 +1,22 @@
 """The multipliers of a contact problem as linear functions of the nodal forces.
 
-The force is the reaction, what the elastic equations leave at the nodes of the contact.
-The multiplier of a node belongs to the first contact that has the node. There ``a
-lambda`` is the force less the multipliers of later contacts. At the nodes of earlier
-contacts, and for components that a support fixes, it is the mean of its neighbours in
-the contact: its own would be redundant. Where a jump is a sum of unknowns, the contacts
-share the forces (:mod:`erc_contact.newton.shared_multipliers`).
+The force is the reaction r, what the elastic equations leave at the nodes of the
+contact. It is that of forces g on what the contacts read, ``r = B^T g``
+(:mod:`erc_contact.model.groups`), a row of B for each node or pair. Where rows are
+independent r tells g. The multiplier of a row belongs to the first contact that has it.
+There ``a lambda`` is g less the multipliers of later contacts. In these, and for
+components that a support fixes, it is the mean of its neighbours in the contact: its
+own would be redundant.
+
+Where the rows of a group are dependent, as those of three contacts of three bodies, r
+does not tell all g. There is an estimate g0 besides: the force of multipliers that are
+means of their neighbours. Of all forces that fit r the nearest to these are taken, in
+the sense of ``sum |g - g0|^2 / k`` with the stiffness k of the bodies at each contact,
+so that a soft body gets no force that stiff ones leave:
+
+    g = g0 + k B (B^T k B)^+ (r - B^T g0).
+
+A constant stress has so its own tractions. The order of the contacts does not matter.
 
 For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
 instead of nodal values. With the coefficients ``c = C u``, the forces on them are
@@ -15,8 +26,7 @@ All this is a sparse matrix for each contact. The full problem applies it on eac
 to its own nodes (:class:`Reactions`). The condensed problem multiplies it by
 the stiffness of the contact on rank 0 (:mod:`erc_contact.newton.condensed`).
 
-Symbols: A free degrees of freedom of the contact nodes, a area of a node, d dimension,
-m nodes of a facet.
+Symbols: a area of a node, d dimension, m nodes of a facet, n rows, N nodes.
 """
 
 from __future__ import annotations
@@ -26,31 +36,12 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import diagonal, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.connections import prescribed_at
+from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.model import Model
-from erc_contact.newton.contact_nodes import ContactNodes, Entries, NodesOfAll, neighbours
-from erc_contact.newton.jump_sums import JumpSums, shared_nodes
-from erc_contact.newton.shared_multipliers import SharedMultipliers
-
-
-def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
-    """Gather the nodes and facets of a contact; collective."""
-    side = contact.trace.here
-    nodes = side.nodes[side.owned]
-    m = nodes.shape[1]
-    shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
-    springs = shares * contact.trace.stiffness[side.owned][:, None]
-    free = ~model.coordinates.fixed[nodes]
-    parts = model.comm.allgather((model.global_numbers(nodes), shares, springs, free))
-    all_numbers, all_shares, all_springs, all_free = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
-    )
-    numbers, place = np.unique(all_numbers.ravel(), return_inverse=True)
-    area = np.bincount(place, all_shares.ravel())
-    stiffness = np.bincount(place, all_springs.ravel())
-    free = np.zeros((len(numbers), model.d), dtype=bool)
-    free[place] = all_free.reshape(-1, model.d)
-    return ContactNodes(numbers, place.reshape(-1, m), area, stiffness, free)
+from erc_contact.model.trace import dofs_of
+from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
+from erc_contact.newton.linear.changed import DIFFERENT
 
 
 class MultiplierMap:
@@ -63,97 +54,132 @@ class MultiplierMap:
 
     Attributes:
         contacts: Nodes and facets of each contact.
-        numbers: Global numbers of the nodes of all contacts, ascending, shape (N,).
-        free: Components that have an equation: no support fixes them, and they do work
-            on a contact, shape (N, d).
-        area: Area of the nodes in the contact that their multiplier belongs to
-            [length^(d-1)], shape (N,).
-        multipliers: For each contact the matrix from nodal forces at A [force] to the
-            Bernstein coefficients of the multiplier [force/area].
-        coefficients: C at A; None for degree 1.
-        on_foundations: C of the displacements of contacts with foundations alone, where
-            there are others beside; else None.
-        shared: What contacts share at nodes of several bodies; None without.
+        rows: What all contacts read.
+        groups: B of these rows.
+        free: Components of rows that not all supports fix, shape (n, d).
+        is_shared: Those of dependent rows, whose forces contacts share, shape (n, d).
+        multipliers: For each contact the matrix from nodal forces [force] to the
+            Bernstein coefficients of the multiplier at nodes of this side [force/area].
     """
 
     def __init__(self, model: Model) -> None:
+        self._model = model
         self.contacts = [contact_nodes(model, contact) for contact in model.contacts]
-        shared = shared_nodes(model, JumpSums(model, with_foundations=True))
-        more = np.zeros(0, dtype=np.int64) if shared is None else shared.numbers
-        nodes = NodesOfAll(model.d, model.degree, self.contacts, more)
-        self._nodes = nodes
-        self.numbers = nodes.numbers
-        self.free = np.zeros((len(self.numbers), model.d), dtype=bool)
-        self.area = np.ones(len(self.numbers))
-        # From the last contact to the first, so that the first one has the last word.
-        for contact, places in zip(self.contacts[::-1], nodes.places[::-1], strict=True):
-            self.free[places] = contact.free
-            self.area[places] = contact.area
-        self._is_shared = np.isin(self.numbers, more)
-        if shared is not None:
-            self.free[self._is_shared] = shared.has_equation
+        rows = RowsOfAll(model.d, model.degree, self.contacts)
+        self.rows = rows
+        nodes = np.unique(np.concatenate([rows.here, rows.there[rows.there != NOBODY]]))
+        free = ~prescribed_at(model, nodes, model.fixed)
+        self.groups = Groups(rows.here, rows.there, nodes, free)
+        self._dofs = dofs_of(nodes, model.d)
+        of_rows = (self.groups.group_of_row, slice(None), self.groups.slot_of_row)
+        self.free = self.groups.jumps[of_rows].any(axis=2)
+        is_independent = self.groups.is_independent
+        self.is_shared = self.free & ~is_independent
 
-        self.coefficients: Entries | None = None
-        self.on_foundations: Entries | None = None
-        forces = diagonal(self.free.ravel().astype(float))
+        inverse = self.groups.inverse.swapaxes(2, 3)
+        forces = self._from_nodes(inverse, self.free & is_independent)
         if model.degree > 1:
-            to_coefficients = coefficients(model.d - 1, model.degree)
-            change = nodes.change_of_basis(to_coefficients, self.contacts, self.free)
-            self.coefficients = nodes.entries(change)
-            change.destroy()
-            if not model.coordinates.is_identity:
-                on_foundations = []
-                for of_contact, bound in zip(self.contacts, model.contacts, strict=True):
-                    if bound.against is None:
-                        on_foundations.append(of_contact)
-                if on_foundations:
-                    change = nodes.change_of_basis(to_coefficients, on_foundations)
-                    self.on_foundations = nodes.entries(change)
-                    change.destroy()
-            forces.destroy()
             to_forces = at_nodes(model.d - 1, model.degree).T
-            forces = nodes.change_of_basis(to_forces, self.contacts, self.free)
+            every = range(len(self.contacts))
+            change = rows.change_of_basis(to_forces, every, self.free & is_independent)
+            forces = change.matMult(forces)
         matrices = self._from_forces(forces)
-        forces.destroy()
-        self.shared: SharedMultipliers | None = None
-        if shared is not None:
-            self.shared = SharedMultipliers(nodes, shared, matrices)
-            if self.coefficients is not None:
-                self.coefficients = self.shared.replaced(self.coefficients)
-        self.multipliers = [nodes.entries(matrix) for matrix in matrices]
-        for matrix in matrices:
-            matrix.destroy()
+        if self.is_shared.any():
+            self._share(matrices)
+        self.multipliers = [self._entries(matrix) for matrix in matrices]
+
+    def coefficients_of(self, contact: int | None) -> Entries | None:
+        """Return C of what readers read; None for degree 1.
+
+        Args:
+            contact: Number of a contact between bodies; None for all foundations.
+        """
+        model = self._model
+        if model.degree == 1:
+            return None
+        numbers = [] if contact is None else [contact]
+        if contact is None:
+            numbers = [k for k, bound in enumerate(model.contacts) if bound.against is None]
+        to_coefficients = coefficients(model.d - 1, model.degree)
+        change = self.rows.change_of_basis(to_coefficients, numbers, self.free)
+        begin, columns, values = change.getValuesCSR()
+        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+        return Entries(self.rows.dofs[row], self.rows.dofs[columns], values)
+
+    def forces_on(self, numbers: list[int]) -> Entries:
+        """Return the matrix from forces ``B^T e`` to e of some contacts.
+
+        Where rows are dependent e are the least ones.
+        """
+        of_contacts = np.zeros(len(self.rows.here), dtype=bool)
+        for number in numbers:
+            of_contacts[self.rows.places[number]] = True
+        used = self.free & of_contacts[:, None]
+        return self._entries(self._from_nodes(self.groups.inverse.swapaxes(2, 3), used))
+
+    def free_at(self, numbers: list[int]) -> np.ndarray:
+        """Return which components of the rows of contacts are read, (n, d).
+
+        They are in the order of :meth:`areas_of`.
+        """
+        used = np.zeros(len(self.rows.here), dtype=bool)
+        for number in numbers:
+            used[self.rows.places[number]] = True
+        return self.free[used]
+
+    def areas_of(self, numbers: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Return here-nodes of contacts, and areas in the first ones that have them."""
+        area = np.zeros(len(self.rows.here))
+        for number in reversed(numbers):
+            area[self.rows.places[number]] = self.contacts[number].area
+        used = area > 0
+        return self.rows.here[used], area[used]
+
+    def _from_nodes(self, blocks: np.ndarray, used: np.ndarray) -> PETSc.Mat:
+        """Return a matrix from nodes to rows of B.
+
+        Args:
+            blocks: Its blocks, shape (G, d, R, C).
+            used: Components of rows that are not zero, shape (n, d).
+        """
+        rows, columns, values = self.groups.from_nodes(blocks)
+        is_used = used.ravel()[rows]
+        columns = np.searchsorted(self._dofs, columns[is_used])
+        return sparse(used.size, len(self._dofs), rows[is_used], columns, [values[is_used]])
+
+    def _entries(self, matrix: PETSc.Mat) -> Entries:
+        """Return the entries of a matrix from nodes to rows, by nodes of this side."""
+        begin, columns, values = matrix.getValuesCSR()
+        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+        used = values != 0
+        return Entries(self.rows.dofs[row[used]], self._dofs[columns[used]], values[used])
 
     def _from_forces(self, forces: PETSc.Mat) -> list[PETSc.Mat]:
         """Return the matrices from nodal forces to the multipliers of all contacts.
 
-        At shared nodes the multipliers are means of neighbours.
+        Those of dependent rows are means of neighbours.
 
         Args:
-            forces: The matrix from nodal forces to those on Bernstein coefficients; it
-                becomes that to the forces that earlier contacts leave, in place.
+            forces: The matrix from nodal forces to forces on Bernstein coefficients of
+                rows; it becomes that to what earlier contacts leave, in place.
         """
         maps = []
         for k in reversed(range(len(self.contacts))):
-            earlier = self._is_shared.copy()
-            for places in self._nodes.places[:k]:
-                earlier[places] = True
-            active = self.contacts[k].free & ~earlier[self._nodes.places[k]][:, None]
+            places = self.rows.places[k]
+            earlier = np.zeros(len(self.rows.here), dtype=bool)
+            for of_earlier in self.rows.places[:k]:
+                earlier[of_earlier] = True
+            active = (self.free & ~self.is_shared)[places] & ~earlier[places][:, None]
             completion = self._completion(k, active)
             of_contact = completion.matMult(forces)
             maps.append(of_contact)
 
-            # What a node of an earlier contact has here, that one need not bear.
+            # What a row of an earlier contact has here, that one need not bear.
             passive_area = np.zeros(self.free.shape)
-            area = self.contacts[k].area[:, None]
-            passive_area[self._nodes.places[k]] = np.where(active, 0.0, area)
+            passive_area[places] = np.where(active, 0.0, self.contacts[k].area[:, None])
             if passive_area.any():
-                bearing = diagonal(passive_area.ravel())
-                borne = bearing.matMult(of_contact)
-                forces.axpy(-1.0, borne)
-                bearing.destroy()
-                borne.destroy()
-            completion.destroy()
+                borne = diagonal(passive_area.ravel()).matMult(of_contact)
+                forces.axpy(-1.0, borne, DIFFERENT)
         return maps[::-1]
 
     def _completion(self, k: int, active: np.ndarray) -> PETSc.Mat:
@@ -166,9 +192,9 @@ class MultiplierMap:
             k: Place of the contact.
             active: Components with a multiplier of their own, shape (n, d).
         """
-        d = self._nodes.d
+        d = self.rows.d
         contact = self.contacts[k]
-        places = self._nodes.places[k]
+        places = self.rows.places[k]
         node, component = np.nonzero(active)
         i, j = neighbours(contact.facets, ~active.all(axis=1))
         pair, pair_component = np.nonzero(~active[i] & active[j])
@@ -183,6 +209,39 @@ class MultiplierMap:
         columns = np.concatenate([own_dof, places[j] * d + pair_component])
         return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
 
+    def _share(self, matrices: list[PETSc.Mat]) -> None:
+        """Add to multipliers of dependent rows what makes forces fit r, in place."""
+        rows, groups = self.rows, self.groups
+        stiffness = np.zeros(len(rows.here))
+        for contact, places in zip(self.contacts[::-1], rows.places[::-1], strict=True):
+            stiffness[places] = contact.stiffness
+        jumps = self._from_nodes(groups.jumps, self.free)
+        # What the estimates leave of r, where forces are shared.
+        size = len(self._dofs)
+        rest = diagonal(np.ones(size))
+        scales = [np.repeat(area, rows.d) for area in rows.areas]
+        for k, matrix in enumerate(matrices):
+            force = _scaled(scales[k], matrix)
+            if rows.degree > 1:
+                of_facet = coefficients(rows.d - 1, rows.degree).T
+                force = rows.change_of_basis(of_facet, [k]).matMult(force)
+            borne = jumps.transposeMatMult(force)
+            rest.axpy(-1.0, borne, DIFFERENT)
+
+        share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(rest)
+        done = np.zeros(len(rows.here), dtype=bool)
+        for k, matrix in enumerate(matrices):
+            first = np.zeros(len(rows.here), dtype=bool)
+            first[rows.places[k]] = True
+            first &= ~done
+            done |= first
+            force = _scaled(np.repeat(first, rows.d).astype(float), share)
+            if rows.degree > 1:
+                of_facet = at_nodes(rows.d - 1, rows.degree).T
+                force = rows.change_of_basis(of_facet, [k]).matMult(force)
+            inverse = np.divide(1.0, scales[k], out=np.zeros_like(scales[k]), where=scales[k] > 0)
+            matrix.axpy(1.0, _scaled(inverse, force), DIFFERENT)
+
 
 class Reactions:
     """Map nodal forces to multipliers, each rank for its own nodes.
@@ -194,43 +253,82 @@ class Reactions:
         like: A matrix for the degrees of freedom of the model.
 
     Attributes:
-        free: Which degrees of freedom of the nodes that this rank owns are in A, shape
-            (nodes, d).
-        area: Area of these nodes in the contact that their multiplier belongs to
-            [length^(d-1)], elsewhere 1, shape (nodes,).
+        map: The matrices, the same on all ranks.
+        free: Which degrees of freedom of the nodes that this rank owns contacts read,
+            shape (nodes, d).
         matrices: For each contact the matrix from nodal forces [force] to the Bernstein
             coefficients of the multiplier [force/area].
-        coefficients: C at A; None for degree 1.
-        shared: What contacts share at nodes of several bodies; None without.
     """
 
     def __init__(self, model: Model, like: PETSc.Mat) -> None:
-        multiplier_map = MultiplierMap(model)
+        self.map = MultiplierMap(model)
+        self._model = model
+        self._like = like
         low, high = model.V.dofmap.index_map.local_range
-        owned = (multiplier_map.numbers >= low) & (multiplier_map.numbers < high)
-        nodes = multiplier_map.numbers[owned] - low
+        numbers = self.map.groups.numbers
+        owned = (numbers >= low) & (numbers < high)
+        groups = self.map.groups
+        is_free = groups.is_free[groups.group, :, groups.slot]
         self.free = np.zeros((high - low, model.d), dtype=bool)
-        self.free[nodes] = multiplier_map.free[owned]
-        self.area = np.ones(high - low)
-        self.area[nodes] = multiplier_map.area[owned]
-        self.matrices = [_distributed(like, entries) for entries in multiplier_map.multipliers]
-        self.shared = multiplier_map.shared
-        self.coefficients: PETSc.Mat | None = None
-        if multiplier_map.coefficients is not None:
-            self.coefficients = _distributed(like, multiplier_map.coefficients)
+        self.free[numbers[owned] - low] = is_free[owned]
+        self.matrices = [distributed(like, entries) for entries in self.map.multipliers]
+
+    def reading(self, contact: int | None) -> PETSc.Mat | None:
+        """Return B from u to what a reader reads, None for I; collective.
+
+        At degree 2 these are Bernstein coefficients. It is I at nodes that are not
+        read.
+
+        Args:
+            contact: Number of a contact between bodies; None for all foundations.
+        """
+        change = self.map.coefficients_of(contact)
+        jump: PETSc.Mat | None = None
+        if contact is not None:
+            jump = self._model.connections.jump(contact)
+        if change is None:
+            return None if jump is None else jump.copy()
+        low, high = self._like.getOwnershipRange()
+        others = np.setdiff1d(np.arange(low, high), change.rows)
+        rows = np.concatenate([change.rows, others])
+        columns = np.concatenate([change.columns, others])
+        values = np.concatenate([change.values, np.ones(len(others))])
+        matrix = distributed(self._like, Entries(rows, columns, values))
+        if jump is None:
+            return matrix
+        result = matrix.matMult(jump)
+        matrix.destroy()
+        return result
+
+    def let_go(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Set y to the part ``(I - P) x`` of nodal forces that contacts do not read."""
+        if not self._model.connections.any:
+            x.copy(y)
+            y.array[self.free.ravel()] = 0.0
+            return
+        self._model.connections.alike.mult(x, y)
+        y.array[:] = np.where(self.free.ravel(), y.array_r, x.array_r)
 
     def destroy(self) -> None:
         """Free PETSc's objects."""
         for matrix in self.matrices:
             matrix.destroy()
-        if self.coefficients is not None:
-            self.coefficients.destroy()
 
 
-def _distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
+def distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
     """Make a matrix of all ranks from entries that all of them have; collective."""
     low, high = like.getOwnershipRange()
     owned = (entries.rows >= low) & (entries.rows < high)
     matrix = sparse_like(like, entries.rows[owned], entries.columns[owned])
     matrix.setValuesCOO(entries.values[owned])
     return matrix
+
+
+def _scaled(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
+    """Return a matrix with its rows times factors, a new one."""
+    result = matrix.copy()
+    scale = result.createVecLeft()
+    scale.array[:] = factors
+    result.diagonalScale(L=scale)
+    scale.destroy()
+    return result

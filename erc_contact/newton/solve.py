@@ -259,8 +259,7 @@ class Nearby:
         """
         near = self._near.model
         same_nodes = np.array_equal(model.fixed, near.fixed)
-        same_unknowns = np.array_equal(model.coordinates.fixed, near.coordinates.fixed)
-        if not model.comm.allreduce(same_nodes and same_unknowns, MPI.LAND):
+        if not model.comm.allreduce(same_nodes, MPI.LAND):
             return None
         elastic = self._near.stiffness
         kind: type[Direct | Iterative] = Iterative if elastic.iterative else Direct

@@ -1,27 +1,28 @@
 """The tangent of the contact problem for all degrees of freedom, with preconditioner.
 
-The tangent is ``K + e_u``; with a multiplier it is ``S K + e_u C + e_lambda lambda'
-K``, with the symbols of :mod:`erc_contact.newton.full`. It is applied, not assembled:
-only the terms of the contact are assembled anew.
+The tangent is ``K + B^T e_w B``; with a multiplier it is ``(I - P) K + B^T (e_w B +
+e_lambda lambda' K)``, with the symbols of :mod:`erc_contact.newton.full`. It is
+applied, not assembled: only the terms of the contact are assembled anew.
 
-The preconditioner is a cycle of the multigrid hierarchy of ``K + e_u``. With a
+The preconditioner is a cycle of the multigrid hierarchy of ``K + B^T e_w B``. With a
 multiplier the hierarchy is that of K with springs (:mod:`erc_contact.newton.springs`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from dolfinx import fem
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.base.sparse import matrix_of
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Reader
+from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.krylov import set_up
 from erc_contact.newton.linear.motion_springs import MotionSprings
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.shells import shell
-from erc_contact.newton.moved_forces import moved_forces
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.springs import Springs
@@ -42,7 +43,6 @@ class Tangent:
 
     Attributes:
         matrix: The tangent, as PETSc wants a matrix.
-        moved: What is added to assembled forces, see :func:`.moved_forces`.
         held: Springs on motions that no support holds; None without.
     """
 
@@ -61,133 +61,33 @@ class Tangent:
         self.force = force
         self._reactions = reactions
         self.held: MotionSprings | None = None
-        self._springs: Springs | None = None
-        self._is_identity = self.model.coordinates.is_identity
-        self.moved = moved_forces(forms)
-        self._of_fields = {} if reactions is not None else self._maps_of_fields()
-        self._moved_of_terms: list[PETSc.Mat] = []
-        """For each term what its equations leave to other unknowns; () without."""
-        if reactions is not None and forms.jump_sums.any:
-            self._moved_of_terms = self._moves_of_terms()
-        self._fixed: np.ndarray | None = None
-        """Rows and columns that are zero, or None."""
-
-        if self._is_identity and reactions is None:
-            # DOLFINx would set their diagonal, which has no place off the contact.
-            first, _ = elastic.matrix.getOwnershipRange()
-            rows = first + np.flatnonzero(elastic.fixed)
-            self._fixed = rows.astype(PETSc.IntType)
+        self._terms = [_Terms(forms, reader) for reader in forms.readers]
+        self._springs: list[Springs] = []
         if reactions is not None:
-            # The rows of the multiplier's equations stay: they are not equilibrium.
-            glue = elastic.glue.x.array
-            contacts = self._contacts_of_terms()
-            self._springs = Springs(self.model, elastic.matrix, glue, reactions, contacts)
-        self._terms = [matrix_of(tangents) for tangents in forms.tangents]
-        for term in self._terms:
-            term.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+            for reader in forms.readers:
+                self._springs.append(Springs(self.model, reader, reactions, elastic.matrix))
+        # DOLFINx would set their diagonal, which has no place off the contact.
+        first, _ = elastic.matrix.getOwnershipRange()
+        self._fixed = (first + np.flatnonzero(elastic.fixed)).astype(PETSc.IntType)
         self._change: PETSc.Mat | None = None
-        self._work = [elastic.matrix.createVecRight() for _ in range(2)]
+        self._work = [elastic.matrix.createVecRight() for _ in range(3)]
         self.matrix = shell(self.mult, self._work[0])
 
     def assemble(self) -> None:
         """Assemble the terms of the contact."""
-        self._assemble_terms(self.forms.all_jumps)
-        if self._springs is not None:
-            count = len(self.forms.displacements)
-            self._springs.update(self._terms[:count], self._terms[count:])
-            self._change = self._springs.matrix
-        elif self._is_identity:
-            self._change = self._terms[0]
-        else:
-            if self._change is not None:
-                self._change.destroy()
-            self._change = self._change_of_unknowns()
-
-    def _assemble_terms(self, tested: tuple[float, ...]) -> None:
-        """Assemble the derivatives of the equations, for factors of tested jumps."""
-        self.forms.test(tested)
-        for term, tangents in zip(self._terms, self.forms.tangents, strict=True):
-            term.zeroEntries()
-            for tangent in tangents:
-                fp.assemble_matrix(term, tangent)
-            term.assemble()
-            if self._fixed is not None:
-                term.zeroRowsColumns(self._fixed, diag=0.0)
-
-    def _change_of_unknowns(self) -> PETSc.Mat:
-        """Return the terms of the contact as a matrix for the unknowns, a new one.
-
-        The unknowns are jumps at contacts between bodies, and tested jumps are those of
-        one unknown alone.
-        """
-        change = self._by_unknowns()
-        for tested, on_others in self.moved:
-            self._assemble_terms(tested)
-            of_tested = self._by_unknowns()
-            moved = on_others.matMult(of_tested)
-            change.axpy(1.0, moved, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            of_tested.destroy()
-            moved.destroy()
-        change.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        first, _ = change.getOwnershipRange()
-        fixed = first + np.flatnonzero(self.elastic.fixed)
-        change.zeroRowsColumns(fixed.astype(PETSc.IntType), diag=0.0)
-        return change
-
-    def _by_unknowns(self) -> PETSc.Mat:
-        """Return the derivative of the equations by the unknowns, a new matrix."""
-        total: PETSc.Mat | None = None
-        for field, term in zip(self.forms.displacements, self._terms, strict=True):
-            by_unknowns = self._of_fields[field]
-            # Jumps are unknowns themselves, at the nodes of this side.
-            part = term.copy() if by_unknowns is None else term.matMult(by_unknowns)
-            if total is None:
-                total = part
-            else:
-                total.axpy(1.0, part, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-                part.destroy()
-        assert total is not None
-        return total
-
-    def _maps_of_fields(self) -> dict[fem.Function, PETSc.Mat | None]:
-        """Return the maps from unknowns to the fields of the forms, None for I."""
-        model = self.model
-        maps: dict[fem.Function, PETSc.Mat | None] = {self.forms.u: None}
-        if not self._is_identity:
-            maps[self.forms.u] = model.coordinates.matrix
-        for jump, contact in self.forms.jumps.items():
-            maps[jump] = None
-            if self.forms.jump_sums.any:
-                maps[jump] = self.forms.jump_sums.matrix(self.forms.jump_sums.of(contact), 1.0)
-        return maps
-
-    def _contacts_of_terms(self) -> list[list[int]]:
-        """Return the numbers of the contacts of each term; u has all foundations."""
-        contacts = self.model.contacts
-        foundations = [k for k, contact in enumerate(contacts) if contact.trace.there is None]
-        numbers = []
-        for field in self.forms.displacements:
-            if field in self.forms.jumps:
-                numbers.append([contacts.index(self.forms.jumps[field])])
-            else:
-                numbers.append(foundations)
-        return [*numbers, *([k] for k in range(len(contacts)))]
-
-    def _moves_of_terms(self) -> list[PETSc.Mat]:
-        """Return ``D^T`` of the contact that each term belongs to, with a multiplier.
-
-        That of u belongs to all foundations.
-        """
-        forms = self.forms
-        sums = forms.jump_sums
-        parts = []
-        for field in forms.displacements:
-            on_foundations = field not in forms.jumps
-            part = sums.of_foundations() if on_foundations else sums.of(forms.jumps[field])
-            parts.append(part)
-        for contact in self.model.contacts:
-            parts.append(sums.of(contact))
-        return [sums.matrix(part, 0.0).transpose() for part in parts]
+        for terms in self._terms:
+            terms.assemble()
+        for terms, springs in zip(self._terms, self._springs, strict=False):
+            springs.update(terms.by_displacement, terms.by_multipliers)
+        if self._change is not None:
+            self._change.destroy()
+        makers: Sequence[_Terms | Springs] = self._springs or self._terms
+        self._change, *others = [maker.by_nodes() for maker in makers]
+        for other in others:
+            self._change.axpy(1.0, other, DIFFERENT)
+            other.destroy()
+        self._change.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self._change.zeroRowsColumns(self._fixed, diag=0.0)
 
     def mult(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the scaled tangent times x."""
@@ -216,11 +116,13 @@ class Tangent:
 
     def precondition(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to about the inverse of the scaled tangent times x."""
-        if self._springs is None:
+        if self._reactions is None:
             self.elastic.cycle(x, y)
         else:
-            right = self._work[0]
-            right.array[:] = self._springs.right_side(x.array_r)
+            right = self._work[2]
+            self._reactions.let_go(x, right)
+            for springs in self._springs:
+                springs.add_forces(x, right)
             self.elastic.cycle(right, y)
         y.scale(self.force / self.length)
 
@@ -246,46 +148,109 @@ class Tangent:
 
     def free(self) -> None:
         """Free PETSc's objects; the matrix and this object know each other."""
-        if self._change is not None and self._springs is None:
-            self._change.destroy()
-        for petsc_object in (*self._terms, *self._work, self.matrix):
+        for petsc_object in (*self._work, self.matrix):
             petsc_object.destroy()
-        if self._springs is not None:
-            self._springs.free()
-        for _, matrix in self.moved:
-            matrix.destroy()
-        for matrix in self._moved_of_terms:
-            matrix.destroy()
+        if self._change is not None:
+            self._change.destroy()
+        for terms in self._terms:
+            terms.free()
+        for springs in self._springs:
+            springs.free()
 
     def _mult_equations(self, reactions: Reactions, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Replace the rows of A in ``y = K x`` by those of the equations."""
+        """Replace in ``y = K x`` what changes jumps by the equations."""
         forms = self.forms
         owned = self.elastic.owned
-        of_fields = forms.read(self.elastic.displacement(x))
-
-        field, product = self._work
-        total = np.zeros(owned)
-        count = len(forms.displacements)
-        for number, values in enumerate(of_fields):
-            field.array[:] = values[:owned]
-            total += self._product(number, field, product)
+        field, product, changed = self._work
+        fields = forms.read(self.elastic.function(x))
         # The multipliers are linear in the reactions K x.
-        for number, matrix in enumerate(reactions.matrices, count):
+        for matrix in reactions.matrices:
             matrix.mult(y, field)
-            total += self._product(number, field, product)
-        rows = reactions.free.ravel()
-        y.array[rows] = total[rows]
+            fields.append(field.array_r.copy())
+        reactions.let_go(y, changed)
+        for terms in self._terms:
+            total = np.zeros(owned)
+            for number, term in terms.by_fields.items():
+                field.array[:] = fields[number][:owned]
+                term.mult(field, product)
+                total += product.array_r
+            product.array[:] = total
+            terms.add_to_nodes(product, changed)
+        changed.array[self.elastic.fixed] = y.array_r[self.elastic.fixed]
+        changed.copy(y)
 
-    def _product(self, number: int, field: PETSc.Vec, product: PETSc.Vec) -> np.ndarray:
-        """Return a term times a field, as equations of the unknowns.
 
-        Args:
-            number: Number of the term.
-            field: The field; it is overwritten.
-            product: Work space.
-        """
-        self._terms[number].mult(field, product)
-        if not self._moved_of_terms:
-            return product.array_r
-        self._moved_of_terms[number].mult(product, field)
-        return product.array_r + field.array_r
+class _Terms:
+    """Hold the derivatives of the equations of one reader; members are collective.
+
+    Args:
+        forms: The equations of the method.
+        reader: The reader.
+
+    Attributes:
+        by_fields: Number of each field in these equations -> the derivative by it.
+    """
+
+    def __init__(self, forms: ContactForms, reader: Reader) -> None:
+        self._forms = forms
+        self._reader = reader
+        self._connections = forms.model.connections
+        self.by_fields: dict[int, PETSc.Mat] = {}
+        for number, tangents in enumerate(reader.tangents):
+            if tangents:
+                self.by_fields[number] = matrix_of(tangents)
+
+    @property
+    def by_displacement(self) -> PETSc.Mat:
+        """Return the derivative by what a reader with multipliers reads."""
+        return next(iter(self.by_fields.values()))
+
+    @property
+    def by_multipliers(self) -> list[PETSc.Mat]:
+        """Return the derivatives by the multipliers."""
+        count = len(self._forms.displacements)
+        return [term for number, term in self.by_fields.items() if number >= count]
+
+    def assemble(self) -> None:
+        """Assemble the derivatives at the fields of the forms."""
+        for number, term in self.by_fields.items():
+            term.zeroEntries()
+            for tangent in self._reader.tangents[number]:
+                fp.assemble_matrix(term, tangent)
+            term.assemble()
+
+    def by_nodes(self) -> PETSc.Mat:
+        """Return the derivative of nodal forces by the displacement, a new matrix."""
+        jumps = list(self._forms.jumps)
+        total: PETSc.Mat | None = None
+        for number, term in self.by_fields.items():
+            field = self._forms.displacements[number]
+            part = term
+            if field in jumps:
+                contact = self._forms.model.contacts.index(self._forms.jumps[field])
+                part = term.matMult(self._connections.jump(contact))
+            if total is None:
+                total = part.copy() if part is term else part
+            else:
+                total.axpy(1.0, part, DIFFERENT)
+                if part is not term:
+                    part.destroy()
+        assert total is not None
+        if self._reader.contact is None:
+            return total
+        result = self._connections.jump(self._reader.contact).transposeMatMult(total)
+        total.destroy()
+        return result
+
+    def add_to_nodes(self, forces: PETSc.Vec, nodal: PETSc.Vec) -> None:
+        """Add forces on what is read to nodal forces, in place."""
+        if self._reader.contact is None:
+            nodal.axpy(1.0, forces)
+        else:
+            jump = self._connections.jump(self._reader.contact)
+            jump.multTransposeAdd(forces, nodal, nodal)
+
+    def free(self) -> None:
+        """Free PETSc's objects."""
+        for term in self.by_fields.values():
+            term.destroy()

@@ -241,9 +241,9 @@ def coulomb_surface(model: Model) -> Surface:
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
         if contact.against is None:
             # The unknown of the solver at a node of a pair is the jump, and not u.
-            others.append(of_contact[model.coordinates.is_paired[facet_nodes]])
+            others.append(of_contact[model.connections.is_paired[facet_nodes]])
         # Nor is the jump of a contact an unknown where more than two bodies meet.
-        others.append(of_contact[model.coordinates.is_joint[facet_nodes]])
+        others.append(of_contact[model.connections.is_joint[facet_nodes]])
     all_numbers = _gathered(model, numbers_of_contacts)
     corners = _gathered(model, corners_of_contacts)
     of_corners = _gathered(model, normals_of_contacts)

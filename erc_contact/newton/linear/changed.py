@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from erc_contact.base.sparse import as_blocks
 
 SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
 SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
 
 

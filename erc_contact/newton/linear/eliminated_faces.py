@@ -24,7 +24,6 @@ from __future__ import annotations
 import numpy as np
 import ufl
 from dolfinx import fem, la
-from dolfinx.fem import petsc as fp
 from mpi4py import MPI
 
 from erc_contact.base.runtime import compiled
@@ -55,12 +54,9 @@ class EliminatedFaces:
         fixed = np.flatnonzero(elastic.fixed)
         columns = []
         for forces in self._forces:
-            of_unknowns = fp.create_vector(model.V)
-            of_unknowns.array[:] = forces
-            model.coordinates.forces(of_unknowns)
-            of_unknowns.array[fixed] = 0.0
-            columns.append(of_unknowns.array_r.copy())
-            of_unknowns.destroy()
+            of_unknowns = forces.copy()
+            of_unknowns[fixed] = 0.0
+            columns.append(of_unknowns)
         self.coupling = np.column_stack(columns)
         local = [[shape.x.array[: self._owned] @ f for f in self._forces] for shape in self.shapes]
         stiffness = model.comm.allreduce(np.array(local), MPI.SUM)
@@ -95,10 +91,7 @@ class EliminatedFaces:
             b: Nodal forces, not yet summed over ranks.
             supports: Whether supports have their values p, else zero.
         """
-        p = self._model.function()
-        if supports:
-            coordinates = self._model.coordinates
-            p = coordinates.to_u(coordinates.prescribed)
+        p = self._model.prescribed if supports else self._model.function()
         motions = np.linalg.solve(self.stiffness, self.pushes(b, p))
         for amount, forces in zip(motions, self._forces, strict=True):
             b.x.array[: self._owned] -= amount * forces

@@ -50,23 +50,23 @@ class FaceMotions:
         solve: Solves A with the faces at rest.
 
     Attributes:
-        unknowns: W at the unknowns x [-], Functions of V.
+        displacements: W [-], Functions of V.
         stiffness: S [force/length], shape (J, J).
     """
 
     def __init__(self, elastic: Elastic, faces: EliminatedFaces, solve: LinearSolve) -> None:
         self._elastic = elastic
         self._faces = faces
-        self.unknowns: list[fem.Function] = []
+        self.displacements: list[fem.Function] = []
         for coupling in faces.coupling.T:
             right = fp.create_vector(elastic.model.V)
             right.array[:] = -coupling
             x = right.duplicate()
             solve(right, x)
-            self.unknowns.append(elastic.unknowns(x))
+            self.displacements.append(elastic.function(x))
             right.destroy()
             x.destroy()
-        self._owned = np.column_stack([w.x.array[: elastic.owned] for w in self.unknowns])
+        self._owned = np.column_stack([w.x.array[: elastic.owned] for w in self.displacements])
         change = elastic.model.comm.allreduce(faces.coupling.T @ self._owned, MPI.SUM)
         self.stiffness = faces.stiffness + 0.5 * (change + change.T)
 
@@ -79,10 +79,8 @@ class FaceMotions:
                 not work on the faces.
         """
         motions = np.linalg.solve(self.stiffness, self._faces.pushes(b, u))
-        x = self._elastic.model.function()
-        for amount, unknowns in zip(motions, self.unknowns, strict=True):
-            x.x.array[:] += amount * unknowns.x.array
-        u.x.array[:] += self._elastic.model.coordinates.to_u(x).x.array
+        for amount, displacement in zip(motions, self.displacements, strict=True):
+            u.x.array[:] += amount * displacement.x.array
         self._faces.move(u, motions)
 
     def moved(self, force: np.ndarray) -> np.ndarray:

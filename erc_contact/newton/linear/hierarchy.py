@@ -10,10 +10,6 @@ That of K serves all of them; that of K + D saves a tenth of the cycles of a con
 solve, and doubles those of an elastic solve with given contact tractions. Another
 preconditioner that PETSc's options ask for is set up anew for each matrix.
 
-Where the unknowns are jumps at contacts between bodies
-(:mod:`erc_contact.model.coordinates`), the hierarchy is that of the same matrix for the
-displacements of the bodies, whose rigid motions are known at every node.
-
 PETSc compares pivots with fixed numbers. So the hierarchy is that of a matrix whose
 entries are near one, whatever the units.
 
@@ -27,7 +23,6 @@ import numpy as np
 from dolfinx import la
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import add_diagonal
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
 from erc_contact.newton.linear.changed import ChangedBlocks, ChangedEntries
@@ -47,7 +42,7 @@ class Hierarchy:
         model: The scene on a mesh.
         stiffness: K [force/length].
         operator: K as it is multiplied [force/length].
-        glue: D at the degrees of freedom of this rank [force/length].
+        glue: D [force/length], which this object frees.
         share: Share of D in the first matrix [-].
         support_stiffness: Diagonal of K where supports fix a component [force/length].
         has_contact: Whether D is not zero on all ranks.
@@ -65,7 +60,7 @@ class Hierarchy:
         model: Model,
         stiffness: PETSc.Mat,
         operator: PETSc.Mat,
-        glue: np.ndarray,
+        glue: PETSc.Mat,
         share: float,
         *,
         support_stiffness: float,
@@ -83,23 +78,15 @@ class Hierarchy:
         self._share: float | None = share
         """Share of the glue in the matrix; None after :meth:`renew` with a tangent."""
 
-        self._stiffness_of_bodies = stiffness
-        if not model.coordinates.is_identity:
-            self._stiffness_of_bodies = self._of_bodies(stiffness, support_stiffness)
         self._sum = self._changed(stiffness, operator)
-        self._sum_of_bodies = self._sum
-        if not model.coordinates.is_identity:
-            self._sum_of_bodies = self._changed(self._stiffness_of_bodies, None)
         self.matrix = self._sum.matrix
-        self._bodies = self._sum_of_bodies.matrix
         first = self._part_of_glue(share)
-        first_of_bodies = self._change_of_bodies(first)
         if share:
-            self._change(first, first_of_bodies)
+            self._sum.change(first)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
-        self._bodies.setOption(PETSc.Mat.Option.SPD, True)
         self._two_levels: TwoLevels | None = None
-        self._multigrid, algebraic = self._preconditioners(first_of_bodies)
+        self._multigrid, algebraic = self._preconditioners(first)
+        self.pc = self._multigrid
         levels: list[tuple[PETSc.Mat, PETSc.Mat]] = []
         # PETSc must not set these up anew: the coarse matrices follow C here.
         if has_contact and self._two_levels is not None:
@@ -111,16 +98,12 @@ class Hierarchy:
         if has_contact and (is_gamg or levels):
             self._coarse = CoarseMatrices(
                 levels + levels_of(algebraic),
-                self._stiffness_of_bodies,
+                stiffness,
                 self._layer(),
-                first_of_bodies,
+                first,
                 self.scale,
             )
-        first_of_bodies.destroy()
         first.destroy()
-        self.pc = self._multigrid
-        if self._bodies is not self.matrix:
-            self.pc = preconditioner(self._apply_to_unknowns, self.matrix)
 
     def _changed(
         self, stiffness: PETSc.Mat, operator: PETSc.Mat | None
@@ -130,31 +113,25 @@ class Hierarchy:
             return ChangedBlocks(stiffness, self.scale, self._model.d, operator)
         return ChangedEntries(stiffness, self.scale)
 
-    def _change(self, change: PETSc.Mat, of_bodies: PETSc.Mat) -> None:
-        """Set C of the matrices for the unknowns and for displacements."""
-        self._sum.change(change)
-        if self._sum_of_bodies is not self._sum:
-            self._sum_of_bodies.change(of_bodies)
-
     def _preconditioners(self, change: PETSc.Mat) -> tuple[PETSc.PC, PETSc.PC]:
         """Set up the cycle, and algebraic multigrid, the lower part or all of it.
 
         Args:
-            change: The first C, for displacements [force/length].
+            change: The first C [force/length].
         """
         if self._model.degree > 1:
             self._two_levels = TwoLevels(
                 self._model,
-                self._bodies,
-                (self._stiffness_of_bodies, change),
+                self.matrix,
+                (self._stiffness, change),
                 self.scale,
                 self._support_stiffness,
             )
             return self._two_levels.pc, self._two_levels.algebraic
-        self._bodies.setNearNullSpace(rigid_motions(self._model.V, self._bodies))
+        self.matrix.setNearNullSpace(rigid_motions(self._model.V, self.matrix))
         multigrid = PETSc.PC().create(self.matrix.comm)
         multigrid.setOptionsPrefix(AMG_PREFIX)
-        multigrid.setOperators(self._bodies)
+        multigrid.setOperators(self.matrix)
         with_defaults(multigrid)
         return multigrid, multigrid
 
@@ -171,16 +148,11 @@ class Hierarchy:
         """Set the matrix to K plus a change C at the contact [force/length]."""
         self._share = None
         self.matrix.setOption(PETSc.Mat.Option.SPD, False)
-        if self._bodies is not self.matrix:
-            self._bodies.setOption(PETSc.Mat.Option.SPD, False)
-        of_bodies = self._change_of_bodies(change)
-        self._change(change, of_bodies)
+        self._sum.change(change)
         if self._coarse is None:
             self._multigrid.setUp()
         else:
-            self._coarse.follow(of_bodies)
-        if of_bodies is not change:
-            of_bodies.destroy()
+            self._coarse.follow(change)
 
     def factorise(self) -> None:
         """Replace the hierarchy by a factor of its matrix."""
@@ -190,8 +162,6 @@ class Hierarchy:
         if self._coarse is not None:
             self._coarse.free()
             self._coarse = None
-        if self.pc is not self._multigrid:
-            self.pc.destroy()
         self.pc = preconditioner(self._exact.solve, self.matrix)
 
     def free(self) -> None:
@@ -200,53 +170,18 @@ class Hierarchy:
             self._coarse.free()
         self.pc.destroy()
         self._multigrid.destroy()
+        self._glue.destroy()
         if self._two_levels is not None:
             self._two_levels.free()
         self._sum.free()
-        if not self._model.coordinates.is_identity:
-            self._sum_of_bodies.free()
-            self._stiffness_of_bodies.destroy()
         if self._exact is not None:
             self._exact.destroy()
 
     def _part_of_glue(self, share: float) -> PETSc.Mat:
         """Return a share of D as a matrix [force/length]."""
-        sizes = self._stiffness.getSizes()
-        glue = PETSc.Mat().createAIJ(sizes, nnz=1, comm=self._stiffness.comm)
-        add_diagonal(glue, share * self._glue)
-        glue.assemble()
+        glue = self._glue.copy()
+        glue.scale(share)
         return glue
-
-    def _of_bodies(self, matrix: PETSc.Mat, diagonal: float) -> PETSc.Mat:
-        """Return a matrix for the unknowns as one for displacements."""
-        fixed = self._model.fixed.ravel()[: len(self._glue)]
-        return self._model.coordinates.of_bodies(matrix, fixed, diagonal)
-
-    def _change_of_bodies(self, change: PETSc.Mat) -> PETSc.Mat:
-        """Return a change of the matrix as one for displacements.
-
-        It is the change itself where unknowns are displacements.
-        """
-        if self._model.coordinates.is_identity:
-            return change
-        return self._of_bodies(change, 0.0)
-
-    def _apply_to_unknowns(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to about the inverse of the matrix times x, for unknowns x."""
-        coordinates = self._model.coordinates
-        fixed_unknowns = coordinates.fixed.ravel()[: len(self._glue)]
-        fixed = self._model.fixed.ravel()[: len(self._glue)]
-        force = x.copy()
-        force.array[fixed_unknowns] = 0.0
-        of_bodies = x.duplicate()
-        coordinates.inverse.multTranspose(force, of_bodies)
-        of_bodies.array[fixed] = 0.0
-        self._multigrid.apply(of_bodies, force)
-        force.array[fixed] = 0.0
-        coordinates.inverse.mult(force, y)
-        y.array[fixed_unknowns] = x.array_r[fixed_unknowns] / (self.scale * self._support_stiffness)
-        force.destroy()
-        of_bodies.destroy()
 
     def _layer(self) -> PETSc.IS:
         """Find the degrees of freedom of this rank in cells at the contact.
@@ -259,12 +194,10 @@ class Hierarchy:
         cells = np.concatenate([contact.facets[:, 0] for contact in model.contacts])
         of_nodes = near.x.array.reshape(-1, model.d)
         of_nodes[model.nodes[cells]] = 1.0
-        for contact in model.contacts:
-            if contact.trace.there is not None:
-                of_nodes[contact.trace.partners] = 1.0
+        of_nodes[model.connections.is_paired] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)
-        first, _ = self._stiffness.getOwnershipRange()
-        owned = np.flatnonzero(near.x.array[: len(self._glue)]) + first
+        first, last = self._stiffness.getOwnershipRange()
+        owned = np.flatnonzero(near.x.array[: last - first]) + first
         return PETSc.IS().createGeneral(owned.astype(PETSc.IntType), comm=self._stiffness.comm)
 
 
@@ -279,16 +212,15 @@ def weak_share(model: Model) -> float:
 
 
 def free_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
-    """Return the rigid motions that no support holds, for the unknowns of a matrix.
+    """Return the rigid motions that no support holds, as vectors of a matrix.
 
-    Loose rigid faces, which move with the body, are at rest in its unknowns.
+    Loose rigid faces, which move with the body, are at rest there.
     """
-    coordinates = model.coordinates
     vectors = []
     for motion in model.free_motions:
         vector = matrix.createVecRight()
         owned = vector.getLocalSize()
-        vector.array[:] = coordinates.to_x(motion).x.array[:owned]
-        vector.array[coordinates.fixed.ravel()[:owned]] = 0.0
+        vector.array[:] = motion.x.array[:owned]
+        vector.array[model.fixed.ravel()[:owned]] = 0.0
         vectors.append(vector)
     return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=matrix.comm)

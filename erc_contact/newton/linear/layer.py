@@ -12,9 +12,10 @@ from erc_contact.model.over_ranks import marked_by_any
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Number the free unknowns L that the displacement of the cells at contacts has.
+    """Number the free degrees of freedom L of the nodes of contacts and of their cells.
 
-    Those of the contact nodes come first.
+    Those of the contact nodes come first. Of two bodies in contact the cells are those
+    of this side, and the nodes those of both.
 
     Attributes:
         contact_size: Number of degrees of freedom at contact nodes.
@@ -31,24 +32,17 @@ class Layer:
 
 def contact_layer(model: Model) -> Layer:
     """Find the layer of all contacts of a model; collective."""
-    coordinates = model.coordinates
-    node_count = len(model.fixed)
-    touching = np.zeros(node_count, dtype=bool)
-    jumping = np.zeros(node_count, dtype=bool)
-    layer = np.zeros(node_count, dtype=bool)
+    touching = np.zeros(model.node_count, dtype=bool)
+    layer = np.zeros(model.node_count, dtype=bool)
     for contact in model.contacts:
-        # A foundation sees u, a contact between bodies the jump, which is x at a node.
-        seen = touching if contact.trace.there is None else jumping
-        seen[contact.trace.here.nodes] = True
+        touching[contact.trace.here.nodes] = True
         layer[model.nodes[contact.facets[:, 0]]] = True
-    if not coordinates.is_identity:
-        # Where more than two bodies meet, a jump is a sum of unknowns at all nodes.
-        touching = coordinates.with_partners(touching) | jumping | coordinates.is_joint
-        layer = coordinates.with_partners(layer) | coordinates.is_joint
+    if model.connections.any:
+        touching |= model.connections.is_paired
         # A rank may have the cell of a contact facet without the cell that faces it.
-        touching, layer = marked_by_any(model, touching, layer)
+        (layer,) = marked_by_any(model, layer | model.connections.is_paired)
 
-    dofs = np.flatnonzero((layer[:, None] & ~coordinates.fixed).ravel())
+    dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
     at_contact = np.repeat(touching, model.d)[dofs]
     numbers = model.global_dofs(dofs)
     on_contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))

@@ -21,13 +21,13 @@ def rough_energy(elastic: Multigrid, force: PETSc.Vec) -> float:
 
     def weakly_glued(y: PETSc.Vec, result: PETSc.Vec) -> None:
         elastic.times(y, result)
-        glue_force.pointwiseMult(weak, y)
+        weak.mult(y, glue_force)
         result.axpy(1.0, glue_force)
 
     fgmres(weakly_glued, elastic.cycle, force, u, DISTANCE_TOLERANCE)
     energy = float(force.dot(u))
-    for vector in (weak, u, glue_force):
-        vector.destroy()
+    for done in (weak, u, glue_force):
+        done.destroy()
     return energy
 
 

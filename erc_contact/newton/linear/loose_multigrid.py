@@ -32,11 +32,11 @@ ENOUGH = 10.0
 class LooseMultigrid(Multigrid):
     """Solve the elastic equations of a model with loose rigid faces with multigrid."""
 
-    def right_side(self, b: fem.Function, *, supports: bool) -> PETSc.Vec:
+    def right_side(self, b: fem.Function, *, supports: bool, glued: bool = False) -> PETSc.Vec:
         """Return the right side of the equations without the motions of faces."""
         reduced = b.copy()
         self._faces.reduce(reduced, supports=supports)
-        return super().right_side(reduced, supports=supports)
+        return super().right_side(reduced, supports=supports, glued=glued)
 
     def glued(
         self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
@@ -68,11 +68,11 @@ class LooseMultigrid(Multigrid):
         y.array[:] -= self._faces.followed(x.array_r)
 
     def start(self, u: fem.Function) -> np.ndarray:
-        """Return the unknowns of a displacement; faces have their given motions."""
-        unknowns = super().start(u).copy()
+        """Return the nodal values of a displacement; faces have their given motions."""
+        nodal = super().start(u).copy()
         fixed = self.fixed
-        unknowns[fixed] = self.model.coordinates.prescribed.x.array[: self.owned][fixed]
-        return unknowns
+        nodal[fixed] = self.model.prescribed.x.array[: self.owned][fixed]
+        return nodal
 
     def follow(self, u: fem.Function) -> None:
         """Let the faces follow a displacement under the loads [length], in place."""

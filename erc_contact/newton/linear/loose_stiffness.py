@@ -53,7 +53,7 @@ class LooseStiffness(Stiffness):
         """Factorise with the Schur complement on L of the body with loose faces."""
         # MUMPS has the Schur complement only until the factor has solved for once.
         super()._condense()
-        at_layer = [self.gather_x(unknown) for unknown in self._motions.unknowns]
+        at_layer = [self.gather(motion) for motion in self._motions.displacements]
         if self.schur is not None:
             self.schur = self._motions.softened(self.schur, np.column_stack(at_layer))
 

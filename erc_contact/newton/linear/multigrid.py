@@ -8,6 +8,7 @@ away from the contact.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -19,9 +20,11 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import product
 from erc_contact.newton.linear.elastic import AssembledElastic
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
 from erc_contact.newton.linear.krylov import conjugate_gradients
+from erc_contact.newton.linear.shells import shell
 from erc_contact.newton.linear.traces import IterativeTraces
 
 ROUGH, EXACT = 1e-4, 1e-12
@@ -58,10 +61,15 @@ class Multigrid(AssembledElastic):
         # In other units than those of the body, smoothers and norms see either the
         # supports or the rest.
         self.support_stiffness = model.stiffest() * model.domain.extent ** (model.d - 2)
-        glued = int(np.count_nonzero(self.glue.x.array[: self.owned]))
+        glued = int(np.count_nonzero(self._stiffness_of_glue))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
         self._hurried = hurried
         self._hierarchy: Hierarchy | None = None
+
+    @cached_property
+    def _stiffness_of_glue(self) -> np.ndarray:
+        """Return the diagonal of D at the nodes of this rank [force/length]."""
+        return self.glue.diagonal()[: self.owned]
 
     @property
     def hierarchy(self) -> Hierarchy:
@@ -71,7 +79,7 @@ class Multigrid(AssembledElastic):
                 self.model,
                 self.matrix,
                 self.operator,
-                self.glue.x.array[: self.owned],
+                self.glue.matrix(),
                 weak_share(self.model),
                 support_stiffness=self.support_stiffness,
                 has_contact=self.contact_size > 0,
@@ -90,7 +98,7 @@ class Multigrid(AssembledElastic):
             tolerance: Residual over the right side [-].
         """
         self.hierarchy.set_share(1.0)
-        right = self.right_side(b, supports=supports)
+        right = self.right_side(b, supports=supports, glued=True)
         right.scale(self.hierarchy.scale)
         return self._solved(
             self.hierarchy.matrix,
@@ -136,41 +144,62 @@ class Multigrid(AssembledElastic):
     def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
         """Return the forces that hold the contact nodes at displacements y [force].
 
-        The other nodes are free of forces. Displacements and forces are those of the
-        unknowns.
+        The other nodes are free of forces. At contacts between bodies y is a jump, and
+        the force is that on the jump.
 
         Args:
-            y: Displacement of the contact nodes that this rank owns [length], zero
-                where supports fix it.
+            y: Displacement, or jump, at the nodes of this side that this rank owns
+                [length], zero where supports fix it.
             tolerance: Of the displacement between them [-].
         """
         self.hierarchy.set_share(1.0)
-        at_contact = np.flatnonzero(self.glue.x.array[: self.owned] > 0).astype(np.int32)
+        connections = self.model.connections
+        at_contact = np.flatnonzero(self._stiffness_of_glue > 0).astype(np.int32)
         fixed = np.flatnonzero(self.fixed)
+        y = connections.least_displacement(y)
 
-        # Solve for the nodes between, where the contact nodes do not move, and add y.
+        # Solve for what moves between them, where no jump changes, and add y.
         u = self.matrix.createVecRight()
         b = self.matrix.createVecRight()
         u.array[:] = y.x.array[: self.owned]
         self.times(u, b)
         b.scale(-1.0)
-        b.array[at_contact] = 0.0
+        self._let_go(b, at_contact)
         b.array[fixed] = 0.0
-        inside = self.matrix.copy()
-        diagonal = float(self.glue.x.array.max(initial=0.0))
-        first, _ = inside.getOwnershipRange()
-        inside.zeroRowsColumns((first + at_contact).astype(PETSc.IntType), diag=diagonal)
-        between = self.model.coordinates.to_x(self._solved(inside, b, tolerance, held=at_contact))
-        inside.destroy()
+        diagonal = float(self.glue.diagonal().max(initial=0.0))
+        free = b.duplicate()
+
+        def inside(x: PETSc.Vec, forces: PETSc.Vec) -> None:
+            x.copy(free)
+            self._let_go(free, at_contact)
+            self.matrix.mult(free, forces)
+            self._let_go(forces, at_contact)
+            # What is held has a stiffness of its own.
+            free.aypx(-1.0, x)
+            forces.axpy(diagonal, free)
+
+        operator = shell(inside, b)
+        between = self._solved(operator, b, tolerance, held=at_contact)
+        operator.destroy()
         u.array[:] += between.x.array[: self.owned]
 
         forces = self.matrix.createVecRight()
         self.times(u, forces)
         forces.array[fixed] = 0.0
-        nodal_forces = self.unknowns(forces)
-        u.destroy()
-        forces.destroy()
+        nodal_forces = self.function(forces)
+        for done in (u, forces, free):
+            done.destroy()
+        if connections.any:
+            return product(self.model, connections.projection, nodal_forces, transpose=True)
         return nodal_forces
+
+    def _let_go(self, x: PETSc.Vec, at_contact: np.ndarray) -> None:
+        """Take the part of a vector that changes jumps at contacts away, in place."""
+        connections = self.model.connections
+        alike = x.duplicate() if connections.any else None
+        if alike is not None:
+            connections.alike.mult(x, alike)
+        x.array[at_contact] = 0.0 if alike is None else alike.array_r[at_contact]
 
     def traces(self, numbers: np.ndarray) -> IterativeTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
@@ -181,8 +210,8 @@ class Multigrid(AssembledElastic):
         self.operator.mult(x, y)
 
     def start(self, u: fem.Function) -> np.ndarray:
-        """Return the unknowns of this rank [length] from which Newton starts."""
-        return self.model.coordinates.to_x(u).x.array[: self.owned]
+        """Return the nodal values of this rank [length] from which Newton starts."""
+        return u.x.array[: self.owned]
 
     def follow(self, u: fem.Function) -> None:
         """Let loose faces follow a displacement under the loads [length], in place."""
@@ -215,10 +244,10 @@ class Multigrid(AssembledElastic):
         self.free_stiffness()
         free_dropped(self.model.comm)
 
-    def weak_glue(self) -> PETSc.Vec:
+    def weak_glue(self) -> PETSc.Mat:
         """Return the glue that holds a loose body, else zero [force/length]."""
-        weak = self.matrix.createVecRight()
-        weak.array[:] = weak_share(self.model) * self.glue.x.array[: self.owned]
+        weak = self.glue.matrix()
+        weak.scale(weak_share(self.model))
         return weak
 
     def _solved(
@@ -257,8 +286,7 @@ class Multigrid(AssembledElastic):
             # The squares in norms overflow earlier than the numbers do.
             b.scale(1 / size)
             if near is not None:
-                unknowns = self.model.coordinates.to_x(near)
-                x.array[:] = unknowns.x.array[: self.owned] / size
+                x.array[:] = near.x.array[: self.owned] / size
             left = self._iterate(matrix, b, x, tolerance, held, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
                 log = log_of(self.model.comm)
@@ -271,7 +299,7 @@ class Multigrid(AssembledElastic):
                     failed = "Conjugate gradients with multigrid are slow, or break down."
                 raise NotConverged(f"{failed} {TRY_DIRECT}", ())
             x.scale(size)
-        u = self.displacement(x)
+        u = self.function(x)
         x.destroy()
         b.destroy()
         return u

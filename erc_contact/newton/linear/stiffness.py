@@ -4,11 +4,18 @@ Between two states of a contact only forces at the contact change. So the nonlin
 problem needs only the stiffness condensed on the contact, a small dense matrix. One
 factorisation serves the whole contact solve and the rebalance after it.
 
-Symbols: K elastic stiffness with the supports [force/length]; D diagonal stiffness that
-glues the contact nodes to the foundations, ``D_i = 10 E k^2/h |F|/m`` summed over
-facets; L the free degrees of freedom of the cells at the contact, those of the contact
-nodes first; A the first ones of L (the contact nodes, or all); S_A the Schur complement
-of K + D on A. Then S_A - D_A is the Schur complement of K, and at the contact
+Contacts read displacements in the row space of their B only
+(:mod:`erc_contact.model.groups`). So the unknowns L are amounts in an orthonormal basis
+Q: first the displacements of groups of nodes that change a jump, then the displacements
+that do not, and those of the other nodes. Where no contact is between bodies, Q is the
+identity. For a pair of nodes the first ones are ``(u_1 - u_2)/sqrt(2)``, and the second
+ones ``(u_1 + u_2)/sqrt(2)``.
+
+Symbols: K elastic stiffness with the supports [force/length]; D the glue
+(:mod:`erc_contact.newton.linear.glue`); L the free components of the nodes of contacts
+and of their cells, in the basis Q; A the first ones of L (those that change jumps, or
+all); S_A the Schur complement of K + D on A. Then S_A - D_A is the Schur complement of
+K, and at the contact
 
     K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,
 
@@ -29,8 +36,11 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
+from erc_contact.base.sparse import times
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.jump_basis import JumpBasis
 from erc_contact.newton.linear.layer import contact_layer
 from erc_contact.newton.linear.mumps import Factor, factorised
 from erc_contact.newton.linear.substructures import Substructures
@@ -41,13 +51,11 @@ class Stiffness(Elastic):
     """Solve the elastic equations of a model with a factor.
 
     Attributes:
-        local: Degrees of freedom of this rank (with ghosts) that are in L.
-        place: Their places in L.
-        numbers: Global numbers of L in order.
-        contact_size: Number of degrees of freedom of L at contact nodes; 0 without
-            contact.
+        layer: The degrees of freedom whose displacements L are, without the basis.
+        contact_size: Number of unknowns of L that change jumps; 0 without contact.
         schur: S_L on rank 0; None elsewhere and without contact.
-        glued_by: D_L on rank 0.
+        glued_by: D_A on rank 0; None elsewhere.
+        basis: Q.
         motions: Rigid motions that no support holds, at L on rank 0.
 
     Raises:
@@ -59,18 +67,16 @@ class Stiffness(Elastic):
     def __init__(self, model: Model) -> None:
         super().__init__(model)
         self.contact_size = 0
-        self.local = np.zeros(0, dtype=np.int64)
+        self.layer = contact_layer(model)
         self.schur: np.ndarray | None = None
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
-        if model.contacts:
-            layer = contact_layer(model)
-            self.contact_size = layer.contact_size
-            self.numbers = layer.numbers
-            self.local = layer.local
-            self.place = layer.place
-        if self.contact_size:
+        if self.layer.contact_size:
+            self.basis = JumpBasis(
+                model.connections.groups, self.layer.numbers, self.layer.contact_size
+            )
+            self.contact_size = self.basis.jump_count
             self._condense()
 
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
@@ -78,13 +84,13 @@ class Stiffness(Elastic):
 
         The arguments are those of :meth:`.solver.ElasticSolver.solve`.
         """
-        return self._solved_by(self._solver(), self.right_side(b, supports=supports))
+        return self._solved_by(self._solver(), self.right_side(b, supports=supports, glued=True))
 
     def _solved_by(self, solver: Factor | Substructures, right: PETSc.Vec) -> fem.Function:
         """Return the displacement of a right side [length], and destroy that."""
         x = right.duplicate()
         solver.solve(right, x)
-        u = self.displacement(x)
+        u = self.function(x)
         x.destroy()
         right.destroy()
         return u
@@ -103,12 +109,15 @@ class Stiffness(Elastic):
             return w
         a = self.contact_size
         w_A = self.gather(w)[:a]
+        glue_forces = self.gather(self.glue.times(w))[:a]
 
         def unglue() -> np.ndarray | None:
             if self.schur is None:
                 return None
             schur, _ = self.reduced(a)
-            return np.linalg.solve(self.definite(a), schur @ w_A)
+            # What bodies are glued to may be moved by supports.
+            by_supports = glue_forces - times(self.glued_by, w_A[:, None])[:, 0]
+            return np.linalg.solve(self.definite(a), schur @ w_A + by_supports)
 
         u_A = together(self.model.comm, unglue)
         return self.expand(w, u_A, None)
@@ -121,7 +130,7 @@ class Stiffness(Elastic):
         See :class:`.solver.ElasticSolver`.
         """
         matrix = self.stiffness()
-        matrix.axpy(1.0, springs, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        matrix.axpy(1.0, springs, DIFFERENT if self.model.connections.any else SUBSET)
         factor = factorised(matrix)
         u = self._under(b, factor)
         factor.destroy()
@@ -139,7 +148,7 @@ class Stiffness(Elastic):
         def matrices() -> tuple[np.ndarray, np.ndarray]:
             return self.unglued(count), np.linalg.inv(self.definite(count))
 
-        return DenseTraces(self.model, numbers, self.numbers[:count], matrices)
+        return DenseTraces(self.model, numbers, self.basis, matrices)
 
     def expand(
         self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None
@@ -149,19 +158,21 @@ class Stiffness(Elastic):
         Args:
             w: The glued displacement [length].
             u_A: Displacement at A [length], on rank 0.
-            force: Contact forces c at A [force], on rank 0; None for zero.
+            force: Contact forces c at A [force]; None on all ranks for zero.
         """
-        added = None
-        if u_A is not None and self.schur is not None:
-            added = self.glued_by[: len(u_A)] * u_A + (0.0 if force is None else force)
-        forces = self.model.function()
-        self.scatter(added, forces)
+        # The glue reads what moves at the contact, and supports there.
+        read = w.copy()
+        at_contact = self.layer.local[self.layer.place < self.layer.contact_size]
+        read.x.array[at_contact] = self.scatter(u_A).x.array[at_contact]
+        forces = self.glue.times(read)
+        if force is not None:
+            forces.x.array[:] += self.scatter(force).x.array
         u = self._moved_by(forces)
         u.x.array[:] += w.x.array
         return u
 
     def _moved_by(self, forces: fem.Function) -> fem.Function:
-        """Return the glued displacement of forces on x, from their owners [length]."""
+        """Return the glued displacement of nodal forces, from their owners [length]."""
         return self._solved_by(self._solver(), self.vector(forces))
 
     def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -181,32 +192,39 @@ class Stiffness(Elastic):
         return self._reduced
 
     def gather(self, u: fem.Function) -> np.ndarray:
-        """Return the unknowns at L of a displacement, from their owners; collective.
+        """Return the unknowns L of a displacement, or nodal forces on them; collective.
 
         They are on rank 0; elsewhere the array is empty.
-        """
-        return self.gather_x(self.model.coordinates.to_x(u))
-
-    def gather_x(self, u: fem.Function) -> np.ndarray:
-        """Return values at L, as :meth:`gather` does, of a Function of unknowns."""
-        owned = self.local < self.model.V.dofmap.index_map.size_local * self.model.d
-        parts = gathered(self.model.comm, (self.place[owned], u.x.array[self.local[owned]]))
-        values = np.zeros(len(self.numbers) if parts else 0)
-        for place, part in parts or ():
-            values[place] = part
-        return values
-
-    def scatter(self, values: np.ndarray | None, u: fem.Function) -> None:
-        """Set u at L, or at the first ones of L, and to zero elsewhere; collective.
 
         Args:
-            values: The values, on rank 0.
-            u: A Function of unknowns, in place.
+            u: The displacement or the forces, from the owners of nodes.
         """
-        values = from_first(self.model.comm, values)
-        inside = self.place < len(values)
-        u.x.array[:] = 0.0
-        u.x.array[self.local[inside]] = values[self.place[inside]]
+        layer = self.layer
+        owned = layer.local < self.owned
+        of_rank = (layer.place[owned], u.x.array[layer.local[owned]])
+        parts = gathered(self.model.comm, of_rank)
+        if parts is None:
+            return np.zeros(0)
+        values = np.zeros(len(layer.numbers))
+        for place, part in parts:
+            values[place] = part
+        return self.basis.unknowns(values)
+
+    def scatter(self, values: np.ndarray | None) -> fem.Function:
+        """Return the displacement of unknowns L, or their nodal forces; collective.
+
+        It is zero away from the contact.
+
+        Args:
+            values: The values of L, or of the first ones of L, on rank 0.
+        """
+        nodal: np.ndarray | None = None
+        if values is not None and self.schur is not None:
+            nodal = self.basis.nodal(values)
+        nodal = from_first(self.model.comm, nodal)
+        u = self.model.function()
+        u.x.array[self.layer.local] = nodal[self.layer.place]
+        return u
 
     @property
     def factorised(self) -> bool:
@@ -251,7 +269,10 @@ class Stiffness(Elastic):
         What is left of it on free motions is round-off of stiff bodies, and taken away.
         """
         matrix = self.reduced(count)[0].copy()
-        matrix.flat[:: count + 1] -= self.glued_by[:count]
+        a = self.contact_size
+        assert self.glued_by is not None
+        begin, columns, values = self.glued_by.getValuesCSR()
+        matrix[:a, :a][np.repeat(np.arange(a), np.diff(begin)), columns] -= values
         if self.motions:
             kernel = self.kernel(count)
             matrix -= kernel @ (kernel.T @ matrix)
@@ -270,7 +291,7 @@ class Stiffness(Elastic):
         """Factorise with the Schur complement on L."""
         comm = self.model.comm
         solver = self._solver()
-        self.glued_by = self.gather_x(self.glue)
+        self.glued_by = self._glue_of_jumps()
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
 
         def condense() -> np.ndarray | None:
@@ -282,7 +303,7 @@ class Stiffness(Elastic):
         """Return S_L [force/length], on rank 0."""
         if isinstance(solver, Substructures):
             assert solver.interface is not None
-            order = np.searchsorted(solver.interface.numbers, self.numbers)
+            order = np.searchsorted(solver.interface.numbers, self.layer.numbers)
             schur = solver.interface.schur[np.ix_(order, order)]
             schur = 0.5 * (schur + schur.T)
         else:
@@ -291,7 +312,17 @@ class Stiffness(Elastic):
             raise InputError(
                 "The elastic stiffness is not finite; look at the moduli and the mesh."
             )
-        return schur
+        return self.basis.of_unknowns(schur)
+
+    def _glue_of_jumps(self) -> PETSc.Mat | None:
+        """Gather D_A; it is on rank 0, None elsewhere; collective."""
+        glue, model = self.glue, self.model
+        used = glue.free
+        rows, columns = (model.global_dofs(dofs[used]) for dofs in (glue.rows, glue.columns))
+        parts = gathered(model.comm, (rows, columns, glue.values[used]))
+        if parts is None:
+            return None
+        return self.basis.of_jumps(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
     def _solver(self) -> Factor | Substructures:
         """Return the factor of K + D; make it if there is none."""
@@ -301,12 +332,12 @@ class Stiffness(Elastic):
         # eliminate. On coarse meshes L is the whole body; a tree of one rank then
         # factorises densely.
         has_contact = self.contact_size > 0
-        layer_is_body = has_contact and len(self.numbers) == self.free_components()
+        layer_is_body = has_contact and len(self.layer.numbers) == self.free_components()
         if self.model.comm.size > 1 or layer_is_body:
-            self._factor = Substructures(self.model, self.form, self.glue, self.local)
+            self._factor = Substructures(self.model, self.form, self.glue, self.layer.local)
         else:
             self._matrix = self._assemble()
             # A later factor need not make the Schur complement again.
             first = has_contact and self.schur is None
-            self._factor = factorised(self._matrix, self.numbers if first else None)
+            self._factor = factorised(self._matrix, self.layer.numbers if first else None)
         return self._factor

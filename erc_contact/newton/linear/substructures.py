@@ -25,8 +25,10 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
-from erc_contact.base.sparse import add_diagonal
+from erc_contact.base.sparse import sparse_like
 from erc_contact.model.model import Model
+from erc_contact.newton.linear.changed import DIFFERENT
+from erc_contact.newton.linear.glue import Glue
 from erc_contact.newton.linear.mumps import dense_factor, dense_solve
 from erc_contact.newton.linear.parts import Interface, Joint, Part
 
@@ -37,7 +39,7 @@ class Substructures:
     Args:
         model: The scene on a mesh.
         form: The compiled form of K.
-        glue: D at the nodes of this rank [force/length], zero away from L.
+        glue: D.
         layer: Degrees of freedom of this rank (with ghosts) in L.
 
     Attributes:
@@ -47,17 +49,17 @@ class Substructures:
         InputError: If the stiffness cannot be factorised.
     """
 
-    def __init__(self, model: Model, form: fem.Form, glue: fem.Function, layer: np.ndarray) -> None:
+    def __init__(self, model: Model, form: fem.Form, glue: Glue, layer: np.ndarray) -> None:
         self._comm = model.comm
         owned = model.V.dofmap.index_map.size_local * model.d
-        total = _touching(model)
-        self._rows = np.flatnonzero((total > 0) & ~model.coordinates.fixed.ravel())
+        total = _touching(model, glue)
+        self._rows = np.flatnonzero((total > 0) & ~model.fixed.ravel())
         self._own = self._rows < owned
         # One rank more than there are: so L is never eliminated.
         total[layer] += 1
 
         def make_part() -> Part:
-            matrix = _stiffness(model, form, glue, owned, self._rows)
+            matrix = _stiffness(form, glue, self._rows)
             return Part(matrix, model.global_dofs(self._rows), total[self._rows])
 
         self._part = together(self._comm, make_part)
@@ -149,17 +151,16 @@ def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
     return rank - step if rank else None, children
 
 
-def _touching(model: Model) -> np.ndarray:
+def _touching(model: Model, glue: Glue) -> np.ndarray:
     """Count the ranks that touch each degree of freedom of this rank; collective.
 
-    They are those that own it, or a cell whose displacement depends on it. The count is
-    zero where this rank does not touch it.
+    They are those that own it, a cell at it, or an entry of D. The count is zero where
+    this rank does not touch it.
     """
     count = model.function()
     touched = np.zeros(model.node_count, dtype=bool)
     touched[model.nodes[: model.domain.owned_cells]] = True
-    if not model.coordinates.is_identity:
-        touched = model.coordinates.with_partners(touched)
+    touched[glue.rows // model.d] = True
     touched[: model.V.dofmap.index_map.size_local] = True
     count.x.array.reshape(-1, model.d)[touched] = 1.0
     here = count.x.array > 0
@@ -168,30 +169,28 @@ def _touching(model: Model) -> np.ndarray:
     return np.where(here, count.x.array, 0.0).astype(np.int64)
 
 
-def _stiffness(
-    model: Model, form: fem.Form, glue: fem.Function, owned: int, rows: np.ndarray
-) -> PETSc.Mat:
-    """Assemble the stiffness of this rank's cells and the glue of its own nodes.
+def _stiffness(form: fem.Form, glue: Glue, rows: np.ndarray) -> PETSc.Mat:
+    """Assemble the stiffness of this rank's cells and its entries of the glue.
 
     Args:
-        model: The scene on a mesh.
         form: The compiled form of K.
-        glue: D at the nodes of this rank [force/length].
-        owned: Number of degrees of freedom that this rank owns.
-        rows: Those of the matrix.
+        glue: D.
+        rows: Degrees of freedom of the matrix.
     """
     csr = fem.create_matrix(form, la.BlockMode.expanded)
     fem.assemble_matrix(csr, form)
     size = len(csr.indptr) - 1
     tables = csr.indptr.astype(PETSc.IntType), csr.indices, csr.data
     whole = PETSc.Mat().createAIJ((size, size), csr=tables, comm=PETSc.COMM_SELF)
-    if not model.coordinates.is_identity:
-        of_bodies = whole
-        whole = of_bodies.ptap(model.coordinates.matrix_here)
-        of_bodies.destroy()
     picked = PETSc.IS().createGeneral(rows.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
     matrix = whole.createSubMatrix(picked, picked)
     whole.destroy()
-    add_diagonal(matrix, np.where(rows < owned, glue.x.array[rows], 0.0))
+    place = np.full(size, -1)
+    place[rows] = np.arange(len(rows))
+    used = glue.free
+    added = sparse_like(matrix, place[glue.rows[used]], place[glue.columns[used]])
+    added.setValuesCOO(glue.values[used])
+    matrix.axpy(1.0, added, DIFFERENT)
+    added.destroy()
     matrix.setOption(PETSc.Mat.Option.SPD, True)
     return matrix

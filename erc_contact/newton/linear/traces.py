@@ -1,10 +1,11 @@
 """The body as its contact sees it: forces and displacements of its surface.
 
-With K the elastic stiffness with the supports and S its Schur complement on the nodes
-of all contacts: ``lifted(y)`` are the forces ``S y`` that hold the displacement y of
-the surface [force], ``moved(f)`` is the displacement ``S^+ f`` of the surface under
-forces f [length]. A surface is M nodes of contacts, by their global numbers; the other
-nodes of contacts do not move in the first and are free of forces in the second.
+With K the elastic stiffness with the supports and S its Schur complement on what the
+contacts read: ``lifted(y)`` are the forces ``S y`` that hold the displacement y of the
+surface, on contacts between bodies its jump, and ``moved(f)`` is the displacement ``S^+
+f`` of the surface under forces f [length]. A surface is M nodes of contacts, by their
+global numbers; the other nodes of contacts do not move in the first and are free of
+forces in the second.
 """
 
 from __future__ import annotations
@@ -14,10 +15,14 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 from dolfinx import fem
+from petsc4py import PETSc
 
 from erc_contact.base.exceptions import together
+from erc_contact.base.sparse import times
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import product
 from erc_contact.model.trace import dofs_of
+from erc_contact.newton.linear.jump_basis import JumpBasis
 
 ROUGH_LIFTING = 1e-2
 """Tolerance of a lifting of whose energy four digits are wanted [-]."""
@@ -36,9 +41,8 @@ class DenseTraces:
     Args:
         model: The scene on a mesh.
         numbers: Global numbers of the nodes of the surface, shape (M,).
-        contact: Global numbers of the free degrees of freedom of the contact nodes, in
-            order, shape (A,).
-        matrices: Returns S and its inverse, where springs hold rigid motions, both
+        basis: The unknowns A that change jumps.
+        matrices: Returns S and its inverse on A, where springs hold rigid motions, both
             (A, A); called on rank 0.
     """
 
@@ -49,22 +53,30 @@ class DenseTraces:
         self,
         model: Model,
         numbers: np.ndarray,
-        contact: np.ndarray,
+        basis: JumpBasis,
         matrices: Callable[[], tuple[np.ndarray, np.ndarray]],
     ) -> None:
         self.comm = model.comm
         self.shape = len(numbers), model.d
         self.motions = _motions(model, numbers)
-        dofs = dofs_of(numbers, model.d)
-        place = np.searchsorted(contact, dofs)
-        # Components that a support fixes are not in the matrices.
-        self._free = contact[np.minimum(place, len(contact) - 1)] == dofs
-        place = place[self._free]
+        self._free = np.zeros(0, dtype=np.int64)
 
         def parts() -> tuple[np.ndarray, ...] | None:
             if self.comm.rank > 0:
                 return None
-            return tuple(matrix[np.ix_(place, place)] for matrix in matrices())
+            stiffness, compliance = matrices()
+            read = basis.read(len(numbers) * model.d, *_jumps_at(model, numbers))
+            jumps = basis.first(read, basis.jump_count)
+            squares = _sums_of_squares(jumps)
+            # Components that supports fix are not in the matrices.
+            self._free = np.flatnonzero(squares)
+            free = PETSc.IS().createGeneral(self._free.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
+            read = jumps.createSubMatrix(free, None)
+            held = read.copy()
+            weight = held.createVecLeft()
+            weight.array[:] = 1 / squares[self._free]
+            held.diagonalScale(L=weight)
+            return _on_surface(held, stiffness), _on_surface(read, compliance)
 
         self._matrices = together(self.comm, parts)
 
@@ -114,6 +126,9 @@ class IterativeTraces:
         self.model = model
         self.numbers = numbers
         self.elastic = elastic
+        self._jumps: PETSc.Mat | None = None
+        if model.connections.any:
+            self._jumps = model.connections.differences(model.connections.pairs_at(numbers))
         self.motions = _motions(model, numbers)
 
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
@@ -123,13 +138,18 @@ class IterativeTraces:
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
-        coordinates = self.model.coordinates
-        forces = coordinates.forces_on_bodies(self._nodal(f))
-        moved = coordinates.to_x(self.elastic.solve(forces, supports=False, tolerance=FINE))
-        return _of_owners(self.model, self.numbers, moved.x.array)
+        on_bodies = self._by_jumps(self._nodal(f), transpose=True)
+        moved = self.elastic.solve(on_bodies, supports=False, tolerance=FINE)
+        return _of_owners(self.model, self.numbers, self._by_jumps(moved).x.array)
+
+    def _by_jumps(self, u: fem.Function, *, transpose: bool = False) -> fem.Function:
+        """Return jumps of a displacement, or nodal forces of forces on jumps."""
+        if self._jumps is None:
+            return u
+        return product(self.model, self._jumps, u, transpose=transpose)
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
-        """Return values (M, d) as a Function of unknowns, at nodes of this rank."""
+        """Return values (M, d) as a Function, at nodes that this rank owns."""
         nodal = self.model.function()
         owned, local = _owned(self.model, self.numbers)
         nodal.x.array.reshape(-1, self.model.d)[local] = values[owned]
@@ -137,12 +157,47 @@ class IterativeTraces:
 
 
 def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
-    """Return the free motions at the surface [-], shape (K, M, d); collective."""
+    """Return the free motions at the surface, or their jumps there; collective.
+
+    Shape (K, M, d) [-].
+    """
+    rows, columns, values = _jumps_at(model, numbers)
+    nodes = np.unique(columns // model.d)
+    dofs = dofs_of(nodes, model.d)
     motions = []
     for motion in model.free_motions:
-        unknowns = model.coordinates.to_x(motion)
-        motions.append(_of_owners(model, numbers, unknowns.x.array))
+        nodal = _of_owners(model, nodes, motion.x.array).ravel()
+        read = values * nodal[np.searchsorted(dofs, columns)]
+        motions.append(np.bincount(rows, read, len(numbers) * model.d))
     return np.array(motions).reshape(-1, len(numbers), model.d)
+
+
+def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what contacts read at the surface: rows, columns and values of a matrix.
+
+    Rows are places in a raveled (M, d), columns global degrees of freedom.
+    """
+    d = model.d
+    pairs = model.connections.pairs_at(numbers)
+    places = dofs_of(np.searchsorted(numbers, pairs[:, 0]), d)
+    dofs = dofs_of(numbers, d)
+    return (
+        np.concatenate([np.arange(len(dofs)), places]),
+        np.concatenate([dofs, dofs_of(pairs[:, 1], d)]),
+        np.concatenate([np.ones(len(dofs)), -np.ones(len(places))]),
+    )
+
+
+def _sums_of_squares(matrix: PETSc.Mat) -> np.ndarray:
+    """Return the sum of the squares of the entries of each row of a matrix."""
+    begin, _, values = matrix.getValuesCSR()
+    rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+    return np.bincount(rows, values**2, len(begin) - 1)
+
+
+def _on_surface(jumps: PETSc.Mat, matrix: np.ndarray) -> np.ndarray:
+    """Return ``J M J^T`` of a symmetric matrix M, dense."""
+    return times(jumps, times(jumps, matrix).T)
 
 
 def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -1,0 +1,219 @@
+"""Find the nodes that contacts between bodies connect.
+
+What contacts read of these nodes is in :mod:`erc_contact.model.groups`. All ranks have
+the pairs of nodes of all contacts between bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from erc_contact.model.groups import NOBODY, Groups
+from erc_contact.model.over_ranks import matrix_of_ranks, product
+from erc_contact.model.space import Space
+from erc_contact.model.trace import Trace, dofs_of
+
+
+class Connections:
+    """Hold the pairs of nodes of contacts between bodies, and their groups.
+
+    Construction is collective.
+
+    Args:
+        space: The mesh.
+        traces: The displacements of the contacts.
+        fixed: Which components supports prescribe at each node, shape (nodes, d).
+
+    Attributes:
+        pairs: For each contact the global numbers of its pairs of nodes, on this side
+            and on the other one, each once, shape (p, 2); no rows for a foundation.
+        any: Whether there is a contact between bodies.
+        groups: B of all contacts at these nodes.
+    """
+
+    def __init__(self, space: Space, traces: Sequence[Trace], fixed: np.ndarray) -> None:
+        self._space = space
+        self.any = any(trace.there is not None for trace in traces)
+        self.pairs = [_pairs(space, trace) for trace in traces]
+        nothing = np.zeros((0, 2), dtype=np.int64)
+        between = np.unique(np.concatenate([nothing, *self.pairs]), axis=0)
+        numbers = np.unique(between)
+        on_foundations = np.zeros(0, dtype=np.int64)
+        if self.any:
+            on_foundations = np.intersect1d(_on_foundations(space, traces), numbers)
+        here = np.concatenate([between[:, 0], on_foundations])
+        there = np.concatenate([between[:, 1], np.full(len(on_foundations), NOBODY)])
+        self._pair_count = len(between)
+        free = ~prescribed_at(space, numbers, fixed)
+        self.groups = Groups(here, there, numbers, free)
+        self._free = free
+
+    @cached_property
+    def is_paired(self) -> np.ndarray:
+        """Tell which nodes of this rank are in pairs, shape (nodes,)."""
+        return self._marked(np.ones(len(self.groups.numbers), dtype=bool))
+
+    @cached_property
+    def is_joint(self) -> np.ndarray:
+        """Tell which of them are in groups of several pairs, shape (nodes,)."""
+        return self._marked((self._pairs_of_groups > 1)[self.groups.group])
+
+    @cached_property
+    def has_several(self) -> np.ndarray:
+        """Tell in which groups a support or a second contact acts, shape (nodes,)."""
+        groups = self.groups
+        rows = np.bincount(groups.group_of_row, minlength=len(groups.whole))
+        is_fixed = np.zeros(len(rows), dtype=bool)
+        is_fixed[groups.group[~self._free.all(axis=1)]] = True
+        return self._marked(((rows > 1) | is_fixed)[groups.group])
+
+    def least_displacement(self, u: fem.Function) -> fem.Function:
+        """Return the least displacement of free components with the jumps of u.
+
+        At other nodes it is u; collective.
+        """
+        return product(self._space, self.projection, u) if self.any else u
+
+    @cached_property
+    def projection(self) -> PETSc.Mat:
+        """Return the map of :meth:`least_displacement`."""
+        blocks = np.matmul(self.groups.inverse, self.groups.whole)
+        return self._matrix(self.groups.between_nodes(blocks), self.groups.numbers)
+
+    @cached_property
+    def alike(self) -> PETSc.Mat:
+        """Return I - P at the free components of groups; elsewhere it is zero."""
+        groups = self.groups
+        is_free = np.zeros(groups.projector.shape[:3])
+        is_free[groups.group, :, groups.slot] = self._free
+        identity = is_free[..., None] * np.eye(is_free.shape[-1])
+        return self._matrix(groups.between_nodes(identity - groups.projector), None)
+
+    @cached_property
+    def couplings(self) -> PETSc.Mat:
+        """Return a matrix with entries between all nodes of a group, else I."""
+        blocks = np.matmul(abs(self.groups.whole).swapaxes(2, 3), abs(self.groups.whole))
+        # Two nodes may be connected by a third one.
+        for _ in range(blocks.shape[-1] - 2):
+            blocks = np.matmul(blocks, blocks)
+        d = self._space.d
+        blocks = np.repeat(np.sign(blocks), d, axis=1)
+        return self._matrix(self.groups.between_nodes(blocks), self.groups.numbers)
+
+    def jump(self, number: int) -> PETSc.Mat:
+        """Return the map from u to the jump of a contact at its nodes on this side.
+
+        At other nodes it is u.
+
+        Args:
+            number: Number of the contact, one between bodies.
+        """
+        if number not in self._jumps:
+            self._jumps[number] = self.differences(self.pairs[number])
+        return self._jumps[number]
+
+    def differences(self, pairs: np.ndarray) -> PETSc.Mat:
+        """Return the map from u to the difference of each pair at its first node.
+
+        At other nodes it is u; collective.
+
+        Args:
+            pairs: Global numbers of the nodes, all first ones different, shape (p, 2).
+        """
+        here, there = (dofs_of(nodes, self._space.d) for nodes in pairs.T)
+        rows = np.tile(here, 2)
+        columns = np.concatenate([here, there])
+        values = np.repeat([1.0, -1.0], len(here))
+        return self._matrix((rows, columns, values), pairs[:, 0])
+
+    def pairs_at(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the pairs whose first node is one of some nodes, shape (p, 2).
+
+        A node of several pairs has the first one.
+
+        Args:
+            numbers: Global numbers of the nodes.
+        """
+        pairs = np.concatenate(self.pairs)
+        _, first = np.unique(pairs[:, 0], return_index=True)
+        pairs = pairs[first]
+        return pairs[np.isin(pairs[:, 0], numbers)]
+
+    @cached_property
+    def _jumps(self) -> dict[int, PETSc.Mat]:
+        """Return the maps to jumps that were made."""
+        return {}
+
+    @cached_property
+    def _pairs_of_groups(self) -> np.ndarray:
+        """Count the pairs of each group, shape (G,)."""
+        of_pairs = self.groups.group_of_row[: self._pair_count]
+        return np.bincount(of_pairs, minlength=len(self.groups.whole))
+
+    def _marked(self, which: np.ndarray) -> np.ndarray:
+        """Mark nodes of groups (N,) among those of this rank, shape (nodes,)."""
+        marked = np.zeros(self._space.node_count, dtype=bool)
+        local = self._space.local_nodes(self.groups.numbers[which])
+        marked[local[local >= 0]] = True
+        return marked
+
+    def _matrix(
+        self, entries: tuple[np.ndarray, np.ndarray, np.ndarray], replaced: np.ndarray | None
+    ) -> PETSc.Mat:
+        """Make a matrix of all ranks from entries that all of them have; collective.
+
+        Args:
+            entries: Rows, columns and values.
+            replaced: Global numbers of nodes whose rows are not those of the identity;
+                None where no row is.
+        """
+        space = self._space
+        first, last = (number * space.d for number in space.V.dofmap.index_map.local_range)
+        rows, columns, values = entries
+        owned = (rows >= first) & (rows < last)
+        rows, columns, values = rows[owned], columns[owned], values[owned]
+        if replaced is not None:
+            others = np.setdiff1d(np.arange(first, last), dofs_of(replaced, space.d))
+            rows, columns = (np.concatenate([places, others]) for places in (rows, columns))
+            values = np.concatenate([values, np.ones(len(others))])
+        return matrix_of_ranks(space, rows, columns, values)
+
+
+def prescribed_at(space: Space, numbers: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+    """Gather which components supports prescribe at nodes, shape (N, d); collective.
+
+    Args:
+        space: The mesh.
+        numbers: Global numbers of the nodes, the same on all ranks, shape (N,).
+        fixed: Which components they prescribe at the nodes of this rank, (nodes, d).
+    """
+    table = np.zeros((len(numbers), space.d), dtype=np.int8)
+    if len(numbers) == 0:
+        return table > 0
+    first, last = space.V.dofmap.index_map.local_range
+    owned = (numbers >= first) & (numbers < last)
+    table[owned] = fixed[numbers[owned] - first]
+    return np.asarray(space.comm.allreduce(table, MPI.SUM)) > 0
+
+
+def _pairs(space: Space, trace: Trace) -> np.ndarray:
+    """Gather the pairs of nodes of a contact, each once, shape (p, 2); collective."""
+    if trace.there is None:
+        return np.zeros((0, 2), dtype=np.int64)
+    both = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    of_rank = space.global_numbers(np.unique(both, axis=0))
+    return np.unique(np.concatenate(space.comm.allgather(of_rank)), axis=0)
+
+
+def _on_foundations(space: Space, traces: Sequence[Trace]) -> np.ndarray:
+    """Gather the global numbers of the nodes on foundations; collective."""
+    nothing = np.zeros((0, 1), dtype=np.int32)
+    nodes = [trace.here.nodes.reshape(-1, 1) for trace in traces if trace.there is None]
+    of_rank = space.global_numbers(np.unique(np.concatenate([nothing, *nodes])))
+    return np.unique(np.concatenate(space.comm.allgather(of_rank)))

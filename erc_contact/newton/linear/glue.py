@@ -1,0 +1,134 @@
+"""Springs that glue bodies at their contacts: to the foundations, and to each other.
+
+Each contact has a diagonal stiffness ``D_c = 10 E k^2/h |F|/m`` at its nodes, summed
+over its facets. The springs resist what contacts read of the displacement,
+
+    D = sum_c B_c^T D_c B_c,
+
+so that D is diagonal on foundations, and couples the two nodes of a pair.
+
+Symbols: B_c as in :mod:`erc_contact.model.groups`, k degree, m nodes of a facet, h
+height of a cell over its facet F.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from dolfinx import fem, la
+from petsc4py import PETSc
+
+from erc_contact.mesh.simplex import measures
+from erc_contact.model.foundation import BoundContact
+from erc_contact.model.over_ranks import matrix_of_ranks
+from erc_contact.model.space import Space
+from erc_contact.model.trace import Side, dofs_of
+
+GLUE_FACTOR = 10.0
+"""gamma_0 of the glue [-]."""
+
+
+class Glue:
+    """Hold D of contacts; construction and members are collective.
+
+    Args:
+        space: The mesh.
+        contacts: The contacts.
+        fixed: Which components supports prescribe at each node, shape (nodes, d).
+
+    Attributes:
+        rows: Degrees of freedom of this rank of the entries of D, shape (n,). Those of
+            all ranks add up.
+        columns: Their columns, shape (n,).
+        values: The entries [force/length], shape (n,).
+    """
+
+    def __init__(self, space: Space, contacts: Sequence[BoundContact], fixed: np.ndarray) -> None:
+        self._space = space
+        self._fixed = fixed.ravel()
+        foundations = [contact for contact in contacts if contact.trace.there is None]
+        on_nodes = nodal_glue(space, foundations).x.array
+        on_nodes[self._fixed] = 0.0
+        owned = space.V.dofmap.index_map.size_local * space.d
+        rows = np.flatnonzero(on_nodes[:owned])
+        parts = [(rows, rows, on_nodes[rows])]
+        for contact in contacts:
+            if contact.trace.there is not None:
+                parts += _between(contact, space)
+        self.rows, self.columns, self.values = (
+            np.concatenate(part) for part in zip(*parts, strict=True)
+        )
+
+    def times(self, u: fem.Function) -> fem.Function:
+        """Return the forces ``D u`` on free components [force], zero elsewhere."""
+        forces = self._space.function()
+        np.add.at(forces.x.array, self.rows, self.values * u.x.array[self.columns])
+        forces.x.scatter_reverse(la.InsertMode.add)
+        forces.x.array[self._fixed] = 0.0
+        forces.x.scatter_forward()
+        return forces
+
+    @property
+    def free(self) -> np.ndarray:
+        """Tell which entries of this rank are between free components, shape (n,)."""
+        free = ~self._fixed
+        return free[self.rows] & free[self.columns]
+
+    def matrix(self) -> PETSc.Mat:
+        """Return D as a matrix, with zeros where supports fix components."""
+        values = np.where(self.free, self.values, 0.0)
+        rows, columns = (self._space.global_dofs(dofs) for dofs in (self.rows, self.columns))
+        return matrix_of_ranks(self._space, rows, columns, values)
+
+    def diagonal(self) -> np.ndarray:
+        """Return the diagonal of D at the nodes of this rank [force/length].
+
+        It is zero where supports fix components.
+        """
+        diagonal = self._space.function()
+        used = self.free & (self.rows == self.columns)
+        np.add.at(diagonal.x.array, self.rows[used], self.values[used])
+        diagonal.x.scatter_reverse(la.InsertMode.add)
+        diagonal.x.scatter_forward()
+        return diagonal.x.array
+
+
+def nodal_glue(space: Space, contacts: Sequence[BoundContact]) -> fem.Function:
+    """Sum up D_c of contacts at the nodes of this side [force/length]; collective."""
+    glue = space.function()
+    for contact in contacts:
+        side = contact.trace.here
+        _add_of_facets(space, side, side.nodes, glue.x.array.reshape(-1, space.d))
+    glue.x.scatter_reverse(la.InsertMode.add)
+    glue.x.scatter_forward()
+    return glue
+
+
+def _between(
+    contact: BoundContact, space: Space
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values."""
+    trace = contact.trace
+    pairs = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    unique, place = np.unique(pairs, axis=0, return_inverse=True)
+    glue = np.zeros((len(unique), space.d))
+    _add_of_facets(space, trace.here, place.reshape(trace.here.nodes.shape), glue)
+    here, there = (dofs_of(nodes, space.d) for nodes in unique.T)
+    values = glue.ravel()
+    return [
+        (here, here, values),
+        (there, there, values),
+        (here, there, -values),
+        (there, here, -values),
+    ]
+
+
+def _add_of_facets(space: Space, side: Side, places: np.ndarray, glue: np.ndarray) -> None:
+    """Add D_c of the owned facets of a side to the nodes at places (f, m), in place."""
+    cells = space.cell_corners()[side.facets[:, 0]]
+    height = space.d * measures(cells) / side.areas
+    per_area = GLUE_FACTOR * space.degree**2 * side.modulus / height
+    # The nodes of a facet have equal shares of it.
+    share = per_area * side.owned_areas / side.nodes.shape[1]
+    np.add.at(glue, places, share[:, None, None])
