@@ -36,9 +36,7 @@ scene = ec.Scene(
     loads=ec.Traction("pulled", pressure=-PULL),
     strains=ec.Eigenstrain({f"bolt {i}": shortened for i in (1, 2, 3, 4)}),
     ties=[ec.Tied(*pair) for pair in threads],
-    contacts=[
-        ec.Contact(*p, friction=0.15) for p in flange.touching() if p not in threads
-    ],
+    contacts=[ec.Contact(*pair, friction=0.15) for pair in faces],
 )
 error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, flange)))
 
