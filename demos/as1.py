@@ -35,6 +35,7 @@ base = {"base": ec.where(z=0.0, region="plate")}
 assembly = ec.read_mesh(PATH, size=50.0, parts=base)
 pressed = [("nut *", "plate"), ("nut *", "l-*"), ("bolt *", "l-*"), ("l-*", "plate")]
 faces = [pair for names in pressed for pair in assembly.touching(*names)]
+places = assembly.touching()
 scene = ec.Scene(
     ec.Elastic(210e3, 0.3),
     ec.Displacement("base", (0.0, 0.0, 0.0)),
@@ -58,7 +59,7 @@ bolts = sum(
 )
 output.draw_deformed(error, FOLDER / "deformed.png")
 if assembly.comm.rank == 0:
-    print(assembly.touching())
+    print(places)
     print(f"{abs(rod[0]):.0f} N from nut to bracket; error {error.relative:.0%}")
 
 # %%
