@@ -120,7 +120,7 @@ class Tangent:
             self.elastic.cycle(x, y)
         else:
             right = self._work[2]
-            self._reactions.let_go(x, right)
+            self.model.connections.let_go(x, right, self._reactions.is_read)
             for springs in self._springs:
                 springs.add_forces(x, right)
             self.elastic.cycle(right, y)
@@ -167,7 +167,7 @@ class Tangent:
         for matrix in reactions.matrices:
             matrix.mult(y, field)
             fields.append(field.array_r.copy())
-        reactions.let_go(y, changed)
+        self.model.connections.let_go(y, changed, reactions.is_read)
         for terms in self._terms:
             total = np.zeros(owned)
             for number, term in terms.by_fields.items():
