@@ -86,8 +86,23 @@ class Connections:
         blocks = np.matmul(self.groups.inverse, self.groups.whole)
         return self._matrix(self.groups.between_nodes(blocks), self.groups.numbers)
 
+    def let_go(self, x: PETSc.Vec, y: PETSc.Vec, is_read: np.ndarray) -> None:
+        """Set y to the part ``(I - P) x`` that contacts do not read; collective.
+
+        Args:
+            x: Nodal displacements or forces.
+            y: Another vector.
+            is_read: Degrees of freedom of this rank that contacts read, shape (owned,).
+        """
+        if self.any:
+            self._alike.mult(x, y)
+            y.array[:] = np.where(is_read, y.array_r, x.array_r)
+        else:
+            x.copy(y)
+            y.array[is_read] = 0.0
+
     @cached_property
-    def alike(self) -> PETSc.Mat:
+    def _alike(self) -> PETSc.Mat:
         """Return I - P at the free components of groups; elsewhere it is zero."""
         groups = self.groups
         is_free = np.zeros(groups.projector.shape[:3])

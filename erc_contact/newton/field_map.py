@@ -98,10 +98,7 @@ class FieldMap:
             rows = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.d))
             visible = np.unique(model.contacts[contact].trace.here.nodes)
             local = dofs_of(visible, model.d)
-        place = self._add_column(local, rows)
-        owned = local < self._stiffness.owned
-        of_rank = place[owned], field.x.array[local[owned]]
-        parts = gathered(model.comm, of_rank)
+        parts = gathered(model.comm, (self._add_column(local, rows), field.x.array[local]))
 
         def affine() -> np.ndarray:
             if parts is None:

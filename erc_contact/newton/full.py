@@ -85,7 +85,7 @@ class FullSpace:
         """Degrees of freedom of this rank whose row has contact terms."""
         if forms.method.multiplier:
             self._reactions = Reactions(model, elastic.matrix)
-            self._rows = self._reactions.free.ravel()
+            self._rows = self._reactions.is_read
         self._tangent = Tangent(self.forms, elastic, self._reactions, length, force)
         self._elastic_residual = self.vector()
         self._last_x: PETSc.Vec | None = None
@@ -103,7 +103,7 @@ class FullSpace:
             self._elastic_residual.copy(f)
         else:
             # The equations of the multiplier stand in place of the equilibrium.
-            self._reactions.let_go(self._elastic_residual, f)
+            self.model.connections.let_go(self._elastic_residual, f, self._rows)
         f.array[self._rows] += self._contact_forces()[self._rows]
         # Supports hold as exactly as numbers can: the rest of them is no force.
         is_held = self._fixed & (abs(f.array) <= ELASTIC_ROUND_OFF * abs(self.loads.array_r))

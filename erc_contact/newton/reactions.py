@@ -254,8 +254,7 @@ class Reactions:
 
     Attributes:
         map: The matrices, the same on all ranks.
-        free: Which degrees of freedom of the nodes that this rank owns contacts read,
-            shape (nodes, d).
+        is_read: Which degrees of freedom of this rank contacts read, shape (owned,).
         matrices: For each contact the matrix from nodal forces [force] to the Bernstein
             coefficients of the multiplier [force/area].
     """
@@ -269,8 +268,9 @@ class Reactions:
         owned = (numbers >= low) & (numbers < high)
         groups = self.map.groups
         is_free = groups.is_free[groups.group, :, groups.slot]
-        self.free = np.zeros((high - low, model.d), dtype=bool)
-        self.free[numbers[owned] - low] = is_free[owned]
+        is_read = np.zeros((high - low, model.d), dtype=bool)
+        is_read[numbers[owned] - low] = is_free[owned]
+        self.is_read = is_read.ravel()
         self.matrices = [distributed(like, entries) for entries in self.map.multipliers]
 
     def reading(self, contact: int | None) -> PETSc.Mat | None:
@@ -299,15 +299,6 @@ class Reactions:
         result = matrix.matMult(jump)
         matrix.destroy()
         return result
-
-    def let_go(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Set y to the part ``(I - P) x`` of nodal forces that contacts do not read."""
-        if not self._model.connections.any:
-            x.copy(y)
-            y.array[self.free.ravel()] = 0.0
-            return
-        self._model.connections.alike.mult(x, y)
-        y.array[:] = np.where(self.free.ravel(), y.array_r, x.array_r)
 
     def destroy(self) -> None:
         """Free PETSc's objects."""

@@ -64,15 +64,15 @@ class Springs:
             self._forces = distributed(like, reactions.map.forces_on(numbers))
         self._work = like.createVecs()
 
-    def update(self, by_w: PETSc.Mat, by_multipliers: list[PETSc.Mat]) -> None:
+    def update(self, by_w: list[PETSc.Mat], by_multipliers: list[PETSc.Mat]) -> None:
         """Set G and H from the derivatives of the equations e.
 
         Args:
-            by_w: That by what is read.
+            by_w: Those by what is read.
             by_multipliers: Those by multipliers.
         """
         nodes = self._nodes
-        by_field = self._blocks(by_w)[nodes]
+        by_field = sum(self._blocks(tangent)[nodes] for tangent in by_w)
         by_forces = sum(self._blocks(tangent)[nodes] for tangent in by_multipliers)
         inverse = by_forces / self._area[:, None, None] + by_field / self._glue[:, None, None]
         # A component that a support fixes has no spring: H is the identity there.

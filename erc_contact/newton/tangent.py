@@ -78,7 +78,7 @@ class Tangent:
         for terms in self._terms:
             terms.assemble()
         for terms, springs in zip(self._terms, self._springs, strict=False):
-            springs.update(terms.by_displacement, terms.by_multipliers)
+            springs.update(terms.by_displacements, terms.by_multipliers)
         if self._change is not None:
             self._change.destroy()
         makers: Sequence[_Terms | Springs] = self._springs or self._terms
@@ -120,7 +120,7 @@ class Tangent:
             self.elastic.cycle(x, y)
         else:
             right = self._work[2]
-            self._reactions.let_go(x, right)
+            self.model.connections.let_go(x, right, self._reactions.is_read)
             for springs in self._springs:
                 springs.add_forces(x, right)
             self.elastic.cycle(right, y)
@@ -167,7 +167,7 @@ class Tangent:
         for matrix in reactions.matrices:
             matrix.mult(y, field)
             fields.append(field.array_r.copy())
-        reactions.let_go(y, changed)
+        self.model.connections.let_go(y, changed, reactions.is_read)
         for terms in self._terms:
             total = np.zeros(owned)
             for number, term in terms.by_fields.items():
@@ -201,9 +201,10 @@ class _Terms:
                 self.by_fields[number] = matrix_of(tangents)
 
     @property
-    def by_displacement(self) -> PETSc.Mat:
-        """Return the derivative by what a reader with multipliers reads."""
-        return next(iter(self.by_fields.values()))
+    def by_displacements(self) -> list[PETSc.Mat]:
+        """Return the derivatives by u and by jumps."""
+        count = len(self._forms.displacements)
+        return [term for number, term in self.by_fields.items() if number < count]
 
     @property
     def by_multipliers(self) -> list[PETSc.Mat]:

@@ -79,8 +79,10 @@ class FaceMotions:
                 not work on the faces.
         """
         motions = np.linalg.solve(self.stiffness, self._faces.pushes(b, u))
+        moved = np.zeros(len(u.x.array))
         for amount, displacement in zip(motions, self.displacements, strict=True):
-            u.x.array[:] += amount * displacement.x.array
+            moved += amount * displacement.x.array
+        u.x.array[:] += moved
         self._faces.move(u, motions)
 
     def moved(self, force: np.ndarray) -> np.ndarray:

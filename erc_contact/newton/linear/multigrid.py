@@ -154,52 +154,39 @@ class Multigrid(AssembledElastic):
         """
         self.hierarchy.set_share(1.0)
         connections = self.model.connections
-        at_contact = np.flatnonzero(self._stiffness_of_glue > 0).astype(np.int32)
+        held = self._stiffness_of_glue > 0
         fixed = np.flatnonzero(self.fixed)
         y = connections.least_displacement(y)
 
         # Solve for what moves between them, where no jump changes, and add y.
-        u = self.matrix.createVecRight()
-        b = self.matrix.createVecRight()
+        u, b, forces, free, left = (self.matrix.createVecRight() for _ in range(5))
         u.array[:] = y.x.array[: self.owned]
-        self.times(u, b)
-        b.scale(-1.0)
-        self._let_go(b, at_contact)
+        self.times(u, forces)
+        forces.scale(-1.0)
+        connections.let_go(forces, b, held)
         b.array[fixed] = 0.0
         diagonal = float(self.glue.diagonal().max(initial=0.0))
-        free = b.duplicate()
 
-        def inside(x: PETSc.Vec, forces: PETSc.Vec) -> None:
-            x.copy(free)
-            self._let_go(free, at_contact)
-            self.matrix.mult(free, forces)
-            self._let_go(forces, at_contact)
+        def inside(x: PETSc.Vec, result: PETSc.Vec) -> None:
+            connections.let_go(x, free, held)
+            self.matrix.mult(free, left)
+            connections.let_go(left, result, held)
             # What is held has a stiffness of its own.
             free.aypx(-1.0, x)
-            forces.axpy(diagonal, free)
+            result.axpy(diagonal, free)
 
         operator = shell(inside, b)
-        between = self._solved(operator, b, tolerance, held=at_contact)
-        operator.destroy()
+        between = self._solved(operator, b, tolerance, held=np.flatnonzero(held))
         u.array[:] += between.x.array[: self.owned]
 
-        forces = self.matrix.createVecRight()
         self.times(u, forces)
         forces.array[fixed] = 0.0
         nodal_forces = self.function(forces)
-        for done in (u, forces, free):
+        for done in (operator, u, forces, free, left):
             done.destroy()
         if connections.any:
             return product(self.model, connections.projection, nodal_forces, transpose=True)
         return nodal_forces
-
-    def _let_go(self, x: PETSc.Vec, at_contact: np.ndarray) -> None:
-        """Take the part of a vector that changes jumps at contacts away, in place."""
-        connections = self.model.connections
-        alike = x.duplicate() if connections.any else None
-        if alike is not None:
-            connections.alike.mult(x, alike)
-        x.array[at_contact] = 0.0 if alike is None else alike.array_r[at_contact]
 
     def traces(self, numbers: np.ndarray) -> IterativeTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
