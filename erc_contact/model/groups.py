@@ -25,8 +25,12 @@ from functools import cached_property
 
 import numpy as np
 
+from erc_contact.mesh.graphs import components
+
 NOBODY = -1
 """Stands for no node."""
+NEARLY = 0.9
+"""Share of a projector above which it is one, up to round-off [-]."""
 
 
 class Groups:
@@ -193,28 +197,6 @@ class Groups:
         table = np.full((self.whole.shape[0], self.whole.shape[3]), NOBODY)
         table[self.group, self.slot] = self.numbers
         return table
-
-
-NEARLY = 0.9
-"""Share of a projector above which it is one, up to round-off [-]."""
-
-
-def components(count: int, edges: np.ndarray) -> np.ndarray:
-    """Return the connected component of each node, its least node, shape (count,).
-
-    Args:
-        count: Number of nodes.
-        edges: Pairs of connected nodes, shape (p, 2).
-    """
-    component = np.arange(count)
-    while True:
-        least = component[edges].min(axis=1)
-        changed = component.copy()
-        np.minimum.at(changed, edges[:, 0], least)
-        np.minimum.at(changed, edges[:, 1], least)
-        if np.array_equal(changed, component):
-            return component
-        component = changed
 
 
 def numbers_in(group: np.ndarray) -> np.ndarray:
