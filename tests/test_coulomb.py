@@ -468,3 +468,26 @@ def test_ranks_change_nothing_where_data_vary(seed):
     assert error.absolute == pytest.approx(alone.absolute, rel=1e-8)
     assert one.q == pytest.approx(other.q, rel=1e-6)
     assert one.bound == pytest.approx(other.bound, rel=2e-6)
+
+
+def test_both_solvers_lift_jumps_below_a_loose_face():
+    """The body on top is one cell high, so that its face and its contact share cells."""
+    lower = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
+    upper = ec.rectangle((0.0, 1.0), (2.0, 1.25), cells=(8, 1))
+    bodies = ec.assembly({"lower": lower, "upper": upper}).joined("lower top", "upper bottom")
+    plate = ec.Rigid("upper top", (0.0, None), rotation=0.0, force=(None, -0.02))
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("lower bottom", (0.0, 0.0)), plate],
+        contacts=ec.Contact("upper bottom", against="lower top", friction=0.3),
+    )
+    found = []
+    for solver in ("direct", "iterative"):
+        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, bodies, solver=solver)))
+        surface = pair_on_surface(error.admissible).surface
+        traces = error.solution.stiffness.traces(surface.numbers)
+        x = surface.positions()[:, :1]
+        order = np.argsort(x[:, 0])
+        forces = traces.lifted(surface.normal * np.cos(3 * x))
+        found.append(forces[order])
+    assert np.linalg.norm(found[0] - found[1]) < 1e-4 * np.linalg.norm(found[0])

@@ -97,13 +97,20 @@ class LooseMultigrid(Multigrid):
         hierarchy = self.hierarchy
         motions = self._motions_of_faces
         scale = hierarchy.scale if matrix is hierarchy.matrix else 1.0
+        connections = self.model.connections
+        free, followed = b.duplicate(), b.duplicate()
 
         def times(v: PETSc.Vec, force: PETSc.Vec) -> None:
             matrix.mult(v, force)
-            followed = scale * self._faces.followed(v.array_r)
+            if held is None:
+                v.copy(free)
+            else:
+                connections.let_go(v, free, held)
+            followed.array[:] = scale * self._faces.followed(free.array_r)
             if held is not None:
-                followed[held] = 0.0
-            force.array[:] -= followed
+                connections.let_go(followed, free, held)
+                free.copy(followed)
+            force.axpy(-1.0, followed)
 
         def precondition(force: PETSc.Vec, v: PETSc.Vec) -> None:
             hierarchy.pc.apply(force, v)
@@ -114,8 +121,8 @@ class LooseMultigrid(Multigrid):
             operator.setNullSpace(matrix.getNullSpace())
         pc = preconditioner(precondition, operator)
         left = conjugate_gradients(operator, pc, operator, b, x, tolerance, hurried=hurried)
-        pc.destroy()
-        operator.destroy()
+        for done in (pc, operator, free, followed):
+            done.destroy()
         return left
 
     @cached_property

@@ -176,7 +176,7 @@ class Multigrid(AssembledElastic):
             result.axpy(diagonal, free)
 
         operator = shell(inside, b)
-        between = self._solved(operator, b, tolerance, held=np.flatnonzero(held))
+        between = self._solved(operator, b, tolerance, held=held)
         u.array[:] += between.x.array[: self.owned]
 
         self.times(u, forces)
@@ -255,7 +255,8 @@ class Multigrid(AssembledElastic):
             b: Right side [force].
             tolerance: Residual over the right side [-].
             near: A displacement that may be near [length].
-            held: Unknowns of this rank that do not move in this problem.
+            held: Which unknowns of this rank contacts read, if no jump moves in this
+                problem, shape (owned,).
             direct: Whether a factor may take over where multigrid fails.
             hurried: Whether it gives up early where multigrid is slow.
 
