@@ -8,6 +8,10 @@ Bolts and rod are tightened, here by a strain of :math:`-5 \cdot 10^{-4}`; their
 are tied. With which force does the nut of the rod press its bracket, and
 what reaches the plate?
 
+The file tells which solids there are and which of them touch. The scene says what the
+places of touch do: some press, with friction, and others hold for good. All of it is
+solved together, on one mesh, and the error says how far the forces may be trusted.
+
 Lengths are in mm, the unit of the file, and stresses in MPa.
 """
 

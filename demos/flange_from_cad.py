@@ -7,7 +7,9 @@ tightened, by a strain of their own of :math:`-10^{-3}` along their axes, and th
 pipe is pulled by 20 MPa. How much force is left in the joint?
 
 The threads tie the nuts to the bolts. Heads, nuts and flanges are in contact with
-friction, in nine pairs that the file itself tells. Lengths are in mm, stresses in MPa.
+friction, in nine pairs that the file itself tells: ``touching()`` lists the faces that
+lie on each other, and each pair becomes a contact or a tied joint. Lengths are in mm,
+stresses in MPa.
 """
 
 from pathlib import Path

@@ -521,12 +521,12 @@ told = []
 signal.signal(signal.SIGTERM, lambda *_: told.append(1))
 print("ready", flush=True)
 while len(told) < 200:
-    for schur_on in (small.numbers, None):
+    for schur_on in (small.layer.numbers, None):
         factorised(of_small, schur_on).destroy()
 print("small", flush=True)
 before = len(told)
 for _ in range(4):
-    factor = factorised(of_large, large.numbers)
+    factor = factorised(of_large, large.layer.numbers)
     schur = factor.schur_complement()
     assert abs(schur - large.schur).max() < 1e-13 * abs(schur).max()
     factor.destroy()

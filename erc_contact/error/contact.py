@@ -112,7 +112,8 @@ def contact_squares(
     adapted = _adapted_squares(
         model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, both
     )
-    return adapted._replace(parts=np.where(kinked, adapted.parts, parts))
+    parts = np.where(kinked, adapted.parts, parts)
+    return ContactSquares(parts, adapted.both, adapted.gaps, adapted.friction)
 
 
 def contact_law_error(
