@@ -108,7 +108,7 @@ def tell_touches(gmsh: Any, solids: Solids, tell: Tell) -> None:
 
 
 def _parts(model: Any, entities: list[Entity]) -> set[Entity]:
-    """Return the faces, edges and vertices of a solid, those amid a face, too."""
+    """Return faces, edges and vertices of a solid, and what is embedded in a face."""
     parts: set[Entity] = set()
     level = set(entities)
     while level:

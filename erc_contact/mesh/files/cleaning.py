@@ -141,7 +141,7 @@ def _in_body_space(points: np.ndarray, used: np.ndarray, dim: int) -> np.ndarray
 
 
 def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
-    """Return for each point the least one in whose place it is in a common cell.
+    """Return for each point the least point of a common cell that is in its place.
 
     Args:
         x: Points [length], shape (n, d).

@@ -30,7 +30,7 @@ class Named:
 def disjoint(
     sets: Sequence[Named], count: int, kind: str
 ) -> tuple[np.ndarray, dict[str, int], list[str]]:
-    """Give each facet or cell the tag of one set that has it, the smallest of them.
+    """Give each facet or cell the tag of the smallest set that has it.
 
     Weak sets come last. Sets that others fill are left out: "all" beside "left" and
     "right".
