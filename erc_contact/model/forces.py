@@ -77,9 +77,9 @@ def by_cause(
 
     Returns:
         The forces of supports, springs, contacts and ties by the names of their parts,
-        with the loads on these. "tractions" is the force of all others, and "body
-        force" that of the loads in the body, where the scene has them. "balance" is the
-        sum of all, which is zero up to round-off.
+        with the loads on these. "tractions" is the force of the loads on all other
+        parts, and "body force" the force of the loads in the body, where the scene has
+        them. "balance" is the sum of all forces, which is zero up to round-off.
     """
     supports = [support.facets for support in model.scene.supports]
     supports += [spring.facets for spring in model.scene.springs]
