@@ -108,7 +108,7 @@ class Substructures:
         return dense_factor(self.interface.schur, "cholesky")
 
     def _join(self) -> Interface | None:
-        """Join this part with those of the children, for the parent; collective.
+        """Join this part with the parts of the children, for the parent; collective.
 
         A rank that fails sends None up the tree, so that no rank waits for ever, and
         all ranks raise its error at the end.
