@@ -33,7 +33,7 @@ def in_one_piece(gmsh: Any, solids: list[tuple[str, Entity]], tell: Tell) -> Sol
         tell: Function that tells what is left out.
 
     Returns:
-        The solids, without those that are in the drawing twice.
+        The solids, without solids that are in the drawing twice.
 
     Raises:
         Refused: If two solids overlap.

@@ -30,8 +30,8 @@ class Body:
         x: Points [length], shape (n, d), all points of the file.
         blocks: Numbers of the blocks of the file that are cells of the body.
         cells: Corners of the cells of each of these blocks.
-        numbers: Numbers of these cells. The cells of the blocks, those that are left
-            out as well, are numbered one block after the other.
+        numbers: Numbers of these cells. The cells of the blocks, also cells that are
+            left out, are numbered one block after the other.
         count: How many cells the blocks have.
         same: Point with which each point of the file is one, shape (n,).
         notes: What was left out or changed, in words.

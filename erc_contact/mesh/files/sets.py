@@ -67,7 +67,7 @@ def disjoint(
     numbers = np.full(len(sets) + 1, NO_TAG)
     for index, tag in zip(sorted(kept), tags, strict=True):
         numbers[index] = tag
-    # The last entry stands for those that no set has.
+    # The last entry stands for facets or cells that no set has.
     return numbers[owner], names, notes
 
 

@@ -112,8 +112,8 @@ class JumpBasis:
         Args:
             height: Number of rows of M.
             rows: Rows of its entries.
-            columns: Their columns, global degrees of freedom; those that are not in the
-                layer do not count.
+            columns: Their columns, global degrees of freedom; columns that are not
+                in the layer do not count.
             values: The entries, which add up where they coincide.
         """
         place = self.places(columns)

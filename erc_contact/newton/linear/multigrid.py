@@ -145,7 +145,7 @@ class Multigrid(AssembledElastic):
         """Return the forces that hold the contact nodes at displacements y [force].
 
         The other nodes are free of forces. At contacts between bodies y is a jump, and
-        the force is that on the jump.
+        the force acts on the jump.
 
         Args:
             y: Displacement, or jump, at the nodes of this side that this rank owns

@@ -105,7 +105,7 @@ class Factor:
     def interior_only(self) -> None:
         """Set the factor to solve ``K_II u_I = b_I``.
 
-        The rows I are those that the Schur complement is not on; elsewhere u is zero.
+        I are the rows that the Schur complement is not on; elsewhere u is zero.
         """
         self.mumps.setMumpsIcntl(26, 0)
 

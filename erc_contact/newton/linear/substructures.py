@@ -154,7 +154,7 @@ def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
 def _touching(model: Model, glue: Glue) -> np.ndarray:
     """Count the ranks that touch each degree of freedom of this rank; collective.
 
-    They are those that own it, a cell at it, or an entry of D. The count is zero where
+    A rank touches it that owns it, a cell at it, or an entry of D. The count is zero where
     this rank does not touch it.
     """
     count = model.function()
