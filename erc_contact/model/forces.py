@@ -259,7 +259,8 @@ def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarr
 def _of_multiplier(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
     """Return the forces that a multiplier has at the nodes of each facet; collective.
 
-    They are the forces on the Bernstein coefficients, in shares of the area, at the nodes.
+    They are the forces on the Bernstein coefficients, in shares of the area, at the
+    nodes.
 
     Returns:
         Forces at the nodes of the facets [force], shape (f, m, d).

@@ -19,7 +19,7 @@ from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, attempt
 SOLVED_DENSE = 1e-12
 """Residual at which Newton's method stops, over the forces that cancel in it [-]."""
 MOST_FORCES = 1e6
-"""Bound of the forces that cancel in the residual, over the forces with the glue [-]."""
+"""Bound of forces that cancel in the residual, over forces with the glue [-]."""
 INVERSE_ITERATIONS = 4
 """Steps of the inverse iteration for the least singular value."""
 

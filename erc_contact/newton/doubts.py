@@ -134,8 +134,8 @@ class DoubtsOfRun:
 def _rotated(solution: Solution) -> tuple[float, float]:
     """Return the share of the volume that rotates much, and the greatest rotation.
 
-    The share [-] has more than ROTATION. The rotation of a cell [rad] is the rotation
-    that its vertices have. Collective.
+    The share [-] is the volume with more than ROTATION over the volume of the body. The
+    rotation of a cell [rad] follows from its vertices. Collective.
     """
     model, d = solution.model, solution.model.d
     cells = model.owned_cells

@@ -154,8 +154,8 @@ def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
 def _touching(model: Model, glue: Glue) -> np.ndarray:
     """Count the ranks that touch each degree of freedom of this rank; collective.
 
-    A rank touches it that owns it, a cell at it, or an entry of D. The count is zero where
-    this rank does not touch it.
+    A rank touches it that owns it, a cell at it, or an entry of D. The count is zero
+    where this rank does not touch it.
     """
     count = model.function()
     touched = np.zeros(model.node_count, dtype=bool)
