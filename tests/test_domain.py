@@ -431,8 +431,8 @@ def test_names_of_parts_that_cannot_be_given(tagged_file):
     for names, words in (
         ({7: "bottom"}, "no part of the mesh has this tag; the mesh has 1, 2, 3, 4, 3"),
         ({3: "top"}, r"a boundary part and a region; give one of \(1, 3\) and \(2, 3\)"),
-        ({1: "side", 2: "side"}, "'side' is that of the tags 1 and 2"),
-        ({1: "2"}, "'2' is that of the tags 1 and 2"),
+        ({1: "side", 2: "side"}, "tags 1 and 2 would have the name 'side'"),
+        ({1: "2"}, "tags 1 and 2 would have the name '2'"),
         ({"bottom": 1}, "names of parts by their tags"),
         (["bottom"], "names of parts by their tags"),
     ):

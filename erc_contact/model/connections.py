@@ -172,7 +172,7 @@ class Connections:
         return np.bincount(of_pairs, minlength=len(self.groups.whole))
 
     def _marked(self, which: np.ndarray) -> np.ndarray:
-        """Mark nodes of groups (N,) among those of this rank, shape (nodes,)."""
+        """Mark nodes of groups (N,) among the nodes of this rank, shape (nodes,)."""
         marked = np.zeros(self._space.node_count, dtype=bool)
         local = self._space.local_nodes(self.groups.numbers[which])
         marked[local[local >= 0]] = True
@@ -185,8 +185,8 @@ class Connections:
 
         Args:
             entries: Rows, columns and values.
-            replaced: Global numbers of nodes whose rows are not those of the identity;
-                None where no row is.
+            replaced: Global numbers of nodes whose rows are not rows of the identity;
+                None if no row is a row of the identity.
         """
         space = self._space
         first, last = (number * space.d for number in space.V.dofmap.index_map.local_range)

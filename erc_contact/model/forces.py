@@ -77,9 +77,9 @@ def by_cause(
 
     Returns:
         The forces of supports, springs, contacts and ties by the names of their parts,
-        with the loads on these. "tractions" is the force of all others, and "body
-        force" that of the loads in the body, where the scene has them. "balance" is the
-        sum of all, which is zero up to round-off.
+        with the loads on these. "tractions" is the force of the loads on all other
+        parts, and "body force" the force of the loads in the body, where the scene has
+        them. "balance" is the sum of all forces, which is zero up to round-off.
     """
     supports = [support.facets for support in model.scene.supports]
     supports += [spring.facets for spring in model.scene.springs]
@@ -259,7 +259,8 @@ def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarr
 def _of_multiplier(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
     """Return the forces that a multiplier has at the nodes of each facet; collective.
 
-    They are those on the Bernstein coefficients, in shares of the area, at the nodes.
+    They are the forces on the Bernstein coefficients, in shares of the area, at the
+    nodes.
 
     Returns:
         Forces at the nodes of the facets [force], shape (f, m, d).

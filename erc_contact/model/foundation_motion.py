@@ -1,10 +1,10 @@
 """Move the foundation of a contact: slip counts against it, and the gap goes with it.
 
-The law of a contact with a foundation that has moved by d is that of a contact at rest,
-of the displacement ``u - d``: ``u_n <= g + d_n``, and friction acts on ``u_t - d_t``.
-So d_n is in the gap, and d_t in the displacement that friction counts from. In a
-history a step counts from ``s = u_before - d_before + d``: what the last step leaves is
-the displacement relative to the foundation.
+The law of a contact with a foundation that has moved by d is the law of a contact at
+rest, for the displacement ``u - d``: ``u_n <= g + d_n``, and friction acts on
+``u_t - d_t``. So d_n is in the gap, and d_t in the displacement that friction counts
+from. In a history a step counts from ``s = u_before - d_before + d``: what the last
+step leaves is the displacement relative to the foundation.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ fixes a component, its column is missing. Forces g on w do the work of the nodal
     P = B^+ B
 
 is the projector to all such nodal forces, and to the displacements that change w; I - P
-projects to those that move all nodes of a group alike.
+projects to displacements that move all nodes of a group alike.
 
 Example:
     The pair of nodes 3 and 8, both free, has B = (1, -1) and P = ((1, -1), (-1, 1))/2.
@@ -40,7 +40,8 @@ class Groups:
 
     Args:
         here: Global number of the node on this side of each row, shape (n,).
-        there: That of the other body, or :data:`NOBODY`, shape (n,).
+        there: Global number of the node of the other body, or :data:`NOBODY`, shape
+            (n,).
         numbers: Global numbers of all these nodes, ascending, shape (N,).
         free: Components that no support fixes, shape (N, d).
 
@@ -200,7 +201,7 @@ class Groups:
 
 
 def numbers_in(group: np.ndarray) -> np.ndarray:
-    """Return the number of each member among those of its group, shape (n,)."""
+    """Return the number of each member among the members of its group, shape (n,)."""
     order = np.argsort(group, kind="stable")
     ascending = group[order]
     numbers = np.empty(len(group), dtype=np.int64)

@@ -173,7 +173,7 @@ class Space:
         return self.V.dofmap.index_map.local_to_global(local).reshape(nodes.shape)
 
     def local_nodes(self, numbers: np.ndarray) -> np.ndarray:
-        """Return nodes of global numbers as those of this rank, -1 elsewhere, (n,)."""
+        """Return local numbers of nodes by global numbers, -1 off this rank, (n,)."""
         return self.V.dofmap.index_map.global_to_local(numbers).astype(np.int64)
 
     def global_dofs(self, dofs: np.ndarray) -> np.ndarray:

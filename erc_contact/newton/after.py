@@ -42,26 +42,27 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
     comms = MPI.Comm.Compare(after.domain.comm, domain.comm)
     if comms not in (MPI.IDENT, MPI.CONGRUENT):
         raise InputError(
-            "after is a solution of other ranks than the domain; give one of the same communicator."
+            "after is a solution of other ranks than the domain; give a solution of the same "
+            "communicator."
         )
     names = {name for contact in scene.contacts for name in contact.sides}
     names_before = {name for contact in after.scene.contacts for name in contact.sides}
     if set(scene.ties) != set(after.scene.ties):
         raise InputError(
-            "The scene has other tied joints than that of after. All scenes of a history have the "
-            "same ones."
+            "The scene has other tied joints than the scene of after. All scenes of a history have "
+            "the same tied joints."
         )
     if names != names_before:
         raise InputError(
-            f"The scene has {_listed(names)} in contact, and that of after "
-            f"{_listed(names_before)}. All scenes of a history have the same contacts; one that "
-            "must not touch yet can have a gap."
+            f"The scene has {_listed(names)} in contact, and the scene of after "
+            f"{_listed(names_before)}. All scenes of a history have the same contacts; a contact "
+            "that must not touch yet can have a gap."
         )
     pairs = {tuple(contact.sides) for contact in scene.contacts}
     if pairs != {tuple(contact.sides) for contact in after.scene.contacts}:
         raise InputError(
-            "The scene names the two sides of a contact in another order than that of after, or "
-            "pairs other sides. All scenes of a history name them alike."
+            "The scene names the two sides of a contact in another order than the scene of after, "
+            "or pairs other sides. All scenes of a history name them alike."
         )
 
 

@@ -2,7 +2,7 @@
 
 Each rank assembles the terms of its own facets, for each reader of the forms in a
 vector and in matrices of its own. Rank 0 adds them up, and takes the forces on what
-contacts read to those on the unknowns. Symbols: A, u_A and z as in
+contacts read to forces on the unknowns. Symbols: A, u_A and z as in
 :mod:`erc_contact.newton.condensed`.
 """
 

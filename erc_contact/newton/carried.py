@@ -46,7 +46,7 @@ class Carried:
     def forms(
         self, forms: dict[Method, ContactForms] | None
     ) -> tuple[dict[Method, ContactForms], dict[Method, ContactForms]]:
-        """Return the forms to solve with, and the same if other solves may use them.
+        """Return the forms to solve with, and the forms that other solves may use.
 
         Args:
             forms: Forms of the model at rest that there are.

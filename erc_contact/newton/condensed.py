@@ -41,7 +41,7 @@ from erc_contact.newton.pressing import contact_normals
 from erc_contact.newton.shared_laws import laws_of
 
 SMALL_FORCE = 1e-6
-"""Contact forces that count as none, over those with the contact glued [-]."""
+"""Contact forces that count as none, over the forces with the contact glued [-]."""
 
 
 class Condensed:
@@ -111,7 +111,7 @@ class Condensed:
         together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:
-        """Do work on rank 0 with the help of the others; return its result.
+        """Do work on rank 0 with the help of the other ranks; return its result.
 
         The other ranks wait for the name of a method of :class:`.assembly.Assembly` and
         its arguments, and call it, until rank 0 sends None.
@@ -167,7 +167,7 @@ class Condensed:
     def hold(self, weight: float, u_A: np.ndarray) -> None:
         """Hold the motions that no support holds where they are at u_A, on rank 0.
 
-        K and s become those with springs, until the next call.
+        K and s include the springs until the next call.
 
         Args:
             weight: Weight of the springs [-]; 0 for none.

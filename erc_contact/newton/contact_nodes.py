@@ -39,7 +39,7 @@ class Entries:
         Args:
             rows: Numbers of its rows, shape (n,).
             columns: Numbers of its columns.
-            identity: Whether rows without entries are those of the identity.
+            identity: Whether rows without entries are rows of the identity.
         """
         order_of_rows, order_of_columns = np.argsort(rows), np.argsort(columns)
         row = order_of_rows[np.searchsorted(rows, self.rows, sorter=order_of_rows)]
@@ -76,11 +76,11 @@ class ContactNodes:
 
     Attributes:
         here: Global numbers of the nodes on this side, ascending, shape (n,).
-        there: Those of the nodes of the other body, or ``NOBODY``, shape (n,).
+        there: Global numbers of the nodes of the other body, or ``NOBODY``, shape (n,).
         facets: Nodes of each facet as places in `here`, shape (f, m).
         area: Areas of the nodes [length^(d-1)], shape (n,).
-        stiffness: Stiffness of the bodies over these areas, that of two bodies as of
-            springs in a row [force/length], shape (n,).
+        stiffness: Stiffness of the bodies over these areas, of two bodies as of springs
+            in a row [force/length], shape (n,).
     """
 
     here: np.ndarray
@@ -127,7 +127,7 @@ class RowsOfAll:
         degree: Degree of the displacement.
         contacts: The nodes and facets of each contact.
         here: Global number of the node on this side of each row, shape (n,).
-        there: That of the other body, or ``NOBODY``, shape (n,).
+        there: Global number of the node of the other body, or ``NOBODY``, shape (n,).
         places: The rows of the nodes of each contact.
         areas: Areas of the rows in each contact, zero elsewhere [length^(d-1)], shape
             (n,).

@@ -1,4 +1,4 @@
-"""The contact solve of one model: attempts from several starts until one converges.
+"""Solve the contact problem of one model by attempts from several starts.
 
 One elastic factorisation or hierarchy serves all attempts, so that it costs little to
 try several starts and line searches, the cheapest first
@@ -73,7 +73,7 @@ class Solver(Protocol):
 
 
 class ContactSolve:
-    """Make the attempts of the ladder until one converges; collective.
+    """Make the attempts of the ladder until an attempt converges; collective.
 
     Args:
         solver: What makes an attempt.
@@ -95,7 +95,7 @@ class ContactSolve:
         self.steps = 0
 
     def solve(self, start: Solution | None) -> Solution:
-        """Make the attempts one after the other until one of the method converges.
+        """Make the attempts in turn until an attempt of the method converges.
 
         Raises:
             NotConverged: If none does, or the linear solver fails again and again.
@@ -193,13 +193,13 @@ class ContactSolve:
         )
 
     def _solution(self, method: Method, solution: DiscreteSolution) -> Solution:
-        """Make the solution of a final attempt; warn if it may be one of many."""
+        """Make the solution of a final attempt; warn if there may be many solutions."""
         cells = self.model.domain.cells
         reason = self.rungs[-1]
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
             self.log.info(
-                "%d cells: %s did not converge, the solution is that of %s.",
+                "%d cells: %s did not converge, the solution is by %s.",
                 cells,
                 self.method,
                 method,

@@ -6,9 +6,9 @@ of the condensed problem and x_i its known solutions. Newton's method for ``M(x)
 
     M = prod_i (1/|x - x_i|^2 + 1),
 
-does not converge to any x_i. Its step is that of Newton's method for R, times ``1/(1 -
-M' step/M)``. Where the tangent is singular, as on a branch of solutions, the step is
-the least one.
+does not converge to any x_i. Its step is the step of Newton's method for R, times
+``1/(1 - M' step/M)``. Where the tangent is singular, as on a branch of solutions, the
+step is the least one.
 
 The starts are the state of the contact with more and with less friction, the known
 state moved along the contact, and the states half way between two solutions.
@@ -112,8 +112,9 @@ class _State:
     Attributes:
         displacement: u_A [length].
         force: Contact forces at A [force].
-        distance: Energy norm of the distance to the exact one [sqrt(force length)].
-        least_singular_value: That of the scaled tangent [-].
+        distance: Energy norm of the distance to the exact solution [sqrt(force
+            length)].
+        least_singular_value: Least singular value of the scaled tangent [-].
     """
 
     displacement: np.ndarray
@@ -138,7 +139,7 @@ class _Search:
         self.solutions = [start]
 
     def states(self, most: int) -> list[_State]:
-        """Return at most so many other solutions."""
+        """Find other solutions, at most so many."""
         problem = self.problem
         for start in self._starts():
             x = self.newton(start)
@@ -160,7 +161,7 @@ class _Search:
         return states
 
     def newton(self, x: np.ndarray, *, deflated: bool = True) -> np.ndarray | None:
-        """Return the solution, or nearly one, that Newton's method finds from x.
+        """Return the solution, or nearly a solution, that Newton's method finds from x.
 
         Args:
             x: The start [length].
@@ -190,7 +191,7 @@ class _Search:
         return None
 
     def _is_new(self, x: np.ndarray) -> bool:
-        """Tell whether a solution differs from all known ones."""
+        """Tell whether a solution differs from all known solutions."""
         least = DISTINCT * self.problem.length
         return all(abs(x - solution).max() > least for solution in self.solutions)
 

@@ -19,7 +19,7 @@ from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, attempt
 SOLVED_DENSE = 1e-12
 """Residual at which Newton's method stops, over the forces that cancel in it [-]."""
 MOST_FORCES = 1e6
-"""Bound of the forces that cancel in the residual, over those with the glue [-]."""
+"""Bound of forces that cancel in the residual, over forces with the glue [-]."""
 INVERSE_ITERATIONS = 4
 """Steps of the inverse iteration for the least singular value."""
 
@@ -109,7 +109,7 @@ class Dense:
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """Return a key of the contact status of all points, and numbers of points.
 
-        They are those of open, slipping and sticking points.
+        Open, slipping and sticking points are counted, in this order.
         """
         status = self.problem.status(self._displacement(x))
         open_, slip, stick = (int(count) for count in np.bincount(status, minlength=3))

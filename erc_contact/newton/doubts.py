@@ -1,6 +1,6 @@
 """Doubts about a solution though its numbers are right, each told once in words.
 
-The theory is that of small strains and rotations, with the gap measured on the body as
+The theory holds for small strains and rotations, with the gap measured on the body as
 it was. Numbers in other units than those meant, a friction in percent or degrees, a
 load in the wrong unit, show here, too.
 """
@@ -66,16 +66,16 @@ def doubts(solution: Solution) -> Doubts:
     if moved > least_side:
         found["displacement", ""] = (
             f"The body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
-            f"({least_side:.3g}): the gap is that of the body as it was, so a displacement must "
+            f"({least_side:.3g}): the gap belongs to the body as it was, so a displacement must "
             "be small beside it. Look at the units of loads, moduli and displacements."
         )
     share, most = _rotated(solution)
     if share > ROTATED:
         found["rotation", ""] = (
             f"{percent(share, 2)} of the body rotates by more than {ROTATION:g} rad, up to "
-            f"{most:.2g} rad (skew part of grad u): strains are those of small rotations, and the "
-            "error does not contain what this costs. Look at the units, or take a code for large "
-            "displacements."
+            f"{most:.2g} rad (skew part of grad u): strains are right for small rotations, and "
+            "the error does not contain what this costs. Look at the units, or take a code for "
+            "large displacements."
         )
     lying = lying_words(model, *model.bodies)
     if lying:
@@ -134,8 +134,8 @@ class DoubtsOfRun:
 def _rotated(solution: Solution) -> tuple[float, float]:
     """Return the share of the volume that rotates much, and the greatest rotation.
 
-    The share [-] is that with more than ROTATION. The rotation of a cell [rad] is that
-    of its vertices. Collective.
+    The share [-] is the volume with more than ROTATION over the volume of the body. The
+    rotation of a cell [rad] follows from its vertices. Collective.
     """
     model, d = solution.model, solution.model.d
     cells = model.owned_cells

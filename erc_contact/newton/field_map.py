@@ -177,7 +177,7 @@ class FieldMap:
         return change.matrix(rows, rows, identity=True).matMult(read)
 
     def set_reactions(self, matrix: np.ndarray, loads: np.ndarray) -> None:
-        """Set the multipliers in Z to those of the reactions ``K u_A - s``, on rank 0.
+        """Set the multipliers in Z by the reactions ``K u_A - s``, on rank 0.
 
         Args:
             matrix: K [force/length], shape (A, A).

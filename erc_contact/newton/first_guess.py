@@ -23,7 +23,7 @@ from erc_contact.newton.linear.stiffness import Stiffness
 def across_gap(model: Model) -> fem.Function:
     """Return the displacement that closes gaps and undoes slip [length].
 
-    It is that of the contact nodes, and zero elsewhere.
+    Only the contact nodes move: it is zero elsewhere.
     """
     across = model.function()
     for contact in model.contacts:

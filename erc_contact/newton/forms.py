@@ -1,4 +1,4 @@
-"""The equations that a method adds to those of elasticity, as compiled forms."""
+"""Compile the equations that a method adds to the equations of elasticity."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Reader:
 
     Args:
         contact: Number of the contact between bodies on whose jump the forces are; None
-            for those on u.
+            for forces on u.
         count: Number of fields by which forms are derived.
 
     Attributes:
@@ -72,10 +72,10 @@ class ContactForms:
             bodies [length], with multiplier its Bernstein coefficients -> the contact.
         multipliers: Multiplier of each contact [force/area] that the forms read, or ()
             for a method without.
-        displacements: Those of u and the jumps that are in the forms.
+        displacements: u and the jumps, as far as they are in the forms.
         fields: The displacements and the multipliers, by which the forms are derived.
-        equations: The compiled equations of each contact [force], those of its jump.
-            Contacts that are alike share their code.
+        equations: The compiled equations of each contact [force], forces on its jump or
+            on u. Contacts that are alike share their code.
         readers: The equations, by what they are forces on.
 
     Raises:
@@ -246,7 +246,7 @@ class ContactForms:
     def _equations(self, contact: BoundContact, multiplier: Ufl, v: Ufl) -> Ufl:
         """Return the equations of the method on a contact, a form linear in v.
 
-        Those of a method of the user's are checked.
+        The equations of a method of the user's are checked.
         """
         if type(self.method) in OURS:
             return self.method.equations(self.model, contact, self.u, v, multiplier)

@@ -11,9 +11,9 @@ With one it is, with the projector P to the nodal forces ``B^T g``,
 
 The reactions ``K u - b`` of the contact nodes give the multipliers lambda
 (:mod:`erc_contact.newton.reactions`). At degree 2 these equations read Bernstein
-coefficients of w. Newton's iterates are those of the condensed
-problem (:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver.
-The tangent and its preconditioner are in :mod:`erc_contact.newton.tangent`.
+coefficients of w. Newton's iterates are the iterates of the condensed problem
+(:mod:`erc_contact.newton.condensed`), up to the tolerance of the linear solver. The
+tangent and its preconditioner are in :mod:`erc_contact.newton.tangent`.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class FullSpace:
 
         The first is bounded: a body that nothing holds moves so far that any residual
         would be round-off of its forces. So would it be of a body that is stiffer by
-        orders than those that hold it.
+        orders than the bodies that hold it.
         """
         diagonal = self.elastic.matrix.getDiagonal()
         diagonal.pointwiseMult(diagonal, x)
@@ -220,7 +220,7 @@ class FullSpace:
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """Return a key of the contact status of all points, and numbers of points.
 
-        They are those of open, slipping and sticking points.
+        Open, slipping and sticking points are counted, in this order.
         """
         self._set(x)
         comm = self.model.comm
@@ -288,7 +288,7 @@ class FullSpace:
             x.copy(self._last_x)
 
     def free(self) -> None:
-        """Free PETSc's objects; they know this one, so that nobody else would."""
+        """Free PETSc's objects; they know this object, so that nobody else would."""
         self._tangent.free()
         if self._reactions is not None:
             self._reactions.destroy()

@@ -1,6 +1,6 @@
 """Make a solution of a displacement that another solver has computed.
 
-Its contact tractions are those of its reactions: what the elastic equations of the
+Its contact tractions follow from its reactions: what the elastic equations of the
 package leave at the nodes of the contacts, as for the augmented Lagrangian
 (:mod:`erc_contact.newton.reactions`). Where the displacement solves a contact problem
 on the mesh by elements of the same degree, these are the tractions of that problem,
@@ -52,9 +52,9 @@ def solution_of(
         scene: The problem.
         domain: The mesh.
         u: The displacement, see :func:`erc_contact.certify`.
-        degree: Its degree, 1 or 2; None takes that of u.
-        traction: Tractions by the names of contacts, which take the place of those of
-            the reactions.
+        degree: Its degree, 1 or 2; None takes the degree of u.
+        traction: Tractions by the names of contacts, which take the place of tractions
+            from the reactions.
 
     Returns:
         The solution, and by how much supports differ from u at most [length].
@@ -79,7 +79,7 @@ def solution_of(
             "whether its solver has failed."
         )
     for face in model.loose_faces:
-        # Any motion of the face is admissible: here it is that of u.
+        # Any motion of the face is admissible: here it is the motion that u has.
         face.follow(model.prescribed, values)
     fixed = model.fixed.ravel()
     prescribed = model.prescribed.x.array
@@ -111,8 +111,8 @@ def solution_of(
 def by_nitsche(solution: Solution) -> Solution | None:
     """Return a given solution with the tractions of Nitsche's method.
 
-    They are those of its stress, with a penalty on what violates the contact. None
-    where it has these already, or has no contact.
+    They are the tractions of its stress, with a penalty on what violates the contact.
+    None where it has these already, or has no contact.
     """
     if not solution.model.contacts or not solution.method.multiplier:
         return None

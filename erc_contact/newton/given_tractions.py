@@ -22,7 +22,7 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
         traction: Tractions on the parts that contacts are named after.
 
     Raises:
-        InputError: If a name is that of no contact, or values do not fit the nodes.
+        InputError: If no contact has a name, or values do not fit the nodes.
     """
     if not isinstance(traction, Mapping):
         raise InputError(
@@ -51,10 +51,10 @@ def _at_nodes(
 ) -> np.ndarray:
     """Return a traction at nodes of this side of a contact, (nodes, d)."""
     what = f"certify: the traction on {contact.name!r}"
-    # A Function is read at the nodes of this side, those of the softer body.
+    # A Function is read at the nodes of this side, which is the softer body's.
     if isinstance(traction, fem.Function) and contact.is_exchanged:
         raise InputError(
-            f"{what} is a Function, and must be that of the softer body; give a callable of"
-            " points, or (points, values)."
+            f"{what} is a Function, and must be the traction on the softer body; give a "
+            "callable of points, or (points, values)."
         )
     return nodal_values(model, traction, nodes, what)

@@ -21,7 +21,7 @@ DESCENT = (8.0, 4.0, 2.0, 1.5, 1.2, 1.1, 1.05, 1.02, 1.01, 1.0)
 """Shares of the friction bound when friction that holds a body is lowered in steps.
 
 More friction makes more of the contact stick. So loose bodies that stick at last are
-followed to the friction of the scene, or to that at which they begin to slide.
+followed to the friction of the scene, or to the friction at which they begin to slide.
 """
 GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
 """Shares of the gaps when they are opened in steps.
@@ -94,7 +94,7 @@ class Attempt:
             other [-].
         gap_shares: The same of gaps; only one of both has several.
         proximal: Whether springs hold the motions that no support holds meanwhile.
-        final: Whether its solution is that of the scene; otherwise it is the start of
+        final: Whether its solution solves the scene; otherwise it is the start of
             another attempt.
     """
 
@@ -107,7 +107,7 @@ class Attempt:
     final: bool = True
 
     def problems(self) -> Generator[Shares, float | None, None]:
-        """Generate the problems of the sequence; the last one is the scene's.
+        """Generate the problems of the sequence; the last problem is the scene's.
 
         It is sent the pull of the springs, None after a problem without solution.
         """

@@ -195,21 +195,21 @@ class Nitsche:
 class AugmentedLagrangian:
     """Define the augmented Lagrangian, with a multiplier at the nodes of the contact.
 
-    The projection is that of Alart and Curnier. The multiplier lives in the trace of
-    the displacement's space on the contact facets: the space that elements on a submesh
-    of these facets give, without a second mesh. Its equations hold at each node,
-    between the Bernstein coefficients of u, s, g and lambda (for degree 1 their nodal
-    values); lambda there is the force on the coefficient of u over its share of the
-    area. So at the solution u does not penetrate at any point, friction holds for the
-    force on every Bernstein polynomial, and no weight of a node is zero or negative, as
-    nodal quadrature of degree 2 has it on triangles. (This smooths its traction of
-    degree 2: on a smooth contact e is 1.05 to 1.2 times the true error of u^, where
-    that of Nitsche's is 1.01 to 1.07. The traction that does the work of the forces was
-    better there, and twice as bad where friction begins: it overshoots.) A component
-    that a support fixes at a contact node, and a node that an earlier contact has
-    already, take the multiplier from their neighbours: their own would be redundant.
-    Where three bodies meet, or two of them on a foundation, the contacts share the
-    forces of the node.
+    It has the projection of Alart and Curnier. The multiplier lives in the trace of the
+    displacement's space on the contact facets: the space that elements on a submesh of
+    these facets give, without a second mesh. Its equations hold at each node, between
+    the Bernstein coefficients of u, s, g and lambda (for degree 1 their nodal values);
+    lambda there is the force on the coefficient of u over its share of the area. So at
+    the solution u does not penetrate at any point, friction holds for the force on
+    every Bernstein polynomial, and no weight of a node is zero or negative, as nodal
+    quadrature of degree 2 has it on triangles. (This smooths its traction of degree 2:
+    on a smooth contact e is 1.05 to 1.2 times the true error of u^, where Nitsche's
+    method has 1.01 to 1.07. The traction that does the work of the forces was better
+    there, and twice as bad where friction begins: it overshoots.) A component that a
+    support fixes at a contact node, and a node that an earlier contact has already,
+    take the multiplier from their neighbours: their own would be redundant. Where three
+    bodies meet, or two of them on a foundation, the contacts share the forces of the
+    node.
 
     Args:
         gamma: Dimensionless augmentation parameter gamma_0 > 0; it changes the way of

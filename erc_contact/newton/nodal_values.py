@@ -84,7 +84,7 @@ def _of_callable(field: Callable[[np.ndarray], Any], x: np.ndarray, what: str) -
 
 
 def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np.ndarray:
-    """Return the values of a file at nodes, of bodies that touch each its own."""
+    """Return the values of a file at nodes, by their bodies where bodies touch."""
     d = model.d
     x = model.V.tabulate_dof_coordinates()[:, :d]
     points = field.points[:, :d]

@@ -1,18 +1,18 @@
 """The multipliers of a contact problem as linear functions of the nodal forces.
 
 The force is the reaction r, what the elastic equations leave at the nodes of the
-contact. It is that of forces g on what the contacts read, ``r = B^T g``
+contact. It does the work of forces g on what the contacts read, ``r = B^T g``
 (:mod:`erc_contact.model.groups`), a row of B for each node or pair. Where rows are
 independent r tells g. The multiplier of a row belongs to the first contact that has it.
 There ``a lambda`` is g less the multipliers of later contacts. In these, and for
 components that a support fixes, it is the mean of its neighbours in the contact: its
 own would be redundant.
 
-Where the rows of a group are dependent, as those of three contacts of three bodies, r
-does not tell all g. There is an estimate g0 besides: the force of multipliers that are
-means of their neighbours. Of all forces that fit r the nearest to these are taken, in
-the sense of ``sum |g - g0|^2 / k`` with the stiffness k of the bodies at each contact,
-so that a soft body gets no force that stiff ones leave:
+Where the rows of a group are dependent, as the rows of three contacts of three bodies,
+r does not tell all g. There is an estimate g0 besides: the force of multipliers that
+are means of their neighbours. Of all forces that fit r the nearest to these are taken,
+in the sense of ``sum |g - g0|^2 / k`` with the stiffness k of the bodies at each
+contact, so that a soft body gets no force that stiff ones leave:
 
     g = g0 + k B (B^T k B)^+ (r - B^T g0).
 
@@ -57,7 +57,8 @@ class MultiplierMap:
         rows: What all contacts read.
         groups: B of these rows.
         free: Components of rows that not all supports fix, shape (n, d).
-        is_shared: Those of dependent rows, whose forces contacts share, shape (n, d).
+        is_shared: Free components of dependent rows, whose forces contacts share, shape
+            (n, d).
         multipliers: For each contact the matrix from nodal forces [force] to the
             Bernstein coefficients of the multiplier at nodes of this side [force/area].
     """
@@ -128,7 +129,7 @@ class MultiplierMap:
         return self.free[used]
 
     def areas_of(self, numbers: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Return here-nodes of contacts, and areas in the first ones that have them."""
+        """Return here-nodes of contacts, and areas in each node's first contact."""
         area = np.zeros(len(self.rows.here))
         for number in reversed(numbers):
             area[self.rows.places[number]] = self.contacts[number].area
@@ -157,11 +158,11 @@ class MultiplierMap:
     def _from_forces(self, forces: PETSc.Mat) -> list[PETSc.Mat]:
         """Return the matrices from nodal forces to the multipliers of all contacts.
 
-        Those of dependent rows are means of neighbours.
+        The multipliers of dependent rows are means of neighbours.
 
         Args:
             forces: The matrix from nodal forces to forces on Bernstein coefficients of
-                rows; it becomes that to what earlier contacts leave, in place.
+                rows; it becomes the matrix to what earlier contacts leave, in place.
         """
         maps = []
         for k in reversed(range(len(self.contacts))):
@@ -316,7 +317,7 @@ def distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
 
 
 def _scaled(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
-    """Return a matrix with its rows times factors, a new one."""
+    """Make a matrix that has the rows of another matrix, times factors."""
     result = matrix.copy()
     scale = result.createVecLeft()
     scale.array[:] = factors

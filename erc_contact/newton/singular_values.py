@@ -36,8 +36,8 @@ def least_singular_value(
     Args:
         times: The scaled tangent.
         precondition: About its inverse.
-        u: A displacement that may be near [-], e.g. that of another tangent; it becomes
-            the one of this tangent.
+        u: A displacement that may be near [-], e.g. from another tangent; it becomes
+            the displacement of this tangent.
         stiffness: The elastic stiffness K [force/length].
         fixed: Unknowns of this rank that supports fix.
         scale: What the tangent is divided by [force/length].

@@ -1,6 +1,6 @@
 """Newton's method for a contact problem: PETSc's SNES, in scaled variables.
 
-Displacements are divided by their size and forces by the size of those that cancel.
+Displacements are divided by their size and forces by the size of forces that cancel.
 Otherwise the bisection line search, which has absolute tolerances, would depend on the
 units.
 """
@@ -137,7 +137,7 @@ class Equations(Protocol):
     def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
         """Return a key of the contact status of all points, and numbers of points.
 
-        They are those of open, slipping and sticking points.
+        Open, slipping and sticking points are counted, in this order.
         """
 
 

@@ -167,7 +167,7 @@ class Solution:
     def at_rest(self) -> bool:
         """Tell whether nothing loads or moves the body; collective.
 
-        Then u is that of a body at rest, up to round-off.
+        Then u is the displacement of a body at rest, up to round-off.
         """
         loads = self.stiffness.load_vector()
         rest = displacement_at_rest(self.model, loads)
@@ -181,9 +181,9 @@ class Solution:
     def force(self, part: str) -> Force:
         """Return the force and the moment on a boundary part; collective.
 
-        They are those of the consistent nodal forces [force; force length]. On a
-        contact it is what the foundation exerts on the body, on a support the reaction
-        with the loads on the components that it leaves free, elsewhere the load. See
+        The consistent nodal forces have them [force; force length]. On a contact it is
+        what the foundation exerts on the body, on a support the reaction with the loads
+        on the components that it leaves free, elsewhere the load. See
         :mod:`erc_contact.model.forces`.
 
         Raises:
@@ -218,7 +218,7 @@ class Solution:
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.
 
-        The columns are those of :func:`erc_contact.model.profile.profile_table`. The
+        For its columns see :func:`erc_contact.model.profile.profile_table`. The
         tractions are projected on polynomials on each facet, which have its force.
 
         Raises:
@@ -244,10 +244,11 @@ class Solution:
         """Return the displacement s that friction counts from [length]; collective.
 
         It is tangential, at the points of :meth:`profile` and the same on all ranks,
-        shape (points, d). On a contact between bodies it is that of this side relative
-        to the other one. It is zero without history, and without friction. In a step of
-        a history it is what the last solution ends with. But where Nitsche's method
-        lets a point stick it is s of the last step: so points that stick do not creep.
+        shape (points, d). On a contact between bodies it is the displacement of this
+        side relative to the other side. It is zero without history, and without
+        friction. In a step of a history it is what the last solution ends with. But
+        where Nitsche's method lets a point stick it is s of the last step: so points
+        that stick do not creep.
 
         Raises:
             InputError: If no contact has this name.
@@ -260,17 +261,18 @@ class Solution:
         """Return the greatest value of a quantity and its place; collective.
 
         It may be the "von Mises" stress, the "pressure", ...: see
-        :func:`erc_contact.model.maximum.greatest`. "displacement" is that of u, "von
-        Mises" that of the elastic stress at the middle of a cell, and the profiles are
-        those of :meth:`profile`.
+        :func:`erc_contact.model.maximum.greatest`. "displacement" reads u, "von
+        Mises" the elastic stress at the middle of each cell, and quantities of contacts
+        read :meth:`profile`.
         """
         return greatest(self.model, quantity, self.u, self._von_mises, self.profile)
 
     def at(self, points: Any) -> ElasticValues:
         """Return displacement and elastic stress at points; collective.
 
-        A point between several cells has the mean of these. The stress is that of the
-        displacement. It is not in equilibrium; that of an error is (``error.at``).
+        A point between several cells has the mean of their values. The stress follows
+        from the displacement, and is not in equilibrium; the stress of an error is
+        (``error.at``).
 
         Args:
             points: The same on all ranks [length], shape (n, d) or (d,).
@@ -295,9 +297,9 @@ class Solution:
     def traction(self, contact: str | BoundContact) -> Ufl:
         """Return the traction of the method on a contact [force/area], UFL, shape (d,).
 
-        On a tied joint it is that of the elastic stress of the first part. Between two
-        bodies it is that on the softer one, for integrals over its part, which is the
-        first of ``model.contact(name).side_names``.
+        On a tied joint it is the traction of the elastic stress of the first part.
+        Between two bodies it is the traction on the softer body, for integrals over its
+        part, which is the first of ``model.contact(name).side_names``.
 
         Args:
             contact: Its name, or the contact of the model.

@@ -49,7 +49,7 @@ MULTIGRID_FROM = {
 }
 """Degrees of freedom beyond which multigrid is faster than a factor.
 
-By dimension and degree; those of the body, and about those of the contact.
+By dimension and degree: the number in the body, and about the number at the contact.
 """
 
 
@@ -206,7 +206,7 @@ def large(model: Model) -> bool:
 
 
 class Nearby:
-    """Solve scenes moved from that of a solution; construction and members: collective.
+    """Solve scenes near the scene of a solution; construction and members: collective.
 
     Args:
         near: The solution. Its elastic solver should be in memory while these are

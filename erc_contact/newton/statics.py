@@ -12,7 +12,7 @@ friction. The programme is
 Any traction in the cones has such forces, its moments against the linear shape
 functions. Where normals turn along a facet, each vertex has the cones of all of them.
 So where no forces fulfil the equations, the scene has no solution. The multipliers are
-a motion q that the loads want most, ``max f.q``, of those on whose jump no force of a
+a motion q that the loads want most, ``max f.q``, of motions on whose jump no force of a
 cone does more work than on gap and slip: bodies fall until contacts stop them, and
 stick where friction holds them.
 
@@ -289,7 +289,7 @@ def _tangents(n: np.ndarray) -> list[np.ndarray]:
 
 
 def _polygon(tangents: list[np.ndarray]) -> list[np.ndarray]:
-    """Return directions of friction: both in the plane, else corners of a polygon."""
+    """Return directions of friction: two in the plane, else corners of a polygon."""
     if len(tangents) == 1:
         return [tangents[0], -tangents[0]]
     first, second = tangents
@@ -391,7 +391,7 @@ def _minimised(
     from scipy.optimize import linprog  # type: ignore[import-untyped]  # noqa: PLC0415 - for loose bodies only
 
     scaled = bounds / size
-    # Few forces do the work: those that would lower the cost join a sample of them.
+    # Few forces do the work: forces that would lower the cost join a sample.
     chosen = np.zeros(len(cost), dtype=bool)
     chosen[:: 1 + len(cost) // SAMPLE] = True
     chosen[-2 * len(work) :] = True

@@ -5,7 +5,7 @@ e_lambda lambda' K)``, with the symbols of :mod:`erc_contact.newton.full`. It is
 applied, not assembled: only the terms of the contact are assembled anew.
 
 The preconditioner is a cycle of the multigrid hierarchy of ``K + B^T e_w B``. With a
-multiplier the hierarchy is that of K with springs (:mod:`erc_contact.newton.springs`).
+multiplier the hierarchy is made of K with springs (:mod:`erc_contact.newton.springs`).
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class Tangent:
         set_up(ksp, self.precondition)
 
     def renew(self) -> None:
-        """Set the hierarchy to that of the tangent."""
+        """Renew the hierarchy for the tangent."""
         assert self._change is not None
         self.elastic.renew(self._change)
 

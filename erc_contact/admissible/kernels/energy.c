@@ -27,7 +27,7 @@ INLINE void sparse(int rows, int columns, const int *start, const int *column, c
       }
 }
 
-/* Coefficients of the reference tractions of a cell from their moments, less those of a constant stress. */
+/* Coefficients of the reference tractions of a cell from their moments, less the coefficients of a constant stress. */
 INLINE void reference_coefficients(const int d, int m, const lanes *sign, lanes (*inverse)[3], lanes volume,
                                    const double *facet_map, int has_mean, lanes (*push)[3], const lanes *input,
                                    lanes *coefficient)

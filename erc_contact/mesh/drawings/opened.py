@@ -128,7 +128,7 @@ def _in_plane(model: Any) -> bool:
 
 
 def _leave_out(gmsh: Any, dim: int, tell: Tell) -> None:
-    """Remove what is neither a solid nor a part of one, and count it."""
+    """Remove what is neither a solid nor a part of a solid, and count it."""
     model = gmsh.model
     counts = []
     for lower, kind in ((2, "sheet"), (1, "curve"), (0, "point")):
@@ -206,7 +206,7 @@ def _last_name(label: str) -> str:
 
 
 def different(names: list[str], kind: str) -> list[str]:
-    """Return names that differ: those that several solids have get numbers.
+    """Return names that differ: names that several solids have get numbers.
 
     Args:
         names: Name of each solid, "" for none.

@@ -33,7 +33,7 @@ def in_one_piece(gmsh: Any, solids: list[tuple[str, Entity]], tell: Tell) -> Sol
         tell: Function that tells what is left out.
 
     Returns:
-        The solids, without those that are in the drawing twice.
+        The solids, without solids that are in the drawing twice.
 
     Raises:
         Refused: If two solids overlap.
@@ -108,7 +108,7 @@ def tell_touches(gmsh: Any, solids: Solids, tell: Tell) -> None:
 
 
 def _parts(model: Any, entities: list[Entity]) -> set[Entity]:
-    """Return the faces, edges and vertices of a solid, those amid a face, too."""
+    """Return faces, edges and vertices of a solid, and what is embedded in a face."""
     parts: set[Entity] = set()
     level = set(entities)
     while level:

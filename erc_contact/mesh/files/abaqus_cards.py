@@ -100,7 +100,7 @@ def _card(line: str) -> Card:
 
 
 def _with_included(card: Card, path: Path, deep: int) -> Iterator[Card]:
-    """Return a card; of those that include files the cards of these."""
+    """Return a card, or the cards of the file that it includes."""
     if card.keyword == "INCLUDE":
         yield from cards_of(_beside(path, card.get("INPUT")), deep + 1)
         return
@@ -126,7 +126,7 @@ def _beside(path: Path, name: str) -> Path:
 
 
 def numbers_of(lines: list[str], width: int) -> np.ndarray:
-    """Return the numbers in lines, shape (n, width); absent ones at the ends are 0."""
+    """Return the numbers in lines, shape (n, width); absent numbers are 0."""
     text = "\n".join(lines).replace(",", " ")
     try:
         flat = np.array(text.split(), dtype=float)

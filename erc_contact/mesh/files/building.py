@@ -176,7 +176,7 @@ def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[
 
 
 def _without_all(sets: list[Named], outer: np.ndarray) -> list[Named]:
-    """Return the sets without those that have all outer faces, if others have some."""
+    """Leave out sets that have all outer faces, if other sets have some of them."""
     shared = [len(np.intersect1d(outer, named.members)) for named in sets]
     if any(0 < count < len(outer) for count in shared):
         return [named for named, count in zip(sets, shared, strict=True) if count < len(outer)]

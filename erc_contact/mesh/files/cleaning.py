@@ -30,8 +30,8 @@ class Body:
         x: Points [length], shape (n, d), all points of the file.
         blocks: Numbers of the blocks of the file that are cells of the body.
         cells: Corners of the cells of each of these blocks.
-        numbers: Numbers of these cells. The cells of the blocks, those that are left
-            out as well, are numbered one block after the other.
+        numbers: Numbers of these cells. The cells of the blocks, also cells that are
+            left out, are numbered one block after the other.
         count: How many cells the blocks have.
         same: Point with which each point of the file is one, shape (n,).
         notes: What was left out or changed, in words.
@@ -141,7 +141,7 @@ def _in_body_space(points: np.ndarray, used: np.ndarray, dim: int) -> np.ndarray
 
 
 def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
-    """Return for each point the least one in whose place it is in a common cell.
+    """Return for each point the least point of a common cell that is in its place.
 
     Args:
         x: Points [length], shape (n, d).

@@ -120,7 +120,7 @@ class FacetSet:
         corners: Rows of their corners, shape (n, 2) in the plane, (n, 4) in space; a
             triangle has its last corner twice.
         tag: Number by which the file calls the set, or None.
-        outer: Whether only those on the boundary of the body are meant.
+        outer: Whether only sides on the boundary of the body are meant.
         weak: Whether other sets go before it, as a user has not listed its sides.
     """
 

@@ -66,7 +66,7 @@ def _tables(
 ) -> list[np.ndarray]:
     """Return points, cells, their tags, facets, their tags and numbers of the points.
 
-    They are what this rank owns. The numbers are those that the user gave.
+    They are what this rank owns. The numbers are the numbers that the user gave.
     """
     d = mesh.topology.dim
     nodes = mesh.geometry.index_map()

@@ -31,7 +31,7 @@ def is_mfem(path: Path) -> bool:
 
 
 def mesh_of_mfem(path: Path) -> FileMesh:
-    """Read a mesh of MFEM, curved ones at their corners.
+    """Read a mesh of MFEM, and a curved mesh at its corners.
 
     Raises:
         InputError: If it is a mesh of splines, with hanging nodes, or without vertices.

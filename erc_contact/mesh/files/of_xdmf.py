@@ -237,7 +237,7 @@ def _with_tags(grids: list[_Grid]) -> tuple[list[Block], list[ElementSet]]:
 
 
 def _sets_of(grid: _Grid) -> tuple[ElementSet, ...]:
-    """Return the sets of a grid; a grid with integers alone is one of tags."""
+    """Return the sets of a grid; a grid with integers alone is a grid of tags."""
     if len(grid.fields) == 1 and len(grid.blocks) == 1:
         (values,) = grid.fields.values()
         flat = [np.asarray(part).reshape(len(part), -1)[:, 0] for part in values]

@@ -60,7 +60,7 @@ READERS: dict[str, Callable[[Path], FileMesh]] = {
     **dict.fromkeys((".xdmf", ".xmf"), mesh_of_xdmf),
     **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), _of_exodus),
 }
-"""Reader of other files by their ending; meshio gets those that are not here."""
+"""Reader of other files by their ending; meshio gets files with any other."""
 
 
 def read(path: Path, *, numbered: bool) -> FileMesh:

@@ -48,7 +48,7 @@ def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
         if len(same) > 1 and (d, tag) in new:
             first, second = sorted(same)[:2]
             raise InputError(
-                f"The name {name!r} is that of the tags {first} and {second}; take another one."
+                f"The tags {first} and {second} would have the name {name!r}; take another name."
             )
 
     def name_of(found: Any, d: int) -> Any:

@@ -30,7 +30,7 @@ class Named:
 def disjoint(
     sets: Sequence[Named], count: int, kind: str
 ) -> tuple[np.ndarray, dict[str, int], list[str]]:
-    """Give each facet or cell the tag of one set that has it, the smallest of them.
+    """Give each facet or cell the tag of the smallest set that has it.
 
     Weak sets come last. Sets that others fill are left out: "all" beside "left" and
     "right".
@@ -67,7 +67,7 @@ def disjoint(
     numbers = np.full(len(sets) + 1, NO_TAG)
     for index, tag in zip(sorted(kept), tags, strict=True):
         numbers[index] = tag
-    # The last entry stands for those that no set has.
+    # The last entry stands for facets or cells that no set has.
     return numbers[owner], names, notes
 
 

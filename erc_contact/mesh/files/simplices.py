@@ -77,7 +77,7 @@ def split(body: Body, faces: Faces) -> Simplices:
 
 
 def _of_quadrilaterals(x: np.ndarray, block: Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cut quadrilaterals in two; those that have collapsed are a triangle or nothing.
+    """Cut quadrilaterals in two; a collapsed quadrilateral is a triangle or nothing.
 
     Returns:
         Triangles, number of the quadrilateral of each, and no new point.
@@ -151,7 +151,7 @@ def _of_solids(
 def _shares(
     x: np.ndarray, triangles: np.ndarray, taken: np.ndarray, apex: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute volumes of tetrahedra over triangles, and the least one by their mean.
+    """Compute volumes of tetrahedra over triangles, and their least share of the mean.
 
     Args:
         x: Points [length], shape (n, 3).

@@ -25,7 +25,7 @@ OPTIONS = {
 RICHARDSON = 2
 """Greatest number of ranks with Richardson's method as smoother.
 
-The symmetric sweeps are those of each rank alone. Where n ranks meet they may go n
+Each rank makes its symmetric sweeps alone. Where n ranks meet the sweeps may go n
 times as far as the whole matrix allows, and from twice on the cycle is not positive
 definite: it was 2.1 times on three ranks with nu = 0.49, and 2.5 times on eight.
 Chebyshev's method estimates this number and goes less far, in as few cycles.

@@ -43,7 +43,7 @@ class ChangedEntries:
         self.matrix.scale(self._scale)
 
     def entries(self) -> PETSc.Mat:
-        """Return the matrix as a new one of single entries [-]."""
+        """Copy the matrix to a matrix of single entries [-]."""
         return self.matrix.copy()
 
     def free(self) -> None:
@@ -52,7 +52,7 @@ class ChangedEntries:
 
 
 class ChangedBlocks:
-    """Hold K + C as a product with dense blocks and one with C; members are collective.
+    """Hold K + C by products with dense blocks and with C; members are collective.
 
     Args:
         stiffness: K [force/length].
@@ -85,7 +85,7 @@ class ChangedBlocks:
         self.matrix.stateIncrease()  # smoothers read the diagonal again
 
     def entries(self) -> PETSc.Mat:
-        """Return the matrix as a new one of single entries [-]."""
+        """Copy the matrix to a matrix of single entries [-]."""
         matrix = self._stiffness.copy()
         if self._sum.change is not None:
             matrix.axpy(1.0, self._sum.change, SUBSET)

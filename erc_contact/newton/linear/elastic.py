@@ -74,8 +74,8 @@ class Elastic:
     def of_model(self, model: Model) -> Self:
         """Return the equations of a model with other loads and values; collective.
 
-        They solve with the factor or hierarchy of these ones, which stays theirs: it
-        must be in memory as long as those of the model solve.
+        They solve with the factor or hierarchy of these equations, which stays theirs:
+        it must be in memory as long as the equations of the model solve.
 
         Args:
             model: A model on the same mesh, of the same bodies, contacts and springs.
@@ -85,7 +85,7 @@ class Elastic:
         others = copy(self)
         others.model = model
         for name in list(vars(self)):
-            # Loads, values of supports and motions of faces are those of the model.
+            # Loads, values of supports and motions of faces follow from the model.
             if isinstance(getattr(type(self), name, None), cached_property):
                 del others.__dict__[name]
         # Not being the outermost owner, they never free what belongs to these ones.
@@ -141,8 +141,8 @@ class Elastic:
             b: Nodal forces [force], whose ghost contributions are added up here.
             supports: Whether fixed components take the values of the supports, else
                 zero.
-            glued: Whether it is that of K + D: a body is also glued to nodes of other
-                ones that supports move.
+            glued: Whether it is the right side of K + D: a body is also glued to nodes
+                of other bodies that supports move.
         """
         model = self.model
         vector = fp.create_vector(model.V)
@@ -224,7 +224,7 @@ class AssembledElastic(Elastic):
             self._matrix = self._with_places(as_entries(self._operator))
 
     def _with_places(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Return K with places for all that contacts add; destroy the given one.
+        """Return K with places for all that contacts add; destroy the given matrix.
 
         Contacts couple the cells of one body with the nodes of another one.
         """

@@ -1,6 +1,6 @@
 """Eliminate the motions of loose rigid faces from elastic equations.
 
-The unknowns x are those of a body whose faces are at rest but for their given motions.
+The unknowns x belong to a body whose faces are at rest but for their given motions.
 R_j is the displacement of a face in one of its other motions, zero at the nodes off the
 face, and q_j its amount. With b nodal forces and u_0 the displacement of x,
 

@@ -20,7 +20,7 @@ class CoarseMatrices:
         levels: Interpolation and coarse matrix of each level below the finest one, from
             there on.
         stiffness: K [force/length]. No C may have entries where it has none.
-        layer: The degrees of freedom at which a C may have entries, those of this rank.
+        layer: Degrees of freedom of this rank at which a C may have entries.
         start: C [force/length].
         scale: Factor of K + C in the hierarchy [length/force].
     """
@@ -48,7 +48,7 @@ class CoarseMatrices:
         self._products: list[PETSc.Mat | None] = [None] * len(levels)
 
     def follow(self, change: PETSc.Mat) -> None:
-        """Change the coarse matrices to those of K plus a change [force/length]."""
+        """Let the coarse matrices follow K plus a change [force/length]."""
         difference = self._difference
         self._change.copy(difference, SAME)
         self._set_change(change)

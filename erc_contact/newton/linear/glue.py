@@ -38,8 +38,8 @@ class Glue:
         fixed: Which components supports prescribe at each node, shape (nodes, d).
 
     Attributes:
-        rows: Degrees of freedom of this rank of the entries of D, shape (n,). Those of
-            all ranks add up.
+        rows: Degrees of freedom of this rank of the entries of D, shape (n,). The
+            entries of all ranks add up.
         columns: Their columns, shape (n,).
         values: The entries [force/length], shape (n,).
     """

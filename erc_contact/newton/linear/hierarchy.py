@@ -5,13 +5,13 @@ space. At degree 2 it begins with the elements of degree 1
 (:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation
 are made once, for K. Where a matrix differs from it at the contact only, as every
 tangent of a contact problem does, the coarse matrices follow with the same
-interpolation (:mod:`erc_contact.newton.linear.galerkin`).
-That of K serves all of them; that of K + D saves a tenth of the cycles of a contact
-solve, and doubles those of an elastic solve with given contact tractions. Another
+interpolation (:mod:`erc_contact.newton.linear.galerkin`). The interpolation of K serves
+all of them; the interpolation of K + D saves a tenth of the cycles of a contact solve,
+and doubles the cycles of an elastic solve with given contact tractions. Another
 preconditioner that PETSc's options ask for is set up anew for each matrix.
 
-PETSc compares pivots with fixed numbers. So the hierarchy is that of a matrix whose
-entries are near one, whatever the units.
+PETSc compares pivots with fixed numbers. So the hierarchy is made for a matrix whose
+entries are near 1, whatever the units.
 
 Symbols: K and D as in :mod:`erc_contact.newton.linear.elastic`; C a matrix that is zero
 away from the contact.

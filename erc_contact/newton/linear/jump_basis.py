@@ -1,6 +1,6 @@
-"""An orthonormal basis of displacements, of which the first ones change jumps.
+"""An orthonormal basis of displacements, whose first vectors change jumps.
 
-The dense algebra of the direct solver needs only these. See
+The dense algebra of the direct solver needs only these vectors. See
 :mod:`erc_contact.newton.linear.stiffness`, with whose symbols L, A and Q.
 """
 
@@ -19,8 +19,8 @@ class JumpBasis:
 
     Args:
         groups: B of all contacts at connected nodes.
-        numbers: Global numbers of the degrees of freedom of the layer, those of contact
-            nodes first, shape (L,).
+        numbers: Global numbers of the degrees of freedom of the layer, contact nodes
+            first, shape (L,).
         contact_size: How many of them are at contact nodes.
 
     Attributes:
@@ -112,8 +112,8 @@ class JumpBasis:
         Args:
             height: Number of rows of M.
             rows: Rows of its entries.
-            columns: Their columns, global degrees of freedom; those that are not in the
-                layer do not count.
+            columns: Their columns, global degrees of freedom; columns that are not
+                in the layer do not count.
             values: The entries, which add up where they coincide.
         """
         place = self.places(columns)

@@ -14,8 +14,8 @@ from erc_contact.model.over_ranks import marked_by_any
 class Layer:
     """Number the free degrees of freedom L of the nodes of contacts and of their cells.
 
-    Those of the contact nodes come first. Of two bodies in contact the cells are those
-    of this side, and the nodes those of both.
+    Degrees of freedom of the contact nodes come first. Of two bodies in contact there
+    are the cells of this side, and the contact nodes of both sides.
 
     Attributes:
         contact_size: Number of degrees of freedom at contact nodes.

@@ -1,10 +1,11 @@
 """The elastic equations of a model with loose rigid faces, solved with multigrid.
 
 The motions of the faces are eliminated (:mod:`.eliminated_faces`): the matrix is ``A -
-C Q^-1 C^T`` with A that of the faces at rest, K or K with something at the contact. It
-is applied, not assembled. Its inverse is ``A^-1 + W S^-1 W^T`` (:mod:`.face_motions`),
-so that a cycle for A, and few vectors W that are about right, precondition it as well
-as the cycle does A alone. W and S are made once, for the first matrix.
+C Q^-1 C^T`` with A the matrix of the faces at rest, K or K with something at the
+contact. It is applied, not assembled. Its inverse is ``A^-1 + W S^-1 W^T``
+(:mod:`.face_motions`), so that a cycle for A, and few vectors W that are about right,
+precondition it as well as the cycle does A alone. W and S are made once, for the first
+matrix.
 """
 
 from __future__ import annotations
@@ -132,7 +133,7 @@ class LooseMultigrid(Multigrid):
 
     @cached_property
     def _motions_of_faces(self) -> FaceMotions:
-        """Return W and S for the matrix of the hierarchy, which is the first one.
+        """Return W and S for the first matrix of the hierarchy.
 
         Raises:
             NotConverged: If multigrid is slow.

@@ -1,6 +1,6 @@
 """The elastic stiffness of a model with loose rigid faces, factorised and condensed.
 
-The factor is that with the faces at rest; their motions are added
+The factor is made with the faces at rest; their motions are added
 (:mod:`erc_contact.newton.linear.face_motions`).
 """
 

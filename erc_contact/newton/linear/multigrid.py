@@ -58,8 +58,8 @@ class Multigrid(AssembledElastic):
 
     def __init__(self, model: Model, *, hurried: bool = False) -> None:
         super().__init__(model)
-        # In other units than those of the body, smoothers and norms see either the
-        # supports or the rest.
+        # In units that do not fit the body, smoothers and norms see either the supports
+        # or the body.
         self.support_stiffness = model.stiffest() * model.domain.extent ** (model.d - 2)
         glued = int(np.count_nonzero(self._stiffness_of_glue))
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
@@ -145,7 +145,7 @@ class Multigrid(AssembledElastic):
         """Return the forces that hold the contact nodes at displacements y [force].
 
         The other nodes are free of forces. At contacts between bodies y is a jump, and
-        the force is that on the jump.
+        the force acts on the jump.
 
         Args:
             y: Displacement, or jump, at the nodes of this side that this rank owns
@@ -204,7 +204,7 @@ class Multigrid(AssembledElastic):
         """Let loose faces follow a displacement under the loads [length], in place."""
 
     def renew(self, change: PETSc.Mat) -> None:
-        """Set the hierarchy to that of K plus a change C [force/length]."""
+        """Renew the hierarchy for K plus a change C [force/length]."""
         if self._hierarchy is None:
             self.hierarchy.set_share(1.0)
         self.hierarchy.renew(change)

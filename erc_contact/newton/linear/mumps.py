@@ -22,7 +22,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime.sigterm import sigterm_blocked
 
 WORKSPACES = (80, 1000)
-"""Workspace of MUMPS beyond its estimate, and that of a second attempt [%].
+"""Workspace of MUMPS beyond its estimate, in a first and a second attempt [%].
 
 Its default of 20 was too small for 322 tetrahedra on three ranks. Where a Schur
 complement leaves only a few equations to eliminate, as of a body of one row of 29 cells
@@ -105,7 +105,7 @@ class Factor:
     def interior_only(self) -> None:
         """Set the factor to solve ``K_II u_I = b_I``.
 
-        The rows I are those that the Schur complement is not on; elsewhere u is zero.
+        I are the rows that the Schur complement is not on; elsewhere u is zero.
         """
         self.mumps.setMumpsIcntl(26, 0)
 

@@ -1,6 +1,6 @@
 """Two levels of a hierarchy: elements of degree 2 above elements of degree 1.
 
-The fine matrix is that of degree 2. A displacement of degree 1 is one of degree 2, too:
+The fine matrix has degree 2. A displacement of degree 1 has degree 2, too:
 with this interpolation P the coarse matrix is ``P^T A P``, the stiffness of degree 1,
 with an eighth of the unknowns in space. Algebraic multigrid goes on from there. It
 makes aggregates of the few entries of degree 1, where rigid motions at the vertices say
@@ -43,24 +43,24 @@ They cost a third of a cycle, and save a sixth of the cycles of a contact solve.
 
 
 class TwoLevels:
-    """Hold a cycle for a matrix of degree 2 with one of degree 1 below it.
+    """Hold a cycle for a matrix of degree 2 with a matrix of degree 1 below it.
 
     Construction is collective.
 
     Args:
         model: The scene on a mesh.
-        matrix: The fine matrix, that of displacements, which is multiplied only [-].
+        matrix: The fine matrix, for displacements, which is multiplied only [-].
         terms: The terms of which it is the sum, the first one with most entries
             [force/length].
         scale: Factor of their sum in the fine matrix [length/force].
-        diagonal: Diagonal of the sum where supports fix a component, that of the coarse
-            one, too [force/length].
+        diagonal: Diagonal of the sum where supports fix a component, also of the coarse
+            matrix [force/length].
 
     Attributes:
         interpolation: P; its rows and columns are zero where supports fix a component.
         coarse: The coarse matrix.
         pc: PETSc's preconditioner of the fine matrix, a cycle on both levels.
-        algebraic: That of the coarse matrix, algebraic multigrid.
+        algebraic: Preconditioner of the coarse matrix, algebraic multigrid.
     """
 
     def __init__(

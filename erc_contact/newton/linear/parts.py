@@ -17,7 +17,7 @@ from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, f
 
 @dataclass(frozen=True, eq=False)
 class Interface:
-    """Hold what is left of a part of the body, that of one rank or of several.
+    """Hold what is left of the part of the body that one rank has, or several ranks.
 
     Attributes:
         numbers: Global numbers of B, ascending, shape (B,).
@@ -77,7 +77,7 @@ class Part:
         return condensed[self._outer]
 
     def down(self, b: np.ndarray, u_B: np.ndarray) -> np.ndarray:
-        """Return displacements of all rows [length] from those of B.
+        """Return displacements of all rows [length] from displacements of B.
 
         Args:
             b: Forces at all rows [force], shape (n,).
@@ -111,13 +111,13 @@ class Part:
 
 
 class Joint:
-    """Join two parts to one.
+    """Join two parts.
 
     Args:
         parts: What is left of them.
 
     Attributes:
-        interface: What is left of both.
+        interface: What is left of the two parts.
 
     Raises:
         InputError: If what is between them cannot be factorised.

@@ -7,9 +7,9 @@ factorisation serves the whole contact solve and the rebalance after it.
 Contacts read displacements in the row space of their B only
 (:mod:`erc_contact.model.groups`). So the unknowns L are amounts in an orthonormal basis
 Q: first the displacements of groups of nodes that change a jump, then the displacements
-that do not, and those of the other nodes. Where no contact is between bodies, Q is the
-identity. For a pair of nodes the first ones are ``(u_1 - u_2)/sqrt(2)``, and the second
-ones ``(u_1 + u_2)/sqrt(2)``.
+that do not, and the displacements of the other nodes. Where no contact is between
+bodies, Q is the identity. For a pair of nodes the first displacements are
+``(u_1 - u_2)/sqrt(2)``, and the second ones ``(u_1 + u_2)/sqrt(2)``.
 
 Symbols: K elastic stiffness with the supports [force/length]; D the glue
 (:mod:`erc_contact.newton.linear.glue`); L the free components of the nodes of contacts
@@ -82,12 +82,12 @@ class Stiffness(Elastic):
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
         """Solve ``(K + D) w = b`` for the displacement w [length].
 
-        The arguments are those of :meth:`.solver.ElasticSolver.solve`.
+        For the arguments see :meth:`.solver.ElasticSolver.solve`.
         """
         return self._solved_by(self._solver(), self.right_side(b, supports=supports, glued=True))
 
     def _solved_by(self, solver: Factor | Substructures, right: PETSc.Vec) -> fem.Function:
-        """Return the displacement of a right side [length], and destroy that."""
+        """Solve for the displacement [length], and destroy the right side."""
         x = right.duplicate()
         solver.solve(right, x)
         u = self.function(x)
@@ -100,7 +100,7 @@ class Stiffness(Elastic):
     ) -> fem.Function:
         """Solve ``K u = b`` for u [length] under nodal forces b [force].
 
-        The arguments are those of :meth:`glued`. The loads must do no work on rigid
+        For the arguments see :meth:`glued`. The loads must do no work on rigid
         motions that no support holds. At the contact, u then has no part in these
         motions.
         """

@@ -108,7 +108,7 @@ class Substructures:
         return dense_factor(self.interface.schur, "cholesky")
 
     def _join(self) -> Interface | None:
-        """Join this part with those of the children, for the parent; collective.
+        """Join this part with the parts of the children, for the parent; collective.
 
         A rank that fails sends None up the tree, so that no rank waits for ever, and
         all ranks raise its error at the end.
@@ -154,8 +154,8 @@ def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
 def _touching(model: Model, glue: Glue) -> np.ndarray:
     """Count the ranks that touch each degree of freedom of this rank; collective.
 
-    They are those that own it, a cell at it, or an entry of D. The count is zero where
-    this rank does not touch it.
+    A rank touches it that owns it, a cell at it, or an entry of D. The count is zero
+    where this rank does not touch it.
     """
     count = model.function()
     touched = np.zeros(model.node_count, dtype=bool)
