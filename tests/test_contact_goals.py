@@ -12,9 +12,9 @@ from test_bad_input import refused
 from test_moments import moment_about
 
 import erc_contact as ec
-from erc_contact.error.goals import contact_questions, goal_error, trials
+from erc_contact.error.goals import contact_perturbations, goal_error, trials
 from erc_contact.error.goals.moved_pairs import moved_pairs
-from erc_contact.error.goals.questions import question_of
+from erc_contact.error.goals.perturbations import perturbation_of
 from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import Trials
 
@@ -81,7 +81,7 @@ def test_gap_tells_what_supports_tell(part, monkeypatch):
     coarse, _ = errors(0.0)
     asked = [ec.Resultant(part, (0.0, 1.0)), ec.Moment(part, about=ABOUT)]
     by_supports = [ec.interval(coarse, goal) for goal in asked]
-    monkeypatch.setattr(contact_questions, "_of_set", lambda *arguments: None)
+    monkeypatch.setattr(contact_perturbations, "_of_set", lambda *arguments: None)
     for goal, bounds in zip(asked, by_supports, strict=True):
         by_gap = ec.interval(coarse, goal)
         assert by_gap.low == pytest.approx(bounds.low, rel=1e-6)
@@ -164,11 +164,11 @@ def test_estimate_from_one_side(friction):
     contact = ec.Contact("bottom", friction=friction)
     scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, lift, contact)
     error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, block, ec.Nitsche())))
-    question = question_of(error, ec.Resultant("top", (0.0, 1.0)))
+    perturbation = perturbation_of(error, ec.Resultant("top", (0.0, 1.0)))
     with moved_pairs(error, "auto", 50) as pair_of:
-        tried = Trials(error, question, pair_of)
+        tried = Trials(error, perturbation, pair_of)
         for factor, shares in ((1.0, (-0.1, 0.1)), (10.0, (0.5, 0.8))):
-            t = factor * question.step
+            t = factor * perturbation.step
             rough = tried.rough(t)
             ends = tried.attempt(t)
             assert shares[0] < ends.spread / ends.width < shares[1]

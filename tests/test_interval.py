@@ -17,7 +17,7 @@ from test_two_bodies import certified, pressed, small_bricks
 
 import erc_contact as ec
 from erc_contact.base.logs import log_of
-from erc_contact.error.goals.controller import Aim
+from erc_contact.error.goals.controller import GoalController
 from erc_contact.error.goals.trials import GoalError
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -265,7 +265,7 @@ def test_what_runs_cost(monkeypatch, caplog):
 
 def test_intervals_of_several_meshes():
     """Proved ones are intersected; an estimate stays what it is."""
-    aim = Aim(goals(2)[0], 0.01, "auto", 50)
+    aim = GoalController(goals(2)[0], 0.01, "auto", 50)
 
     def after(low, high, guaranteed):
         bounds = ec.Bounds((low + high) / 2, low, high, guaranteed)

@@ -19,7 +19,7 @@ import numpy as np
 from erc_contact.admissible.cones import Cones, clip
 from erc_contact.mesh.simplex import at_nodes, coefficients, nodes
 from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.space import Space
 from erc_contact.model.trace import split
@@ -50,7 +50,7 @@ class Allowed:
     """
 
     space: Space
-    contact: BoundContact
+    contact: ContactOnMesh
     factor: np.ndarray
     degree: int
     sharp: bool = True

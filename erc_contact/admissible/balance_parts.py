@@ -16,7 +16,7 @@ from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import Part
 from erc_contact.admissible.shift import MOBILITY
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
 
@@ -51,7 +51,7 @@ class OtherForces:
 
 
 def weights_and_motions(
-    model: Model, contact: BoundContact, motions: list[fem.Function]
+    model: Model, contact: ContactOnMesh, motions: list[fem.Function]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the weights of the nodes of a contact, and motions there.
 
@@ -69,7 +69,7 @@ def weights_and_motions(
     return weight, np.stack(by_motion, axis=-1) / share[:, None, None, None]
 
 
-def spring_give(model: Model, contacts: list[BoundContact], others: OtherForces) -> np.ndarray:
+def spring_give(model: Model, contacts: list[ContactOnMesh], others: OtherForces) -> np.ndarray:
     """Compute D of :mod:`erc_contact.admissible.nearest` [area]; collective.
 
     The distance has the weight ``h/(kappa E)`` of :class:`Shift`, its mean here.
@@ -86,7 +86,7 @@ def spring_give(model: Model, contacts: list[BoundContact], others: OtherForces)
     return others.stiffness * (area / (MOBILITY * force))
 
 
-def moduli(model: Model, contacts: list[BoundContact]) -> list[np.ndarray]:
+def moduli(model: Model, contacts: list[ContactOnMesh]) -> list[np.ndarray]:
     """Return the moduli at the facets over their mean [-], shape (f,); collective."""
     local = np.zeros(2)
     for contact in contacts:

@@ -23,7 +23,7 @@ from erc_contact.mesh.quadrature import facet_pieces, polynomials
 from erc_contact.mesh.simplex import node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.jumps import jumps
 from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
@@ -40,7 +40,7 @@ least 0.5, a parabola at most 0.25, but for the facet of its apex.
 """
 
 
-def gap_limits(model: Model, contact: BoundContact, values: np.ndarray) -> np.ndarray:
+def gap_limits(model: Model, contact: ContactOnMesh, values: np.ndarray) -> np.ndarray:
     """Return coefficients of a polynomial below the gap on each facet; collective.
 
     It is the one that lowers u least of those that were found. In a bilateral contact
@@ -64,7 +64,7 @@ def gap_limits(model: Model, contact: BoundContact, values: np.ndarray) -> np.nd
     return below[np.arange(len(below)), change.argmin(axis=1)]
 
 
-def excess_over_gap(model: Model, contact: BoundContact, of_w: np.ndarray) -> np.ndarray:
+def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> np.ndarray:
     """Bound the excess of ``w.n`` over the gap on each facet [length]; collective.
 
     Where normals turn along a facet, ``w.n`` is no polynomial, and may exceed the gap
@@ -93,7 +93,7 @@ def excess_over_gap(model: Model, contact: BoundContact, of_w: np.ndarray) -> np
     return np.where(highest > 2 * round_off, highest, 0.0)
 
 
-def _polynomials_below(model: Model, contact: BoundContact) -> np.ndarray:
+def _polynomials_below(model: Model, contact: ContactOnMesh) -> np.ndarray:
     """Return coefficients of polynomials below the gap [length]; collective.
 
     Their shape is (f, c, m), with c = 1 where no facet may have a jump.
@@ -122,7 +122,7 @@ def _polynomials_below(model: Model, contact: BoundContact) -> np.ndarray:
 
 
 def _excess(
-    model: Model, contact: BoundContact, coefficients: np.ndarray, chosen: np.ndarray
+    model: Model, contact: ContactOnMesh, coefficients: np.ndarray, chosen: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bound the excess of polynomials over the gap on facets [length]; collective.
 

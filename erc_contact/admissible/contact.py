@@ -30,7 +30,7 @@ from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 
 CONTACT_PASSES = 10
@@ -72,7 +72,7 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
         return _limited(model, trials, others, levels=False)
 
 
-def _trial(model: Model, contact: BoundContact, solution: Any) -> Trial:
+def _trial(model: Model, contact: ContactOnMesh, solution: Any) -> Trial:
     """Return the traction of the method, not yet limited; collective.
 
     Where normals turn and all of a contact sticks, or is open, any polynomial of degree
@@ -85,7 +85,7 @@ def _trial(model: Model, contact: BoundContact, solution: Any) -> Trial:
     return trial_of(model, contact, solution)
 
 
-def no_traction(model: Model, contact: BoundContact) -> ContactTraction:
+def no_traction(model: Model, contact: ContactOnMesh) -> ContactTraction:
     """Return the traction of a contact that transmits nothing; collective.
 
     Its friction bound is the bound at zero pressure.

@@ -23,7 +23,7 @@ from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.space import OnFacets
 from erc_contact.model.trace import split
@@ -158,7 +158,7 @@ def _limit_normal(
 
 
 def _limit_between_nodes(
-    model: Model, hat: fem.Function, free: np.ndarray, contact: BoundContact, limit: Limits
+    model: Model, hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
 ) -> None:
     """Lower u_n where it exceeds the gap between nodes, in place; collective.
 

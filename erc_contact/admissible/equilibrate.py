@@ -101,14 +101,14 @@ def equilibrated(
     fixed = supported(model, cells)
     data = _Data(solution, cells, force, loads, fixed)
     others = other_forces(model, cells, loads, fixed, force, solution.u)
-    pair, balanced, bulk = _made(data, others, tighten, near)
+    pair, balanced, bulk = _make_pair(data, others, tighten, near)
     kept = None
     if is_own and bulk is not None:
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
     if bulk is not None and kept is not None:
         # Beside the resultants the law may leave too little for the free motions.
         with suppress(NotHeldError, NotBalanced):
-            again, _, less = _made(data, kept, tighten, near)
+            again, _, less = _make_pair(data, kept, tighten, near)
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
@@ -162,7 +162,7 @@ class _Data:
     fixed: np.ndarray
 
 
-def _made(
+def _make_pair(
     data: _Data, others: OtherForces, tighten: int, near: Admissible | None
 ) -> tuple[Admissible, Rebalanced, float | None]:
     """Reconstruct a pair whose contact tractions balance given forces; collective.
@@ -232,7 +232,7 @@ def _before_tightening(
 ) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray, np.ndarray]:
     """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
 
-    See :func:`_made` for the arguments.
+    See :func:`_make_pair` for the arguments.
 
     Returns:
         u^; r^ on each contact; the rebalanced stress; moments of the tractions that are

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.space import Space
 
 MARGIN = 0.2
@@ -73,7 +73,7 @@ def lowering(space: Space, traction: ContactTraction) -> np.ndarray:
     return np.where(ratio < 1.0, lowered, 1.0)
 
 
-def with_friction(contact: BoundContact, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
+def with_friction(contact: ContactOnMesh, values: np.ndarray, factor: np.ndarray) -> np.ndarray:
     """Multiply the tangential part of tractions (f, m, d) by a factor of each facet.
 
     It is the part across the middle normal of a facet.

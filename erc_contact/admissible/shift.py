@@ -16,7 +16,7 @@ from mpi4py import MPI
 from erc_contact.mesh.simplex import averages, barycentric, lagrange, rule
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.jumps import jumps
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
@@ -103,7 +103,7 @@ class Shift:
 
 
 def shift_by_slip(
-    space: Space, contact: BoundContact, u: np.ndarray, turning: Turning | None
+    space: Space, contact: ContactOnMesh, u: np.ndarray, turning: Turning | None
 ) -> Shift:
     """Compute the shift of the traction of a contact; collective.
 
@@ -137,7 +137,7 @@ def shift_by_slip(
 
 def shift_of_far_open(
     space: Space,
-    contact: BoundContact,
+    contact: ContactOnMesh,
     shift: Shift,
     u: np.ndarray,
     r: np.ndarray,

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from erc_contact.mesh.normals import spread
 from erc_contact.mesh.simplex import at_nodes, bernstein, nodes
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.normals import SAME_NORMAL
 from erc_contact.model.trace import split
 
@@ -32,7 +32,7 @@ class ContactTraction:
             [force/area], shape (n, m).
     """
 
-    contact: BoundContact
+    contact: ContactOnMesh
     nodes: np.ndarray
     area: np.ndarray
     values: np.ndarray
@@ -82,7 +82,7 @@ class ContactTraction:
         return pressure, np.linalg.norm(tangential, axis=-1), bound
 
 
-def is_kinked(comm: MPI.Comm, contact: BoundContact) -> bool:
+def is_kinked(comm: MPI.Comm, contact: ContactOnMesh) -> bool:
     """Tell whether the normals of a contact jump from facet to facet; collective."""
     if contact.trace.corner_normals is not None:
         return False

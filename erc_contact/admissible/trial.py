@@ -20,7 +20,7 @@ from erc_contact.admissible.traction import ContactTraction, is_kinked
 from erc_contact.mesh.simplex import at_nodes, averages, projection, rule
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
@@ -66,7 +66,7 @@ class Trial:
         return self.otherwise if outside and self.otherwise is not None else self
 
     @property
-    def contact(self) -> BoundContact:
+    def contact(self) -> ContactOnMesh:
         """Return the contact."""
         return self.allowed.contact
 
@@ -166,7 +166,7 @@ class Trial:
         return contact_traction(self.allowed.space, self.contact, values)
 
 
-def trial_of(space: Space, contact: BoundContact, solution: Any, *, turned: bool = True) -> Trial:
+def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: bool = True) -> Trial:
     """Return the traction of the method on a contact, not yet limited; collective.
 
     Args:
@@ -204,7 +204,7 @@ def trial_of(space: Space, contact: BoundContact, solution: Any, *, turned: bool
     )
 
 
-def contact_traction(space: Space, contact: BoundContact, values: np.ndarray) -> ContactTraction:
+def contact_traction(space: Space, contact: ContactOnMesh, values: np.ndarray) -> ContactTraction:
     """Return the contact traction with coefficients of r^ (f, m, d); collective."""
     here = contact.trace.here
     matrix = at_nodes(space.d - 1, space.degree)

@@ -40,7 +40,7 @@ from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
-from erc_contact.newton.given import by_nitsche, solution_of
+from erc_contact.newton.given import solution_of, with_nitsche_tractions
 from erc_contact.newton.nodal_values import AnyField
 from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.scene import Scene
@@ -191,7 +191,7 @@ def certify(
     error = constitutive_error(pair)
     # On curved contacts that are partly closed, reactions of coarse meshes give an e
     # that is up to 1.5 times as large. Each is a bound.
-    other = by_nitsche(solution) if traction is None else None
+    other = with_nitsche_tractions(solution) if traction is None else None
     if other is not None:
         with suppress(NotBalanced):
             of_nitsche = constitutive_error(equilibrate(other, tighten))

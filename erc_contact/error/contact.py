@@ -27,7 +27,7 @@ from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polyn
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONCAVE
 from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
@@ -256,7 +256,7 @@ def _adapted_squares(
     return _with_unknown(contact, total)
 
 
-def _with_unknown(contact: BoundContact, total: Integral) -> ContactSquares:
+def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
     """Add what adapted integrals leave unknown to the parts and to the oscillations.
 
     Args:

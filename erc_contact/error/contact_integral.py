@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from erc_contact.mesh.cuts import Cuts
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
@@ -22,7 +22,7 @@ d); returns (f, q)."""
 
 def contact_integral(
     model: Model,
-    contact: BoundContact,
+    contact: ContactOnMesh,
     u: fem.Function,
     density: ContactDensity,
     floor: float = 0.0,

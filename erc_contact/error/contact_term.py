@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.trace import Trace, split
 
 
 def contact_density(
-    contact: BoundContact,
+    contact: ContactOnMesh,
     n: np.ndarray,
     r: np.ndarray,
     w: np.ndarray,

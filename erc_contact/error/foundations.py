@@ -23,14 +23,14 @@ from dolfinx import fem
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.mesh.quadrature import Integral
 from erc_contact.model.contact_data import ContactData
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
 
 def foundation_energies(
-    model: Model, contact: BoundContact, u: fem.Function, floor: float
+    model: Model, contact: ContactOnMesh, u: fem.Function, floor: float
 ) -> Integral:
     """Compute the energy ``int k/2 <u_n - g>_+^2`` on each facet [force length].
 

@@ -20,7 +20,7 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.loads import sum_of
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
@@ -88,7 +88,7 @@ class _Surface:
         has_joint: Whether there are such nodes.
     """
 
-    def __init__(self, model: Model, contact: BoundContact) -> None:
+    def __init__(self, model: Model, contact: ContactOnMesh) -> None:
         self.contact = contact
         nodes = fem.locate_dofs_topological(
             model.V, model.d - 1, model.facet_numbers(contact.facets)
@@ -194,7 +194,7 @@ def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
     return matrix
 
 
-def _only_normal(contact: BoundContact) -> bool:
+def _only_normal(contact: ContactOnMesh) -> bool:
     """Tell whether the traction can only be along one normal.
 
     The normal is then the same on the whole contact.
@@ -202,7 +202,7 @@ def _only_normal(contact: BoundContact) -> bool:
     return contact.friction is None and isinstance(contact.normal, fem.Constant)
 
 
-def _working_part(contact: BoundContact, values: np.ndarray) -> np.ndarray:
+def _working_part(contact: ContactOnMesh, values: np.ndarray) -> np.ndarray:
     """Return the part of vectors (n, d) on which a traction of the contact can work."""
     if not _only_normal(contact):
         return values
@@ -210,7 +210,7 @@ def _working_part(contact: BoundContact, values: np.ndarray) -> np.ndarray:
     return (values @ n)[:, None] * n
 
 
-def _working_part_ufl(contact: BoundContact, v: Ufl) -> Ufl:
+def _working_part_ufl(contact: ContactOnMesh, v: Ufl) -> Ufl:
     """Return the same part of a UFL vector."""
     if not _only_normal(contact):
         return v

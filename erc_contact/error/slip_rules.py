@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.mesh.simplex import barycentric, rule
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.trace import split
 
 SLIP_DEVIATION = 0.5
@@ -34,7 +34,7 @@ def same_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
     return barycentric(points)[None], weights[None]
 
 
-def rule_between_zeros(contact: BoundContact, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def rule_between_zeros(contact: ContactOnMesh, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Make rules that are exact between the zeros of the slip.
 
     A facet in the plane is cut where the slip is zero. On each part the length of the
@@ -83,7 +83,7 @@ def _zeros(start: np.ndarray, end: np.ndarray, middle: np.ndarray) -> np.ndarray
     return np.where(inside, zeros, 0.0)
 
 
-def slip_may_vanish(contact: BoundContact, slip: np.ndarray) -> np.ndarray:
+def slip_may_vanish(contact: ContactOnMesh, slip: np.ndarray) -> np.ndarray:
     """Tell on which facets the slip may be zero, shape (f,).
 
     It may also be so near to zero that its length is not smooth.

@@ -25,7 +25,7 @@ from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integr
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_data import ContactData
-from erc_contact.model.foundation import BoundContact, pressures
+from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
@@ -141,7 +141,7 @@ def friction_work(
 
 
 def foundation_energy(
-    model: Model, contact: BoundContact, u: fem.Function, floor: float
+    model: Model, contact: ContactOnMesh, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Add up :func:`foundation_energies`, 0 on a rigid foundation; collective."""
     if contact.stiffness is None:
@@ -171,7 +171,7 @@ def friction_works(
 
 
 def contact_work(
-    model: Model, contact: BoundContact, tau: np.ndarray, u: fem.Function, floor: float
+    model: Model, contact: ContactOnMesh, tau: np.ndarray, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Compute ``int tau n.(w - g n)`` on a contact [force length]; collective.
 

@@ -177,11 +177,11 @@ def redistributed(
     new = distributed(lasting(mesh.comm), cells, x)
     new_tags = []
     for tags in tag_sets:
-        new_tags.append(None if tags is None else _moved(tags, mesh, new))
+        new_tags.append(None if tags is None else _move_tags(tags, mesh, new))
     return new, new_tags
 
 
-def _moved(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh.MeshTags:
+def _move_tags(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh.MeshTags:
     """Return tags of a mesh as tags of its redistributed copy; collective."""
     dim = tags.dim
     tdim = mesh.topology.dim

@@ -182,7 +182,7 @@ class Drawing:
         """
         curved = np.isin(marks, list(self.curved)).any(axis=1)
         result = points.copy()
-        result[curved] = self._asked(comm, _nearest, points[curved], marks[curved])
+        result[curved] = self._ask(comm, _nearest, points[curved], marks[curved])
         return result
 
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -199,10 +199,10 @@ class Drawing:
         """
         curved = np.isin(marks, list(self.curved))
         result = np.full(points.shape, np.nan)
-        result[curved] = self._asked(comm, _normals, points[curved], marks[curved])
+        result[curved] = self._ask(comm, _normals, points[curved], marks[curved])
         return result
 
-    def _asked(
+    def _ask(
         self,
         comm: MPI.Comm,
         question: Callable[[Any, Mapping[int, int], np.ndarray, np.ndarray], np.ndarray],

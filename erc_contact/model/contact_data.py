@@ -6,7 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 
 
 class ContactData:
@@ -16,7 +16,7 @@ class ContactData:
     each of n facets, and ``x``, q points of each [length], shape (n, q, d).
     """
 
-    def __init__(self, contact: BoundContact, mesh: dmesh.Mesh) -> None:
+    def __init__(self, contact: ContactOnMesh, mesh: dmesh.Mesh) -> None:
         self.contact = contact
         self._gap = None
         if contact.gap is not None:

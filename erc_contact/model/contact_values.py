@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.space import Space
 
 
 def friction_parameters(
-    space: Space, contact: BoundContact, points: np.ndarray
+    space: Space, contact: ContactOnMesh, points: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Evaluate the parameters of a contact's friction law, each of shape (f, q).
 
@@ -27,7 +27,7 @@ def friction_parameters(
     return values
 
 
-def gap_at_nodes(space: Space, contact: BoundContact) -> np.ndarray:
+def gap_at_nodes(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Evaluate the gap at the nodes of a contact [length], shape (f, m)."""
     if contact.gap is None:
         return np.zeros((len(contact.facets), len(space.facet_points)))

@@ -15,7 +15,7 @@ from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.foundation_motion import counted_from, foundation_motion
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep
@@ -34,7 +34,7 @@ FLAT_NORMALS = 1e-8
 
 def bind_contact(
     space: Space, contact: Contact, modulus: Ufl, last: LastStep | None = None
-) -> BoundContact:
+) -> ContactOnMesh:
     """Put a contact on a mesh; collective.
 
     Args:
@@ -89,7 +89,7 @@ def bind_contact(
         moved, lost_of_motion = foundation_motion(space, trace, motion, what)
         if friction is not None:
             before, lost = counted_from(before, lost, moved, lost_of_motion)
-    return BoundContact(
+    return ContactOnMesh(
         name=contact.facets,
         against=contact.against,
         is_exchanged=is_exchanged,

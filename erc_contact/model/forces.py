@@ -24,7 +24,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import coefficients, in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
@@ -109,7 +109,7 @@ def _sum(forces: list[Force]) -> Force:
 def nodal_reactions(
     model: Model,
     u: fem.Function,
-    traction: Callable[[BoundContact], Ufl],
+    traction: Callable[[ContactOnMesh], Ufl],
     *,
     in_layer: bool,
     at_nodes: bool,
@@ -243,7 +243,7 @@ def _assembled(model: Model, form: Ufl | None) -> np.ndarray:
     return b.x.array.reshape(-1, model.d)
 
 
-def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
+def _of_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
     """Integrate a traction against the basis functions on each facet; collective.
 
     Returns:
@@ -256,7 +256,7 @@ def _of_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarr
     return np.einsum("qm,fqi->fmi", weighted, values) * areas
 
 
-def _of_multiplier(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
+def _of_multiplier(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
     """Return the forces that a multiplier has at the nodes of each facet; collective.
 
     They are the forces on the Bernstein coefficients, in shares of the area, at the

@@ -29,7 +29,7 @@ def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class BoundContact:
+class ContactOnMesh:
     """Hold a contact on a mesh: its measure, and the data of the scene as UFL.
 
     Attributes:
@@ -142,7 +142,7 @@ class BoundContact:
         """
         return self.friction is not None and not self.friction.convex
 
-    def with_shares(self, friction: Ufl, gap: Ufl) -> BoundContact:
+    def with_shares(self, friction: Ufl, gap: Ufl) -> ContactOnMesh:
         """Return the contact with factors, by which a solver goes in steps.
 
         Args:

@@ -17,7 +17,7 @@ from erc_contact.base.exceptions import NotHeldError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.motions import block_diagonal, body_motions, kernel, motions_not_held, summed
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
@@ -32,7 +32,7 @@ def free_motions(
     bodies: tuple[np.ndarray, int],
     fixed: np.ndarray,
     springs: Sequence[BoundSpring],
-    contacts: Sequence[BoundContact],
+    contacts: Sequence[ContactOnMesh],
     faces: Sequence[RigidFace] = (),
 ) -> list[fem.Function]:
     """Find the rigid motions that no support or spring holds; collective.
@@ -115,7 +115,7 @@ def _held_by_supports(
 
 
 def _by_contact(
-    space: Space, body: np.ndarray, count: int, motions: np.ndarray, contact: BoundContact
+    space: Space, body: np.ndarray, count: int, motions: np.ndarray, contact: ContactOnMesh
 ) -> np.ndarray:
     """Sum up the products of motions of all bodies that a contact resists; collective.
 

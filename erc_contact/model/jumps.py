@@ -14,7 +14,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import facet_pieces, piece_samples, polynomials
 from erc_contact.mesh.simplex import barycentric, node_vertices, nodes
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.space import Space
 
@@ -34,7 +34,7 @@ ROUND_OFF = 1e-12
 
 
 def jumps(
-    space: Space, contact: BoundContact, at_nodes: np.ndarray, chosen: np.ndarray
+    space: Space, contact: ContactOnMesh, at_nodes: np.ndarray, chosen: np.ndarray
 ) -> np.ndarray:
     """Tell on which facets the gap jumps, also at their nodes; collective.
 
@@ -59,7 +59,7 @@ def jumps(
     return is_more & (distance > JUMP * height)
 
 
-def gap_by_coefficients(space: Space, contact: BoundContact, gaps: np.ndarray) -> Ufl | None:
+def gap_by_coefficients(space: Space, contact: ContactOnMesh, gaps: np.ndarray) -> Ufl | None:
     """Return a gap whose nodal values are its Bernstein coefficients; collective.
 
     Beside a jump the polynomial through the gap at the nodes is far outside of it.

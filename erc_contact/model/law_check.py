@@ -6,7 +6,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 
 EXACT_BOUND = 1e-8
@@ -23,7 +23,7 @@ The places with the extreme values of its parameters are added.
 """
 
 
-def check_law(model: Model, contact: BoundContact) -> None:
+def check_law(model: Model, contact: ContactOnMesh) -> None:
     """Check a law at samples: its bound is finite, >= 0, concave and never decreases.
 
     In a bilateral contact it does not depend on the pressure. Collective.
@@ -73,7 +73,7 @@ def check_law(model: Model, contact: BoundContact) -> None:
     )
 
 
-def _sampled_bound(model: Model, contact: BoundContact, pressure: np.ndarray) -> np.ndarray:
+def _sampled_bound(model: Model, contact: ContactOnMesh, pressure: np.ndarray) -> np.ndarray:
     """Evaluate the friction bound of a contact at sampled places, for all pressures.
 
     The places are spread evenly over the samples of the facets of this rank, and those

@@ -17,7 +17,7 @@ from erc_contact.model.constitution import Constitution
 from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.dimension import check_dimension
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
@@ -105,7 +105,7 @@ class Model(Space):
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
-        self.gap_limits: dict[BoundContact, np.ndarray] = {}
+        self.gap_limits: dict[ContactOnMesh, np.ndarray] = {}
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.bind_connections()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
@@ -241,13 +241,13 @@ class Model(Space):
 
     # -- data on contacts
 
-    def contact(self, name: str) -> BoundContact:
+    def contact(self, name: str) -> ContactOnMesh:
         """Return the contact or tied joint of a name; each of two bodies has one.
 
         Raises:
             InputError: If no contact has this name.
         """
-        contacts: dict[str, BoundContact] = {}
+        contacts: dict[str, ContactOnMesh] = {}
         for contact in (*self.contacts, *self.ties):
             contacts |= {side: contact for side in contact.side_names if side is not None}
         if name not in contacts:
@@ -255,7 +255,7 @@ class Model(Space):
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")
         return contacts[name]
 
-    def greatest_coefficient(self, contact: BoundContact) -> float:
+    def greatest_coefficient(self, contact: ContactOnMesh) -> float:
         """Return the greatest coefficient of Coulomb friction [-]; collective.
 
         It is zero without friction, and with another law.
@@ -266,7 +266,7 @@ class Model(Space):
         _, most = self.extremes(parameters["friction"])
         return most
 
-    def at_nodes(self, contact: BoundContact) -> BoundContact:
+    def at_nodes(self, contact: ContactOnMesh) -> ContactOnMesh:
         """Return a contact with its data as Functions; collective.
 
         It is for quadrature at the nodes. So the forms do not contain the callables of

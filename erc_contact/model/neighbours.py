@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 
@@ -23,7 +23,7 @@ def check_neighbours(
     space: Space,
     faces: Sequence[RigidFace],
     held: np.ndarray,
-    contacts: Sequence[BoundContact],
+    contacts: Sequence[ContactOnMesh],
 ) -> None:
     """Check that supports and contacts beside loose faces hold none of their motions.
 
@@ -45,7 +45,7 @@ def check_neighbours(
             _check_contact(space, face, contact, f"{what} and Contact({contact.name!r})")
 
 
-def _check_contact(space: Space, face: RigidFace, contact: BoundContact, words: str) -> None:
+def _check_contact(space: Space, face: RigidFace, contact: ContactOnMesh, words: str) -> None:
     """Check a contact beside a loose face; collective."""
     common = np.isin(contact.trace.here.nodes, face.nodes)
     common_there = False

@@ -8,13 +8,13 @@ import numpy as np
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 
 
-def at_nodes(space: Space, contact: BoundContact, gap: Ufl | None) -> BoundContact:
+def at_nodes(space: Space, contact: ContactOnMesh, gap: Ufl | None) -> ContactOnMesh:
     """Return a contact with its data as Functions; collective.
 
     See :meth:`erc_contact.model.model.Model.at_nodes`.
@@ -43,7 +43,7 @@ def at_nodes(space: Space, contact: BoundContact, gap: Ufl | None) -> BoundConta
     return replace(contact, gap=gap, stiffness=stiffness, friction=friction, trace=trace)
 
 
-def _values(space: Space, contact: BoundContact, value: Ufl) -> Ufl:
+def _values(space: Space, contact: ContactOnMesh, value: Ufl) -> Ufl:
     """Return data that vary in cells by their values at the nodes, UFL."""
     if not varies_in_cells(value):
         return value
@@ -51,7 +51,7 @@ def _values(space: Space, contact: BoundContact, value: Ufl) -> Ufl:
     return _nodal(space, contact, values)
 
 
-def _nodal(space: Space, contact: BoundContact, values: np.ndarray) -> Ufl:
+def _nodal(space: Space, contact: ContactOnMesh, values: np.ndarray) -> Ufl:
     """Make a scalar, UFL, from its values at the nodes of a contact, shape (f, m)."""
     function = space.function()
     function.x.array.reshape(-1, space.d)[:, 0] = values_of_nodes(contact.trace.here, values)

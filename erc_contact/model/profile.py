@@ -19,7 +19,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.model.turning import turning_of
@@ -67,7 +67,7 @@ def profile_weights(model: Model) -> np.ndarray:
     return trapezoids + np.linalg.lstsq(shape.T, means - shape.T @ trapezoids)[0]
 
 
-def profile_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.ndarray:
+def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
     """Return the traction of a method at the profile points [force/area], (f, q, d).
 
     It is projected on polynomials of the degree of u on each facet, which have the same
@@ -89,7 +89,7 @@ def profile_traction(model: Model, contact: BoundContact, traction: Ufl) -> np.n
 
 
 def facet_status(
-    contact: BoundContact,
+    contact: ContactOnMesh,
     pressure: np.ndarray,
     shear: np.ndarray,
     bound: np.ndarray,
@@ -131,7 +131,7 @@ def facet_status(
 
 def profile_table(
     model: Model,
-    contact: BoundContact,
+    contact: ContactOnMesh,
     u: fem.Function,
     r: np.ndarray,
     bound: np.ndarray,
@@ -176,7 +176,7 @@ def profile_table(
     return _in_order(model, contact, _columns(model, contact, u, r, bound, status))
 
 
-def slip_before_table(model: Model, contact: BoundContact) -> np.ndarray:
+def slip_before_table(model: Model, contact: ContactOnMesh) -> np.ndarray:
     """Tabulate s along a contact [length], in the order of :func:`profile_table`.
 
     Returns:
@@ -192,7 +192,7 @@ def slip_before_table(model: Model, contact: BoundContact) -> np.ndarray:
     return np.stack([table[name] for name in names], axis=1)
 
 
-def _in_order(model: Model, contact: BoundContact, columns: dict[str, np.ndarray]) -> np.ndarray:
+def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarray]) -> np.ndarray:
     """Gather columns of all facets, ordered as :func:`profile_table` says; collective.
 
     Args:
@@ -236,7 +236,7 @@ def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
 
 def _columns(
     model: Model,
-    contact: BoundContact,
+    contact: ContactOnMesh,
     u: fem.Function,
     r: np.ndarray,
     bound: np.ndarray,
@@ -284,7 +284,7 @@ def _columns(
     return columns
 
 
-def _places(model: Model, contact: BoundContact) -> dict[str, np.ndarray]:
+def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
     x = evaluate(model.x, model.mesh, profile_points(model), contact.facets)
     return {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}

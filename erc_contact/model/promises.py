@@ -25,7 +25,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.law_check import check_law
 from erc_contact.model.model import Model
@@ -157,7 +157,7 @@ def _defects(C: np.ndarray, S: np.ndarray) -> tuple[float, float, float]:
     return least, skew, other
 
 
-def _check_data(model: Model, contact: BoundContact) -> None:
+def _check_data(model: Model, contact: ContactOnMesh) -> None:
     """Check gap and parameters of the law between the nodes; collective.
 
     They must be finite, and the parameters >= 0.
@@ -188,7 +188,7 @@ def _check_data(model: Model, contact: BoundContact) -> None:
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
 
 
-def _check_normal(model: Model, contact: BoundContact) -> None:
+def _check_normal(model: Model, contact: ContactOnMesh) -> None:
     """Check that the normal of a contact points out of the body; collective."""
     other = "the foundation" if contact.against is None else repr(contact.against)
     facets = contact.facets

@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 from erc_contact.scene.tied import Tied
@@ -22,7 +22,7 @@ Claim = tuple[np.ndarray, np.ndarray]
 """Cells and nodes (n,), (n, m) that a support or a contact acts on."""
 
 
-def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> BoundContact:
+def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> ContactOnMesh:
     """Put a tied joint on a mesh, as a contact that cannot open; collective.
 
     It is none of the contacts of the model: it has a trace, a normal and names only.
@@ -36,7 +36,7 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> BoundContact:
     direction = space.outward_normals(facets)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
-    return BoundContact(
+    return ContactOnMesh(
         name=tie.facets,
         against=tie.against,
         is_exchanged=False,
@@ -51,7 +51,7 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> BoundContact:
     )
 
 
-def indicators(space: Space, tie: BoundContact) -> list[fem.Function]:
+def indicators(space: Space, tie: ContactOnMesh) -> list[fem.Function]:
     """Return the indicators of the regions on both sides of a joint; collective."""
     domain = space.domain
     assert domain.seams is not None
@@ -70,7 +70,7 @@ def indicators(space: Space, tie: BoundContact) -> list[fem.Function]:
 
 def tie_forces(
     space: Space,
-    tie: BoundContact,
+    tie: ContactOnMesh,
     residual: Callable[[Ufl], np.ndarray],
     claims: Sequence[Claim],
 ) -> np.ndarray:

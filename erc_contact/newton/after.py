@@ -16,7 +16,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.profile import STICK
 from erc_contact.newton.rest import load_size
@@ -101,7 +101,7 @@ def last_step(solution: Solution) -> LastStep:
     return LastStep(model, contacts, greatest)
 
 
-def _stuck(solution: Solution, contact: BoundContact) -> np.ndarray:
+def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     """Find the components of nodes that stick on all facets, (nodes, d); collective."""
     model = solution.model
     trial = solution.method.projected(model, contact, solution.u)

@@ -15,7 +15,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.methods import Method
@@ -58,7 +58,7 @@ class Carried:
 
     def whole(
         self, v: fem.Function
-    ) -> tuple[fem.Function, tuple[list[BoundContact], fem.Function] | None]:
+    ) -> tuple[fem.Function, tuple[list[ContactOnMesh], fem.Function] | None]:
         """Return u = R + v [length], and what contacts know of v; None if R = 0."""
         if self._motion is None:
             return v, None
@@ -76,7 +76,7 @@ class Carried:
         jumps.x.array[:] -= at_contacts.x.array
 
 
-def _carried(model: Model, contact: BoundContact, motion: fem.Function) -> BoundContact:
+def _carried(model: Model, contact: ContactOnMesh, motion: fem.Function) -> ContactOnMesh:
     """Return a contact with the gap and the slip that a motion leaves; collective."""
     trace = contact.trace
     jump = model.function()

@@ -37,7 +37,7 @@ from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.pressing import contact_normals
+from erc_contact.newton.one_sided_tangent import contact_normals
 from erc_contact.newton.shared_laws import laws_of
 
 SMALL_FORCE = 1e-6

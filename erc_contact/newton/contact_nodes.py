@@ -10,7 +10,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.base.sparse import sparse
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.groups import NOBODY
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
@@ -90,7 +90,7 @@ class ContactNodes:
     stiffness: np.ndarray
 
 
-def contact_nodes(model: Model, contact: BoundContact) -> ContactNodes:
+def contact_nodes(model: Model, contact: ContactOnMesh) -> ContactNodes:
     """Gather the nodes and facets of a contact; collective."""
     trace = contact.trace
     side = trace.here

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.linear.mumps import dense_factor
-from erc_contact.newton.pressing import PRESSING
+from erc_contact.newton.one_sided_tangent import PRESSING
 from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, attempt
 
 SOLVED_DENSE = 1e-12
@@ -133,7 +133,8 @@ class Dense:
         """Estimate the least singular value of the tangent [-]; zero if singular.
 
         The elastic diagonal scales it. It is the lesser one of two tangents: at u_A,
-        and at u_A pressed into the foundation (:mod:`erc_contact.newton.pressing`).
+        and at u_A pressed into the foundation
+        (:mod:`erc_contact.newton.one_sided_tangent`).
         """
         pressed = u_A + PRESSING * self.problem.length * self.problem.normals
         return min(self._by_inverse_iteration(u_A), self._by_inverse_iteration(pressed))

@@ -14,7 +14,7 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.users import linear
 from erc_contact.newton.methods import OURS, Method
@@ -89,7 +89,7 @@ class ContactForms:
         self.share = compiled.constant(model.mesh, 1.0)
         self.gap_share = compiled.constant(model.mesh, 1.0)
         self.u = model.function()
-        self.jumps: dict[fem.Function, BoundContact] = {}
+        self.jumps: dict[fem.Function, ContactOnMesh] = {}
         self.contacts = []
         for contact in model.contacts:
             self.contacts.append(self._of_solver(contact))
@@ -130,7 +130,7 @@ class ContactForms:
             self._status_of_facets.append((compiled_status, owned))
         self.readers = list(readers.values())
 
-    def _of_solver(self, contact: BoundContact) -> BoundContact:
+    def _of_solver(self, contact: ContactOnMesh) -> ContactOnMesh:
         """Return a contact as the forms see it, and keep its jump.
 
         It has the shares of friction and gap and, between bodies, the jump that is
@@ -208,7 +208,7 @@ class ContactForms:
             model.to_coefficients(nodal, [contact], back=True)
         return tuple(multipliers)
 
-    def _with_multipliers(self) -> list[tuple[BoundContact, fem.Function | None]]:
+    def _with_multipliers(self) -> list[tuple[ContactOnMesh, fem.Function | None]]:
         """Return each contact with its multiplier, None for a method without."""
         fields: tuple[fem.Function | None, ...] = self.multipliers
         if not fields:
@@ -243,7 +243,7 @@ class ContactForms:
             status.append(contact.status(trial))
         return status
 
-    def _equations(self, contact: BoundContact, multiplier: Ufl, v: Ufl) -> Ufl:
+    def _equations(self, contact: ContactOnMesh, multiplier: Ufl, v: Ufl) -> Ufl:
         """Return the equations of the method on a contact, a form linear in v.
 
         The equations of a method of the user's are checked.

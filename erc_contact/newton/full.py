@@ -31,7 +31,7 @@ from erc_contact.model.over_ranks import product
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.loose_energies import imbalance, rough_energy
 from erc_contact.newton.linear.multigrid import Multigrid
-from erc_contact.newton.pressing import PRESSING, contact_normals
+from erc_contact.newton.one_sided_tangent import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import laws_of
 from erc_contact.newton.snes import IMBALANCE
@@ -194,7 +194,7 @@ class FullSpace:
         The elastic diagonal scales it. It is one without friction, where solutions are
         unique as far as the body is held. Otherwise it is the lesser one of two
         tangents: at x, and, if this changes the contact status, at x pressed into the
-        foundation (:mod:`erc_contact.newton.pressing`).
+        foundation (:mod:`erc_contact.newton.one_sided_tangent`).
         """
         if all(contact.friction is None for contact in self.model.contacts):
             return 1.0

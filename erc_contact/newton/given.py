@@ -108,7 +108,7 @@ def solution_of(
     return solution, comm.allreduce(off, MPI.MAX)
 
 
-def by_nitsche(solution: Solution) -> Solution | None:
+def with_nitsche_tractions(solution: Solution) -> Solution | None:
     """Return a given solution with the tractions of Nitsche's method.
 
     They are the tractions of its stress, with a penalty on what violates the contact.

@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.newton.nodal_values import AnyField, nodal_values
 
@@ -47,7 +47,7 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
 
 
 def _at_nodes(
-    model: Model, contact: BoundContact, nodes: np.ndarray, traction: AnyField
+    model: Model, contact: ContactOnMesh, nodes: np.ndarray, traction: AnyField
 ) -> np.ndarray:
     """Return a traction at nodes of this side of a contact, (nodes, d)."""
     what = f"certify: the traction on {contact.name!r}"

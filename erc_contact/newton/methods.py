@@ -22,7 +22,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 
 GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
@@ -71,7 +71,7 @@ class Method(Protocol):
     def in_layer(self) -> bool: ...  # noqa: D102
 
     def equations(
-        self, model: Model, contact: BoundContact, u: Ufl, v: Ufl, multiplier: Ufl = None
+        self, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl = None
     ) -> Ufl:
         """Return what the contact adds to the residual [force], a form linear in v.
 
@@ -88,13 +88,15 @@ class Method(Protocol):
             multiplier: The multiplier [force/area], or None without.
         """
 
-    def traction(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+    def traction(self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None) -> Ufl:
         """Return the contact traction on the body [force/area], UFL, shape (d,).
 
         It is all that later stages read.
         """
 
-    def projected(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+    def projected(
+        self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None
+    ) -> Ufl:
         """Return the projection of the equations [force/area], UFL, shape (d,).
 
         It shows open, slip and stick. It is a result of ``contact.project``; without a
@@ -102,7 +104,7 @@ class Method(Protocol):
         """
 
 
-def _beyond(contact: BoundContact, u: Ufl) -> Ufl:
+def _beyond(contact: ContactOnMesh, u: Ufl) -> Ufl:
     """Return the displacement beyond first touch, ``u - s - g n`` [length].
 
     Its tangential part counts from the last step of a history.
@@ -152,7 +154,7 @@ class Nitsche:
         return self.theta != 0
 
     def equations(
-        self, model: Model, contact: BoundContact, u: Ufl, v: Ufl, multiplier: Ufl = None
+        self, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl = None
     ) -> Ufl:
         """Return the equations of a contact [force], a UFL form linear in v.
 
@@ -175,7 +177,7 @@ class Nitsche:
             residual -= theta / self._gamma(model) * ufl.inner(difference, tested) * ds
         return residual
 
-    def traction(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+    def traction(self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None) -> Ufl:
         """Return the contact traction [force/area], UFL, shape (d,).
 
         It is ``r(u) = P(sigma(u)n - gamma (u - s - g n))``.
@@ -235,7 +237,7 @@ class AugmentedLagrangian:
         checks.positive("AugmentedLagrangian: gamma", self.gamma, GAMMA)
 
     def equations(
-        self, model: Model, contact: BoundContact, u: Ufl, v: Ufl, multiplier: Ufl = None
+        self, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl = None
     ) -> Ufl:
         """Return the equations of the multiplier, a UFL form linear in q.
 
@@ -253,11 +255,13 @@ class AugmentedLagrangian:
         difference = multiplier - self.projected(model, contact, u, multiplier)
         return ufl.inner(difference, v) * contact.ds(metadata=model.nodal_rule)
 
-    def traction(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+    def traction(self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None) -> Ufl:
         """Return the contact traction, the multiplier [force/area], UFL, shape (d,)."""
         return multiplier
 
-    def projected(self, model: Model, contact: BoundContact, u: Ufl, multiplier: Ufl = None) -> Ufl:
+    def projected(
+        self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None
+    ) -> Ufl:
         """Return the projection at the nodes [force/area], UFL, shape (d,).
 
         It is ``P(lambda - gamma (u - s - g n))``.

@@ -95,8 +95,8 @@ def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np
     _, same, count = np.unique(boxes, axis=0, return_inverse=True, return_counts=True)
     twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
     if len(twins):
-        into = _moved(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
-        of_bodies = _moved(points, field.inward[:, :d], ASIDE * tolerance)
+        into = _move_inward(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
+        of_bodies = _move_inward(points, field.inward[:, :d], ASIDE * tolerance)
         place[twins] = nearest(into[twins], of_bodies)
     return _values_at(points, field.values, place, x[nodes], tolerance, what)
 
@@ -110,7 +110,7 @@ def _inward(model: Model, x: np.ndarray) -> np.ndarray:
     return sums / np.bincount(dofs.ravel(), minlength=len(x))[:, None] - x
 
 
-def _moved(x: np.ndarray, inward: np.ndarray, length: float) -> np.ndarray:
+def _move_inward(x: np.ndarray, inward: np.ndarray, length: float) -> np.ndarray:
     """Move points by a length along vectors [length], shape (n, d)."""
     size = np.linalg.norm(inward, axis=1)
     return x + length * inward / np.where(size == 0, 1.0, size)[:, None]

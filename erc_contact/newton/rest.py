@@ -17,7 +17,7 @@ from mpi4py import MPI
 from erc_contact.mesh.normals import spread
 from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.model import Model
 from erc_contact.model.motions import nearest_motion, rigid_motions
@@ -124,7 +124,7 @@ def _is_moved(model: Model) -> bool:
     return bool(model.comm.allreduce(moves or any(pushes), MPI.LOR))
 
 
-def _pushes(model: Model, contact: BoundContact, allowed: float) -> bool:
+def _pushes(model: Model, contact: ContactOnMesh, allowed: float) -> bool:
     """Tell whether the gap of a contact pushes the body, on this rank.
 
     It does so below zero, and anywhere if the contact is bilateral.

@@ -18,7 +18,7 @@ from erc_contact.base.progress import at
 from erc_contact.base.releases import not_a_number
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 SNES_PREFIX = "erc_contact_"
@@ -101,7 +101,7 @@ class DiscreteSolution:
     multipliers: tuple[fem.Function, ...]
     distance: float
     least_singular_value: float
-    carried: tuple[list[BoundContact], fem.Function] | None = None
+    carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 
 
 class Equations(Protocol):

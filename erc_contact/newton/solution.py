@@ -17,7 +17,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at
@@ -103,7 +103,7 @@ class Solution:
     stiffness: ElasticSolver
     seconds: float
     forms: dict[Method, Any] = field(default_factory=dict)
-    carried: tuple[list[BoundContact], fem.Function] | None = None
+    carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 
     def __repr__(self) -> str:
         """Return one line; nothing is computed, so one rank alone may call it."""
@@ -294,7 +294,7 @@ class Solution:
         u, stress = np.split(at_points(model, points, values), [d], axis=1)
         return ElasticValues(u, stress.reshape(-1, d, d))
 
-    def traction(self, contact: str | BoundContact) -> Ufl:
+    def traction(self, contact: str | ContactOnMesh) -> Ufl:
         """Return the traction of the method on a contact [force/area], UFL, shape (d,).
 
         On a tied joint it is the traction of the elastic stress of the first part.

@@ -33,11 +33,11 @@ from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
-from erc_contact.newton.doubts import doubts, tell
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.newton.model_solve import solution_of
+from erc_contact.newton.plausibility import doubts, tell
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 

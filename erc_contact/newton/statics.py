@@ -34,7 +34,7 @@ from erc_contact.base.exceptions import together
 from erc_contact.base.ranks import from_first, gathered
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import CONCAVE, CONSTANT
 from erc_contact.model.model import Model
 
@@ -203,7 +203,7 @@ def work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np.
     return np.where(abs(work) > NO_LOAD * size, work, 0.0)
 
 
-def _forces(model: Model, contact: BoundContact, motions: np.ndarray, friction: float) -> Forces:
+def _forces(model: Model, contact: ContactOnMesh, motions: np.ndarray, friction: float) -> Forces:
     """Return unit forces at the vertices of a contact's owned facets; collective."""
     trace = contact.trace
     d = model.d
@@ -247,7 +247,7 @@ def _forces(model: Model, contact: BoundContact, motions: np.ndarray, friction: 
     return _joined(columns)
 
 
-def _normals(contact: BoundContact) -> list[np.ndarray]:
+def _normals(contact: ContactOnMesh) -> list[np.ndarray]:
     """Return normals of facets whose cones together hold all tractions, (f, d) each.
 
     The cone about a sum of normals lies in the sum of the cones about them, so where
@@ -259,7 +259,7 @@ def _normals(contact: BoundContact) -> list[np.ndarray]:
     return list(of_corners.swapaxes(0, 1))
 
 
-def _friction(model: Model, contact: BoundContact) -> tuple[np.ndarray, np.ndarray, bool]:
+def _friction(model: Model, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndarray, bool]:
     """Return slope and offset of the friction bound on each facet, at most; collective.
 
     The last value tells that the bound is no line, and counts as infinite.

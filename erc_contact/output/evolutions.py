@@ -12,7 +12,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import lagrange, rule
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.output.deformed import draw_deformed, magnification
 from erc_contact.output.drawing import (
     COLOUR_CYCLE,
@@ -247,7 +247,7 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     on_root(comm, path, write)
 
 
-def moving_side(history: LoadingHistory, contact: BoundContact) -> str:
+def moving_side(history: LoadingHistory, contact: ContactOnMesh) -> str:
     """Return the name of the side of a contact that moves more; collective.
 
     A contact with a foundation has one side.

@@ -14,7 +14,7 @@ from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.profile import (
     STICK,
     facet_status,
@@ -37,7 +37,7 @@ def contact_of(pair: Admissible, name: str) -> ContactTraction:
     return pair.tractions[model.contacts.index(contact)]
 
 
-def traction_through(pair: Admissible, tie: BoundContact) -> ContactTraction:
+def traction_through(pair: Admissible, tie: ContactOnMesh) -> ContactTraction:
     """Return the traction of sigma^ on the first side of a tied joint."""
     model = pair.model
     here = tie.trace.here

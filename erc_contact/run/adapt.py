@@ -12,7 +12,7 @@ from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.controller import Aim
+from erc_contact.error.goals.controller import GoalController
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
@@ -130,7 +130,7 @@ def adapt(
     try:
         aim = None
         if plan.goal is not None:
-            aim = Aim(plan.goal, plan.accuracy, plan.solver, plan.tighten)
+            aim = GoalController(plan.goal, plan.accuracy, plan.solver, plan.tighten)
         return Loop(plan, comm, store, aim=aim).go(domain)
     finally:
         # the lock on the folder ends with the run, however the run ends

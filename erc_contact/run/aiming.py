@@ -11,7 +11,7 @@ from erc_contact.error.numbers import Bounds
 class Aiming(Protocol):
     """Follow the goal of a run; collective.
 
-    See :class:`erc_contact.error.goals.controller.Aim`.
+    See :class:`erc_contact.error.goals.controller.GoalController`.
 
     Attributes:
         before: What was carried to the last mesh.

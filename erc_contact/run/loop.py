@@ -20,9 +20,9 @@ from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
-from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import DEFAULT
+from erc_contact.newton.plausibility import DoubtsOfRun
 from erc_contact.newton.solve import solved
 from erc_contact.run.aiming import Aiming
 from erc_contact.run.checkpoint import Checkpoint

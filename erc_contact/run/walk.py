@@ -23,8 +23,8 @@ from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.after import check_after
-from erc_contact.newton.doubts import DoubtsOfRun
 from erc_contact.newton.ladder import NODAL
+from erc_contact.newton.plausibility import DoubtsOfRun
 from erc_contact.newton.solution import Solution
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.endings import ending

@@ -25,7 +25,7 @@ from erc_contact.mesh.simplex import (
     rule,
 )
 from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
@@ -213,7 +213,7 @@ def pieces(d: int, k: int) -> np.ndarray:
     return np.array([*corners, middle])
 
 
-def has_coulomb(contact: BoundContact) -> bool:
+def has_coulomb(contact: ContactOnMesh) -> bool:
     """Tell whether the friction bound of a contact is a multiple of the pressure."""
     return contact.friction is not None and contact.friction.dependence == PROPORTIONAL
 
@@ -297,7 +297,7 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
     )
 
 
-def _friction(model: Model, contact: BoundContact) -> np.ndarray:
+def _friction(model: Model, contact: ContactOnMesh) -> np.ndarray:
     """Return the coefficient mu at nodes of facets [-], shape (f, m); collective."""
     ones = np.ones((len(contact.facets), len(model.facet_points)))
     parameters = friction_parameters(model, contact, model.facet_points)

@@ -16,7 +16,7 @@ import numpy as np
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.goal_error import goal_error, question_or_number, with_lifting
+from erc_contact.error.goals.goal_error import goal_error, perturbation_or_number, with_lifting
 from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import FACTOR, NEAR, GoalError, Trials
@@ -24,7 +24,7 @@ from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal
 
 FIRST = 3.0
-"""First t of a run over the t of a question [-]: about what is best, as measured."""
+"""First t of a run over the t of a perturbation [-]: about the best, as measured."""
 FIRST_COUNT = 2
 """Number of values of t for which the interval is estimated at most."""
 COUNT = 3
@@ -41,7 +41,7 @@ State = dict[str, float]
 """Type of what an aim carries from mesh to mesh, plain numbers."""
 
 
-class Aim:
+class GoalController:
     """Hold what a run knows of its goal; members are collective.
 
     Args:
@@ -83,12 +83,12 @@ class Aim:
         self.before = dict(self._carried)
         self._last = None
         self._is_rough = False
-        question = question_or_number(error, self._goal)
-        if isinstance(question, GoalError):
-            self._last = self._with_proved(question)
+        perturbation = perturbation_or_number(error, self._goal)
+        if isinstance(perturbation, GoalError):
+            self._last = self._with_proved(perturbation)
             return
         with moved_pairs(error, self._solver, self._tighten) as pair_of:
-            self._measure(Trials(error, question, pair_of))
+            self._measure(Trials(error, perturbation, pair_of))
 
     def _measure(self, trials: Trials) -> None:
         """Estimate the interval on a mesh, and measure it if promising; collective."""
@@ -103,11 +103,11 @@ class Aim:
             self._see_sudden(last)
             if rough is None or last.width < rough.width:
                 rough = last
-            asked = self._accuracy * abs(trials.estimate(last).value)
+            wanted = self._accuracy * abs(trials.estimate(last).value)
             better_t = self._better_t(trials, last)
-            if last.width / 2 <= asked:
+            if last.width / 2 <= wanted:
                 self._try(trials, t)
-            if trials.tried or trials.half_at(last, better_t) > asked:
+            if trials.tried or trials.half_at(last, better_t) > wanted:
                 break
             t = better_t
         if rough is None:
@@ -137,13 +137,13 @@ class Aim:
             self._see(ends)
             bounds = trials.bounds()
             half = (bounds.high - bounds.low) / 2
-            asked = self._accuracy * abs(bounds.value)
+            wanted = self._accuracy * abs(bounds.value)
             better_t = self._better_t(trials, ends)
             # What changes all at once may not change at all for a smaller t.
             seen = replace(ends, spread=0.0) if _is_sudden(ends) else ends
-            is_hopeful = trials.half_at(seen, better_t) <= asked
-            is_close = count == 0 and half <= CLOSE * asked
-            if half <= asked or not (is_hopeful or is_close):
+            is_hopeful = trials.half_at(seen, better_t) <= wanted
+            is_close = count == 0 and half <= CLOSE * wanted
+            if half <= wanted or not (is_hopeful or is_close):
                 return
             # Below the best t one end is often higher, though the width is not less.
             is_best = 1 / NEAR < better_t / t < NEAR
@@ -191,7 +191,7 @@ class Aim:
         M = self._carried.get("M", 0.0)
         if M > 0 and trials.base.M > 0:
             return self._below_sudden(self._carried["t"] * float(np.sqrt(trials.base.M / M)))
-        return FIRST * trials.question.step
+        return FIRST * trials.perturbation.step
 
     def _better_t(self, trials: Trials, ends: Ends) -> float:
         """Return a t that should be better than the t of an interval or estimate."""

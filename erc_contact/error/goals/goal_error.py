@@ -15,8 +15,8 @@ import numpy as np
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.question import Question
-from erc_contact.error.goals.questions import question_of
+from erc_contact.error.goals.perturbation import Perturbation
+from erc_contact.error.goals.perturbations import perturbation_of
 from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import FACTOR, GROWTH, NEAR, GoalError, PairOf, Trials
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
@@ -41,18 +41,18 @@ def goal_error(
         error: The error of an admissible pair.
         goal: The goal.
         pair_of: Solves a scene moved a little, and makes an admissible pair.
-        t: The first t that is tried; None for the t of the question.
+        t: The first t that is tried; None for the t of the perturbation.
         count: Number of values of t that are tried at most.
 
     Raises:
         InputError: As :func:`interval`.
         NotConverged: If the moved scenes are not solved.
     """
-    question = question_or_number(error, goal)
-    if isinstance(question, GoalError):
-        return question
-    trials = Trials(error, question, pair_of)
-    search(trials, question.step if t is None else t, count)
+    perturbation = perturbation_or_number(error, goal)
+    if isinstance(perturbation, GoalError):
+        return perturbation
+    trials = Trials(error, perturbation, pair_of)
+    search(trials, perturbation.step if t is None else t, count)
     best = trials.best
     if best is None:
         raise NotConverged(
@@ -64,7 +64,7 @@ def goal_error(
     return GoalError(bounds, trials.shares(best))
 
 
-def question_or_number(error: ConstitutiveError, goal: Goal) -> Question | GoalError:
+def perturbation_or_number(error: ConstitutiveError, goal: Goal) -> Perturbation | GoalError:
     """Return what a goal moves, or its interval if it needs no move; collective.
 
     Raises:
@@ -74,10 +74,10 @@ def question_or_number(error: ConstitutiveError, goal: Goal) -> Question | GoalE
         return _energy(error)
     if error.model.is_later_step:
         raise InputError("interval: a step of a history has none; solve its scene alone.")
-    question = question_of(error, goal)
-    if question.moved is None:
-        return _told_by_loads(error, question.constant)
-    return question
+    perturbation = perturbation_of(error, goal)
+    if perturbation.scene_at is None:
+        return _told_by_loads(error, perturbation.constant)
+    return perturbation
 
 
 def with_lifting(error: ConstitutiveError, goal: Goal, bounds: Bounds) -> Bounds:

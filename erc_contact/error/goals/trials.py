@@ -14,7 +14,7 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.goals.question import LEAST_ERROR, Question
+from erc_contact.error.goals.perturbation import LEAST_ERROR, Perturbation
 from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.scene import Scene
@@ -52,11 +52,11 @@ class GoalError:
 
 
 class Trials:
-    """Try values of t for a question; construction and members are collective.
+    """Try values of t for a perturbation; construction and members are collective.
 
     Args:
         error: The error of the pair of the scene.
-        question: What moves. Loads alone do not dictate its number.
+        perturbation: What moves. Loads alone do not dictate its number.
         pair_of: Solves a scene moved a little, and makes an admissible pair.
 
     Attributes:
@@ -64,22 +64,24 @@ class Trials:
         failure: Why the last scene that was not solved was not.
     """
 
-    def __init__(self, error: ConstitutiveError, question: Question, pair_of: PairOf) -> None:
+    def __init__(
+        self, error: ConstitutiveError, perturbation: Perturbation, pair_of: PairOf
+    ) -> None:
         self.error = error
-        self.question = question
+        self.perturbation = perturbation
         self.tried: list[Ends] = []
         self.failure = ""
         self._pair_of = pair_of
         self._plus: tuple[float, Admissible] | None = None
         self._base: Unmoved | None = None
         least = min(1.0, LEAST_ERROR / max(error.relative, LEAST_ERROR))
-        self.least_t = question.step * least
+        self.least_t = perturbation.step * least
 
     @property
     def base(self) -> Unmoved:
         """Return what all values of t share."""
         if self._base is None:
-            psi = self.question.psi(self.error.admissible.displacement)
+            psi = self.perturbation.psi(self.error.admissible.displacement)
             self._base = unmoved(self.error, psi)
         return self._base
 
@@ -117,7 +119,7 @@ class Trials:
         if not np.isfinite(ends.width):
             # A body that the load pulls off may have a displacement without end.
             return None
-        if self.question.varies:
+        if self.perturbation.varies:
             # Of loads that the mesh carries this is exactly zero, however small t is.
             carried = constitutive_error(plus).oscillations.loads == 0.0
             ends = replace(ends, resolved=ends.resolved and carried)
@@ -126,9 +128,9 @@ class Trials:
 
     def _moved(self, t: float) -> Admissible:
         """Return the pair of the scene moved by t."""
-        assert self.question.moved is not None
+        assert self.perturbation.scene_at is not None
         try:
-            return self._pair_of(self.question.moved(t))
+            return self._pair_of(self.perturbation.scene_at(t))
         except (NotHeldError, NotBalanced):
             # A smaller motion, or a finer mesh, may leave it held.
             raise
@@ -143,7 +145,7 @@ class Trials:
         # Each interval holds, so their intersection does.
         low = max(ends.low for ends in self.tried)
         high = min(ends.high for ends in self.tried)
-        resolved = self.question.constant.resolved and all(ends.resolved for ends in self.tried)
+        resolved = self.perturbation.constant.resolved and all(ends.resolved for ends in self.tried)
         error = self.error
         varies = error.model.constitution.varies_in_cells
         return self._of_number(low, high, error.guaranteed and resolved and not varies)
@@ -182,8 +184,8 @@ class Trials:
 
     def _of_number(self, low: float, high: float, proved: bool) -> Bounds:
         """Return the interval of the number from an interval of Q."""
-        constant = self.question.constant
-        ends = sorted((self.question.sign * low, self.question.sign * high))
+        constant = self.perturbation.constant
+        ends = sorted((self.perturbation.sign * low, self.perturbation.sign * high))
         least = ends[0] + constant.value - constant.bound
         most = ends[1] + constant.value + constant.bound
         return Bounds((least + most) / 2, least, most, proved)

@@ -135,7 +135,7 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing) -> Pl
         InputError: If cells would be crushed.
     """
     for close in CLOSE:
-        moved, insertions = _moved(plain, curve, facing, close)
+        moved, insertions = _move_vertices(plain, curve, facing, close)
         # A cell that is turned over has a negative share of its area.
         before = _areas(plain.x, plain.cells)
         after = _areas(moved.x, moved.cells)
@@ -151,7 +151,7 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing) -> Pl
     )
 
 
-def _moved(
+def _move_vertices(
     plain: PlainMesh, curve: Curve, facing: _Facing, close: float
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
     """Move and merge vertices, and say which ones are to be inserted on which sides.

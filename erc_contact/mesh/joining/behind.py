@@ -23,7 +23,7 @@ SAME_VOLUME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Region:
+class RemeshedRegion:
     """Hold the cells of a region behind a side, and its surface.
 
     Attributes:
@@ -45,7 +45,9 @@ class Region:
     outline: np.ndarray
 
 
-def regions_behind(plain: PlainMesh, here: int, there: int) -> tuple[Region, Region]:
+def regions_behind(
+    plain: PlainMesh, here: int, there: int
+) -> tuple[RemeshedRegion, RemeshedRegion]:
     """Return the regions behind both sides.
 
     Raises:
@@ -83,7 +85,7 @@ def regions_behind(plain: PlainMesh, here: int, there: int) -> tuple[Region, Reg
 
 def _region(
     plain: PlainMesh, cells: np.ndarray, facet: np.ndarray, between: np.ndarray, tag: int
-) -> Region:
+) -> RemeshedRegion:
     """Return the surface of cells.
 
     Raises:
@@ -107,12 +109,12 @@ def _region(
     outline = edges[np.bincount(numbers)[numbers] == 1]
     others = surface[~on_side]
     inner = between[facet[tuple(others.T)]]
-    return Region(cells, triangles[~on_side], tags[~on_side], inner, side, tag, outline)
+    return RemeshedRegion(cells, triangles[~on_side], tags[~on_side], inner, side, tag, outline)
 
 
 def with_surface(
-    region: Region, triangles: np.ndarray, parents: np.ndarray, outline: np.ndarray
-) -> Region:
+    region: RemeshedRegion, triangles: np.ndarray, parents: np.ndarray, outline: np.ndarray
+) -> RemeshedRegion:
     """Return a region whose surface was cut; the same one if it was not.
 
     Args:
@@ -143,7 +145,7 @@ def with_surface(
     )
 
 
-def at_other_parts(region: Region, count: int) -> np.ndarray:
+def at_other_parts(region: RemeshedRegion, count: int) -> np.ndarray:
     """Check which points are between different parts of the surface beside a side."""
     kind = 2 * region.tags + region.inner
     pairs = np.column_stack([region.triangles.ravel(), np.repeat(kind, 3)])
@@ -152,7 +154,11 @@ def at_other_parts(region: Region, count: int) -> np.ndarray:
 
 
 def surface(
-    plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray, side: np.ndarray
+    plain: PlainMesh,
+    region: RemeshedRegion,
+    number: np.ndarray,
+    inserted: np.ndarray,
+    side: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the new surface of a region, cut where its outline at the contact is.
 
@@ -179,7 +185,7 @@ def surface(
 
 
 def _cut_beside(
-    plain: PlainMesh, region: Region, number: np.ndarray, inserted: np.ndarray
+    plain: PlainMesh, region: RemeshedRegion, number: np.ndarray, inserted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Cut triangles beside the contact, and tell in which triangles the pieces lie."""
     triangles = number[region.triangles]
@@ -207,7 +213,7 @@ def _cut_beside(
 
 def with_cells(
     plain: PlainMesh,
-    region: Region,
+    region: RemeshedRegion,
     x: np.ndarray,
     cells: np.ndarray,
     surface: tuple[np.ndarray, np.ndarray],

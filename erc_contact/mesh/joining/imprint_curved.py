@@ -17,7 +17,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.behind import Region, regions_behind, surface, with_cells
+from erc_contact.mesh.joining.behind import RemeshedRegion, regions_behind, surface, with_cells
 from erc_contact.mesh.joining.filling import filled
 from erc_contact.mesh.joining.loops import area_vectors, band, least_angle, loops, outer_edges
 from erc_contact.mesh.joining.outlines import cut_edges
@@ -72,19 +72,21 @@ def imprint_curved(plain: PlainMesh, here: int, there: int, apart: float = 0.0) 
     for contact, region in zip(contacts, regions[::-1], strict=True):
         if contact.beyond <= 0:
             try:
-                return _taken(plain, contact, region, apart)
+                return _take_facets(plain, contact, region, apart)
             except InputError as reason:
                 reasons.append(reason)
     raise reasons[0]
 
 
-def _side(plain: PlainMesh, region: Region) -> FacetSide:
+def _side(plain: PlainMesh, region: RemeshedRegion) -> FacetSide:
     """Return the triangles of the side of a region, oriented."""
     triangles = oriented(plain, plain.sides(region.side_tag))
     return FacetSide(plain.x, triangles, region.outline)
 
 
-def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float) -> PlainMesh:
+def _take_facets(
+    plain: PlainMesh, contact: SideContact, behind: RemeshedRegion, apart: float
+) -> PlainMesh:
     """Give a side the facets of another side, and mesh the region behind it anew."""
     x = plain.x
     taken = contact.taken
@@ -94,7 +96,7 @@ def _taken(plain: PlainMesh, contact: SideContact, behind: Region, apart: float)
     rest = number[taken.triangles[~removed]]
     side = np.concatenate([contact.kept.triangles, bands, rest])
     whole = replace(plain, cells=number[plain.cells])
-    region = _moved(plain, behind, number)
+    region = _move_points(plain, behind, number)
     shell = surface(whole, region, number, outlines.inserted, side)
     _check_closed(shell[0])
     new_x, cells = filled(x, shell[0], optimize=True)
@@ -230,7 +232,7 @@ def _holes(
     return loops(x, cut_edges(x, edges[different], inserted))
 
 
-def _moved(plain: PlainMesh, region: Region, number: np.ndarray) -> Region:
+def _move_points(plain: PlainMesh, region: RemeshedRegion, number: np.ndarray) -> RemeshedRegion:
     """Return a region without the triangles that vanish where points merge.
 
     Raises:

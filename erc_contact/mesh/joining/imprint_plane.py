@@ -18,7 +18,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
 from erc_contact.mesh.joining.behind import (
-    Region,
+    RemeshedRegion,
     at_other_parts,
     regions_behind,
     surface,
@@ -106,8 +106,8 @@ def imprint_plane(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -
 
 
 def _with_short_edges(
-    x: np.ndarray, regions: tuple[Region, Region], plane: _Plane, tolerance: float
-) -> tuple[np.ndarray, tuple[Region, Region]]:
+    x: np.ndarray, regions: tuple[RemeshedRegion, RemeshedRegion], plane: _Plane, tolerance: float
+) -> tuple[np.ndarray, tuple[RemeshedRegion, RemeshedRegion]]:
     """Cut the edges of both outlines where they run beside each other."""
     y = plane.coordinates(x)
     edges = np.concatenate([region.outline for region in regions])
@@ -124,7 +124,7 @@ def _with_short_edges(
     return x, (result[0], result[1])
 
 
-def _shortest(y: np.ndarray, regions: tuple[Region, Region]) -> float:
+def _shortest(y: np.ndarray, regions: tuple[RemeshedRegion, RemeshedRegion]) -> float:
     """Return the length of the shortest edge of two outlines [length]."""
     edges = np.concatenate([region.outline for region in regions])
     return float(np.linalg.norm(y[edges[:, 1]] - y[edges[:, 0]], axis=1).min())
@@ -202,8 +202,8 @@ def _keep_areas(
 
 def _with_common_facets(
     plain: PlainMesh,
-    regions: tuple[Region, Region],
-    whole: tuple[Region, Region],
+    regions: tuple[RemeshedRegion, RemeshedRegion],
+    whole: tuple[RemeshedRegion, RemeshedRegion],
     alignment: Alignment,
     still: np.ndarray,
     plane: _Plane,
@@ -262,7 +262,7 @@ def _with_common_facets(
     return PlainMesh(result.x, result.cells[keep], result.regions[keep], result.tags[keep])
 
 
-def _area_beside(x: np.ndarray, region: Region) -> float:
+def _area_beside(x: np.ndarray, region: RemeshedRegion) -> float:
     """Return the area of the triangles beside an outline [length^2]."""
     beside = np.isin(region.triangles, region.outline).any(axis=1)
     return float(measures(x[region.triangles[beside]]).sum())

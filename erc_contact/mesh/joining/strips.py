@@ -99,8 +99,8 @@ def with_short_edges(
     """
     first, second = surfaces
     limits = _limits(coordinates(x), first.outline, second.outline, corners, tolerance)
-    x, first = _bisected(x, first, limits, limits.along[0], coordinates)
-    x, second = _bisected(x, second, limits, limits.along[1], coordinates)
+    x, first = _bisect(x, first, limits, limits.along[0], coordinates)
+    x, second = _bisect(x, second, limits, limits.along[1], coordinates)
     return x, (first, second)
 
 
@@ -184,7 +184,7 @@ def _height(
     return np.where((place > -tolerance) & (place < length + tolerance), height, np.inf)
 
 
-def _bisected(
+def _bisect(
     x: np.ndarray,
     surface: CutSurface,
     limits: _Limits,

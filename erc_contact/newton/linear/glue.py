@@ -20,7 +20,7 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.mesh.simplex import measures
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.over_ranks import matrix_of_ranks
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, dofs_of
@@ -44,7 +44,7 @@ class Glue:
         values: The entries [force/length], shape (n,).
     """
 
-    def __init__(self, space: Space, contacts: Sequence[BoundContact], fixed: np.ndarray) -> None:
+    def __init__(self, space: Space, contacts: Sequence[ContactOnMesh], fixed: np.ndarray) -> None:
         self._space = space
         self._fixed = fixed.ravel()
         foundations = [contact for contact in contacts if contact.trace.there is None]
@@ -94,7 +94,7 @@ class Glue:
         return diagonal.x.array
 
 
-def nodal_glue(space: Space, contacts: Sequence[BoundContact]) -> fem.Function:
+def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
     """Sum up D_c of contacts at the nodes of this side [force/length]; collective."""
     glue = space.function()
     for contact in contacts:
@@ -106,7 +106,7 @@ def nodal_glue(space: Space, contacts: Sequence[BoundContact]) -> fem.Function:
 
 
 def _between(
-    contact: BoundContact, space: Space
+    contact: ContactOnMesh, space: Space
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values."""
     trace = contact.trace

@@ -43,9 +43,9 @@ class LooseStiffness(Stiffness):
         self._motions.move(u, None)
         return u
 
-    def _under(self, b: fem.Function, solver: Factor) -> fem.Function:
+    def _solve_under(self, b: fem.Function, solver: Factor) -> fem.Function:
         """Return the displacement under nodal forces b by a solver [length]."""
-        u = super()._under(b, solver)
+        u = super()._solve_under(b, solver)
         FaceMotions(self, self._faces, solver.solve).move(u, b)
         return u
 

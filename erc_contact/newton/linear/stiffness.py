@@ -132,12 +132,12 @@ class Stiffness(Elastic):
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, DIFFERENT if self.model.connections.any else SUBSET)
         factor = factorised(matrix)
-        u = self._under(b, factor)
+        u = self._solve_under(b, factor)
         factor.destroy()
         matrix.destroy()
         return u
 
-    def _under(self, b: fem.Function, solver: Factor) -> fem.Function:
+    def _solve_under(self, b: fem.Function, solver: Factor) -> fem.Function:
         """Return the displacement under nodal forces b by a solver [length]."""
         return self._solved_by(solver, self.right_side(b, supports=False))
 

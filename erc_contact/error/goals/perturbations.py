@@ -1,6 +1,6 @@
-"""Return the question that a goal asks of a pair.
+"""Return the perturbation that a goal asks of a pair.
 
-See :mod:`erc_contact.error.goals.question`.
+See :mod:`erc_contact.error.goals.perturbation`.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.force_questions import moment, resultant
+from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
-from erc_contact.error.goals.motion_questions import functional, mean_displacement, rotation
-from erc_contact.error.goals.question import LEAST_ERROR, Asked, Question
+from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
+from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.scene.goal import (
@@ -29,7 +29,7 @@ from erc_contact.scene.goal import (
 )
 
 
-def question_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Question:
+def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
     soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
@@ -39,21 +39,21 @@ def question_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Ques
             " ec.resultant for a force of a contact."
         )
     if isinstance(goal, Functional):
-        return functional(_asked(error), goal)
+        return functional(_base_scene(error), goal)
     vector = _checked_vector(goal, model.d)
-    asked = _asked(error)
+    base = _base_scene(error)
     match goal:
         case MeanDisplacement():
-            return mean_displacement(asked, goal, vector)
+            return mean_displacement(base, goal, vector)
         case Rotation():
-            return rotation(asked, goal, vector)
+            return rotation(base, goal, vector)
         case Moment():
-            return moment(asked, goal, vector)
+            return moment(base, goal, vector)
         case Resultant():
-            return resultant(asked, goal, vector)
+            return resultant(base, goal, vector)
 
 
-def _asked(error: ConstitutiveError) -> Asked:
+def _base_scene(error: ConstitutiveError) -> BaseScene:
     """Return the scene of an error with its sizes; collective."""
     pair = error.admissible
     model = pair.model
@@ -63,7 +63,7 @@ def _asked(error: ConstitutiveError) -> Asked:
     norm = float(np.sqrt(max(energy, 0.0))) or 1.0
     e = max(error.absolute, LEAST_ERROR * norm)
     scene = replace(model.scene, contacts=contacts_with_given_bounds(pair))
-    return Asked(model, scene, e, norm, length)
+    return BaseScene(model, scene, e, norm, length)
 
 
 def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:

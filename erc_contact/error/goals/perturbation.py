@@ -1,4 +1,4 @@
-"""A question: what a goal moves in a scene, and how its number follows from the energy.
+"""A perturbation: what a goal moves, and how its number follows from the energy.
 
 A goal is the derivative of the energy by data of the scene, a load or the place of
 supports (:mod:`erc_contact.error.goals.three_pairs`).
@@ -24,8 +24,8 @@ smaller, and show its round-off.
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """Hold the scene that is asked for a number, with the sizes of its solution.
+class BaseScene:
+    """Hold the scene that is perturbed, with the sizes of its solution.
 
     Attributes:
         model: The scene on a mesh.
@@ -47,16 +47,17 @@ class Asked:
 
 
 def no_load(_: fem.Function) -> BoundedNumber:
-    """Return ``psi(u)`` of a question that moves no load, which is zero."""
+    """Return ``psi(u)`` of a perturbation that moves no load, which is zero."""
     return BoundedNumber(0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
+class Perturbation:
     """Hold what a goal moves, and how its number follows from Q.
 
     Attributes:
-        moved: Makes the scene moved by t, with the friction bounds of the pair; None if
+        scene_at: Makes the scene moved by t, with the friction bounds of the pair; None
+        if
             loads alone dictate the number, which is then the constant.
         psi: ``psi(u)`` of a displacement.
         sign: Factor of Q in the number [-].
@@ -65,7 +66,7 @@ class Question:
         varies: Whether the moved load varies in space: a mesh may not carry it.
     """
 
-    moved: Callable[[float], Scene] | None
+    scene_at: Callable[[float], Scene] | None
     psi: Callable[[fem.Function], BoundedNumber]
     sign: float
     constant: BoundedNumber

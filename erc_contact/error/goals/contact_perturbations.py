@@ -1,6 +1,6 @@
-"""Questions of forces and moments on contacts: all that is beyond them moves by t.
+"""Perturbations of forces and moments on contacts: all that is beyond them moves by t.
 
-See :mod:`erc_contact.error.goals.question`. Let W be the rigid motion of the number
+See :mod:`erc_contact.error.goals.perturbation`. Let W be the rigid motion of the number
 ``int r . W``, and take a set of bodies that a contact alone joins to other bodies, or
 to its foundation. By equilibrium the number is minus the work on W of loads, supports
 and other contacts of the set. So the set moves by t W: its supports, and the
@@ -21,11 +21,11 @@ from mpi4py import MPI
 
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.goals.question import Asked, Question, no_load
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
 from erc_contact.error.goals.virtual_motion import Shift, VirtualMotion, shifted
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.scene import Scene
 
@@ -38,19 +38,19 @@ class _Bodies:
     """Find which bodies nodes are on; construction and members are collective.
 
     Attributes:
-        asked: The scene.
+        base: The scene.
         body: The body of each node of this rank, shape (nodes,).
     """
 
-    asked: Asked
+    base: BaseScene
     body: np.ndarray
 
     def at(self, nodes: np.ndarray) -> frozenset[int]:
         """Return the bodies of nodes of all ranks."""
         here = set(self.body[nodes.ravel()].tolist())
-        return frozenset().union(*self.asked.model.comm.allgather(here))
+        return frozenset().union(*self.base.model.comm.allgather(here))
 
-    def of_contact(self, contact: BoundContact) -> tuple[frozenset[int], frozenset[int]]:
+    def of_contact(self, contact: ContactOnMesh) -> tuple[frozenset[int], frozenset[int]]:
         """Return the bodies on this side of a contact, and on the other side."""
         trace = contact.trace
         here = self.at(trace.here.nodes)
@@ -58,10 +58,10 @@ class _Bodies:
             return here, frozenset()
         return here, self.at(trace.partners)
 
-    def joined(self, start: frozenset[int], without: BoundContact) -> frozenset[int]:
+    def joined(self, start: frozenset[int], without: ContactOnMesh) -> frozenset[int]:
         """Return bodies with all that contacts join them to, but for one contact."""
         pairs = []
-        for contact in self.asked.model.contacts:
+        for contact in self.base.model.contacts:
             if contact is not without:
                 here, there = self.of_contact(contact)
                 pairs.append(here | there)
@@ -73,23 +73,23 @@ class _Bodies:
         return bodies
 
 
-def contact_question(asked: Asked, part: str, motion: VirtualMotion) -> Question | None:
-    """Return the question of ``int r . W`` on a side of a contact; collective.
+def contact_perturbation(base: BaseScene, part: str, motion: VirtualMotion) -> Perturbation | None:
+    """Return the perturbation for ``int r . W`` on a side of a contact; collective.
 
     None if nothing can be moved that tells it.
     """
-    model = asked.model
+    model = base.model
     contact = model.contact(part)
     body, _ = model.bodies
-    bodies = _Bodies(asked, body)
+    bodies = _Bodies(base, body)
     here, there = bodies.of_contact(contact)
     is_here = contact.side_names[0] == part
-    if _can_move(contact) and not _works(asked, motion, _normal_parts(asked, contact, motion)):
+    if _can_move(contact) and not _works(base, motion, _normal_parts(base, contact, motion)):
         # Without friction there is no force along the contact.
-        return Question(None, no_load, 1.0, BoundedNumber(0.0), 1.0)
+        return Perturbation(None, no_load, 1.0, BoundedNumber(0.0), 1.0)
     # A moment of the opposite force is the opposite one if the sides have one place.
     apart = _working_jump(contact, motion.nodal(model).x.array)
-    is_opposite = contact.against is not None and not _works(asked, motion, apart)
+    is_opposite = contact.against is not None and not _works(base, motion, apart)
     sides = [(here, there, is_here), (there, here, not is_here)]
     sides.sort(key=lambda side: not side[2])
     for side, opposite, is_of_part in sides:
@@ -98,22 +98,22 @@ def contact_question(asked: Asked, part: str, motion: VirtualMotion) -> Question
         sign = 1.0 if is_of_part else -1.0
         for moving in (bodies.joined(side, contact), side):
             if not moving & opposite:
-                question = _of_set(bodies, contact, motion, moving, sign)
-                if question is not None:
-                    return question
+                perturbation = _of_set(bodies, contact, motion, moving, sign)
+                if perturbation is not None:
+                    return perturbation
     if not _can_move(contact) or not (is_here or is_opposite):
         return None
-    return _of_gap(asked, contact, motion, -1.0 if is_here else 1.0)
+    return _of_gap(base, contact, motion, -1.0 if is_here else 1.0)
 
 
 def _of_set(
     bodies: _Bodies,
-    contact: BoundContact,
+    contact: ContactOnMesh,
     motion: VirtualMotion,
     moving: frozenset[int],
     sign: float,
-) -> Question | None:
-    """Return the question by the motion of a set of bodies; collective.
+) -> Perturbation | None:
+    """Return the perturbation by the motion of a set of bodies; collective.
 
     None if something on it cannot move.
 
@@ -124,9 +124,9 @@ def _of_set(
         moving: The set of bodies.
         sign: 1 if the part is on the set, -1 if it is on the other side.
     """
-    asked = bodies.asked
-    model = asked.model
-    scene = asked.scene
+    base = bodies.base
+    model = base.model
+    scene = base.scene
     virtual = motion.nodal(model)
     outside = ~np.isin(bodies.body, list(moving))
     virtual.x.array.reshape(-1, model.d)[outside] = 0.0
@@ -138,12 +138,12 @@ def _of_set(
         supports.append(bool(held & moving) and motion.moves(model, support))
     for spring in model.springs:
         stiffest = max(spring.normal, spring.tangential)
-        if _works(asked, motion, spring.pull(virtual.x.array) / stiffest):
+        if _works(base, motion, spring.pull(virtual.x.array) / stiffest):
             return None
     factors = []
     for other in model.contacts:
         jump = _working_jump(other, virtual.x.array)
-        if other is contact or not _works(asked, motion, jump):
+        if other is contact or not _works(base, motion, jump):
             factors.append(0.0)
             continue
         here, there = bodies.of_contact(other)
@@ -153,7 +153,7 @@ def _of_set(
             return None
         factors.append(1.0 if moves_here else -1.0)
 
-    def moved(t: float) -> Scene:
+    def scene_at(t: float) -> Scene:
         new_supports = []
         for support, is_moved in zip(scene.supports, supports, strict=True):
             new_supports.append(motion.move(model, support, t) if is_moved else support)
@@ -164,38 +164,40 @@ def _of_set(
 
     # int r.W = -(forces of supports and other contacts).W - loads.W
     constant = -sign * load_work(model, virtual)
-    step = asked.step_of(motion.size(model))
+    step = base.step_of(motion.size(model))
     is_told_by_loads = not any(supports) and not any(factors)
-    return Question(None if is_told_by_loads else moved, no_load, sign, constant, step)
+    return Perturbation(None if is_told_by_loads else scene_at, no_load, sign, constant, step)
 
 
-def _of_gap(asked: Asked, contact: BoundContact, motion: VirtualMotion, sign: float) -> Question:
-    """Return the question by the gap of a frictionless contact; collective.
+def _of_gap(
+    base: BaseScene, contact: ContactOnMesh, motion: VirtualMotion, sign: float
+) -> Perturbation:
+    """Return the perturbation by the gap of a frictionless contact; collective.
 
     Args:
-        asked: The scene.
+        base: The scene.
         contact: The contact.
         motion: W.
         sign: Factor of Q in the number, -1 of this side.
     """
-    scene = asked.scene
+    scene = base.scene
 
-    def moved(t: float) -> Scene:
+    def scene_at(t: float) -> Scene:
         contacts = []
-        for entry, other in zip(scene.contacts, asked.model.contacts, strict=True):
+        for entry, other in zip(scene.contacts, base.model.contacts, strict=True):
             contacts.append(_with_gap(entry, other, motion, t if other is contact else 0.0))
         return replace(scene, contacts=contacts)
 
-    step = asked.step_of(motion.size(asked.model))
-    return Question(moved, no_load, sign, BoundedNumber(0.0), step)
+    step = base.step_of(motion.size(base.model))
+    return Perturbation(scene_at, no_load, sign, BoundedNumber(0.0), step)
 
 
-def _can_move(contact: BoundContact) -> bool:
+def _can_move(contact: ContactOnMesh) -> bool:
     """Tell whether its gap moves a contact: without friction, normal to facets."""
     return contact.friction is None and contact.given_normal is None
 
 
-def _working_jump(contact: BoundContact, values: np.ndarray) -> np.ndarray:
+def _working_jump(contact: ContactOnMesh, values: np.ndarray) -> np.ndarray:
     """Return the part of the jump of a motion on which tractions can work."""
     jump = contact.trace.of(values)
     if contact.friction is not None:
@@ -203,22 +205,22 @@ def _working_jump(contact: BoundContact, values: np.ndarray) -> np.ndarray:
     return np.asarray((jump * contact.trace.normals).sum(axis=-1))
 
 
-def _normal_parts(asked: Asked, contact: BoundContact, motion: VirtualMotion) -> np.ndarray:
+def _normal_parts(base: BaseScene, contact: ContactOnMesh, motion: VirtualMotion) -> np.ndarray:
     """Return ``n . W`` at the nodes of the facets of a contact, shape (f, m)."""
-    model = asked.model
+    model = base.model
     values = motion.nodal(model).x.array.reshape(-1, model.d)
     trace = contact.trace
     return np.asarray((values[trace.here.nodes] * trace.normals).sum(axis=-1))
 
 
-def _works(asked: Asked, motion: VirtualMotion, jump: np.ndarray) -> bool:
+def _works(base: BaseScene, motion: VirtualMotion, jump: np.ndarray) -> bool:
     """Tell whether a part of a motion is more than round-off; collective."""
-    model = asked.model
+    model = base.model
     largest = model.comm.allreduce(float(abs(jump).max(initial=0.0)), MPI.MAX)
     return bool(largest > NO_WORK * motion.size(model))
 
 
-def _with_gap(entry: Contact, contact: BoundContact, motion: VirtualMotion, t: float) -> Contact:
+def _with_gap(entry: Contact, contact: ContactOnMesh, motion: VirtualMotion, t: float) -> Contact:
     """Return a contact whose gap has grown by ``t n . W``; collective."""
     if t == 0:
         return entry
@@ -233,14 +235,14 @@ def _with_gap(entry: Contact, contact: BoundContact, motion: VirtualMotion, t: f
     )
 
 
-def _normal_part(contact: BoundContact, motion: VirtualMotion, t: float) -> Shift:
+def _normal_part(contact: ContactOnMesh, motion: VirtualMotion, t: float) -> Shift:
     """Return ``t n . W``, a number where it is the same everywhere."""
     if isinstance(contact.normal, fem.Constant):
         return motion.component(np.asarray(contact.normal.value), t)
     return partial(_along_normals, contact, motion, t)
 
 
-def _along_normals(contact: BoundContact, motion: VirtualMotion, t: float, x: Ufl) -> Ufl:
+def _along_normals(contact: ContactOnMesh, motion: VirtualMotion, t: float, x: Ufl) -> Ufl:
     """Return ``t n . W`` with the normals of a contact, UFL."""
     n = contact.normal
     value: Ufl = 0.0

@@ -17,7 +17,7 @@ from erc_contact.base.percent import percent
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import BoundContact
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.held_motions import lying_words
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
@@ -153,7 +153,7 @@ def _rotated(solution: Solution) -> tuple[float, float]:
     return float(beyond / whole), most
 
 
-def _of_contact(model: Model, contact: BoundContact, solution: Solution, moved: float) -> Doubts:
+def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved: float) -> Doubts:
     """Find an unlikely friction, and a contact without touch; collective."""
     found: Doubts = {}
     most = model.greatest_coefficient(contact)
@@ -213,7 +213,7 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
     return found
 
 
-def _pressed(contact: BoundContact, solution: Solution, lengths: np.ndarray) -> bool:
+def _pressed(contact: ContactOnMesh, solution: Solution, lengths: np.ndarray) -> bool:
     """Tell whether the method has a traction on a contact; collective.
 
     A curved body, or one on a curved foundation, may touch though all its nodes are

@@ -1,6 +1,6 @@
-"""Questions of motions: a load or a resultant moves by t, the number is its work.
+"""Perturbations of motions: a load or a resultant moves by t, the number is its work.
 
-See :mod:`erc_contact.error.goals.question`.
+See :mod:`erc_contact.error.goals.perturbation`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.goals.question import Asked, Question
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.simplex import coefficients
@@ -29,13 +29,13 @@ from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 
 
-def mean_displacement(asked: Asked, goal: MeanDisplacement, a: np.ndarray) -> Question:
-    """Return the question of a mean displacement: a load on the part moves by t."""
-    model = asked.model
-    scene = asked.scene
+def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) -> Perturbation:
+    """Return the perturbation for a mean displacement: a load on the part moves by t."""
+    model = base.model
+    scene = base.scene
     for face in model.loose_faces:
         if face.name == goal.part:
-            return _translation(asked, goal, face, a)
+            return _translation(base, goal, face, a)
     facets = model.domain.facets(goal.part)
     owned = model.owned(facets)
     areas = np.where(owned, model.facet_areas(facets), 0.0)
@@ -50,7 +50,7 @@ def mean_displacement(asked: Asked, goal: MeanDisplacement, a: np.ndarray) -> Qu
         )
     density = a / area
 
-    def moved(t: float) -> Scene:
+    def scene_at(t: float) -> Scene:
         load = Traction(goal.part, tuple(float(value) for value in t * density))
         return replace(scene, loads=(*scene.loads, load))
 
@@ -61,24 +61,26 @@ def mean_displacement(asked: Asked, goal: MeanDisplacement, a: np.ndarray) -> Qu
         return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
     size = float(np.linalg.norm(a))
-    step = asked.e * asked.norm / (asked.length * size)
-    return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
+    step = base.e * base.norm / (base.length * size)
+    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step)
 
 
-def _translation(asked: Asked, goal: MeanDisplacement, face: RigidFace, a: np.ndarray) -> Question:
-    """Return the question of a translation of a rigid face: its force grows by t."""
+def _translation(
+    base: BaseScene, goal: MeanDisplacement, face: RigidFace, a: np.ndarray
+) -> Perturbation:
+    """Return the perturbation for a translation of a rigid face: a force grows by t."""
     d = len(a)
     if a[~face.free[:d]].any():
         raise InputError(
             f"{goal!r}: this displacement of the rigid face is given; ask for the other"
             " components, or for the Resultant of the part."
         )
-    return _motion(asked, face, np.concatenate([a, np.zeros(len(face.free) - d)]))
+    return _motion(base, face, np.concatenate([a, np.zeros(len(face.free) - d)]))
 
 
-def rotation(asked: Asked, goal: Rotation, axis: np.ndarray) -> Question:
-    """Return the question of the rotation of a rigid face: its moment grows by t."""
-    model = asked.model
+def rotation(base: BaseScene, goal: Rotation, axis: np.ndarray) -> Perturbation:
+    """Return the perturbation for a rotation of a rigid face: a moment grows by t."""
+    model = base.model
     d = model.d
     faces = [face for face in model.loose_faces if face.name == goal.part]
     if not faces:
@@ -92,21 +94,23 @@ def rotation(asked: Asked, goal: Rotation, axis: np.ndarray) -> Question:
         raise InputError(
             f"{goal!r}: this rotation of the rigid face is given; ask for the Moment of the part."
         )
-    return _motion(asked, face, np.concatenate([np.zeros(d), axis]))
+    return _motion(base, face, np.concatenate([np.zeros(d), axis]))
 
 
-def _motion(asked: Asked, face: RigidFace, amounts: np.ndarray) -> Question:
-    """Return the question of a sum of motions of a rigid face: resultants grow by t.
+def _motion(base: BaseScene, face: RigidFace, amounts: np.ndarray) -> Perturbation:
+    """Return the perturbation for a sum of motions of a rigid face.
+
+    Its resultants grow by t.
 
     Args:
-        asked: The scene.
+        base: The scene.
         face: The face.
         amounts: Factors of its motions in the sum, shape (freedoms,).
     """
-    scene = asked.scene
-    d = asked.model.d
+    scene = base.scene
+    d = base.model.d
 
-    def moved(t: float) -> Scene:
+    def scene_at(t: float) -> Scene:
         supports = list(scene.supports)
         for place, support in enumerate(supports):
             if isinstance(support, Rigid) and support.facets == face.name:
@@ -119,8 +123,8 @@ def _motion(asked: Asked, face: RigidFace, amounts: np.ndarray) -> Question:
 
     # A rotation by an angle moves the face by the angle times its size.
     size = float(np.linalg.norm(amounts / face.sizes))
-    step = asked.e * asked.norm / (asked.length * size)
-    return Question(moved, psi, 1.0, BoundedNumber(0.0), step)
+    step = base.e * base.norm / (base.length * size)
+    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step)
 
 
 @dataclass(frozen=True)
@@ -152,15 +156,15 @@ class _Scaled:
         return getattr(self.load, name)
 
 
-def functional(asked: Asked, goal: Functional) -> Question:
-    """Return the question of the work of a load: t times it is added to the scene."""
-    model = asked.model
-    scene = asked.scene
+def functional(base: BaseScene, goal: Functional) -> Perturbation:
+    """Return the perturbation for the work of a load: t times the load is added."""
+    model = base.model
+    scene = base.scene
     size, varies = load_size(model, goal.load)
     if size == 0:
         raise InputError(f"{goal!r}: the load is zero everywhere; give another one.")
 
-    def moved(t: float) -> Scene:
+    def scene_at(t: float) -> Scene:
         return replace(scene, loads=(*scene.loads, _Scaled(goal.load, t)))
 
     def psi(u: fem.Function) -> BoundedNumber:
@@ -168,8 +172,8 @@ def functional(asked: Asked, goal: Functional) -> Question:
 
     # A load on a support or in contact has no place in a scene, which says so.
     replace(scene, loads=(*scene.loads, goal.load))
-    step = asked.e * asked.norm / (asked.length * size)
-    return Question(moved, psi, 1.0, BoundedNumber(0.0), step, varies)
+    step = base.e * base.norm / (base.length * size)
+    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step, varies)
 
 
 def _grown(resultants: Sequence[float | None], growth: np.ndarray) -> tuple[Any, ...]:
