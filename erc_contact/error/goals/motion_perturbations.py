@@ -30,7 +30,7 @@ from erc_contact.scene.scene import Scene
 
 
 def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) -> Perturbation:
-    """Return the perturbation for a mean displacement: a load on the part moves by t."""
+    """Return the perturbation for a mean displacement: a load there grows by t."""
     model = base.model
     scene = base.scene
     for face in model.loose_faces:
