@@ -150,14 +150,14 @@ def test_usual_scenes_are_left_alone(method, makings):
 def test_resultants_that_cannot_be_kept_lose_nothing(monkeypatch):
     solution = ec.solve(*padded(4, 1e-4))
     kept = ec.constitutive_error(ec.equilibrate(solution))
-    original = stage._made
+    original = stage._make_pair
 
     def failing(data, others, *options):
         if others.motions:
             raise ec.NotHeldError("no traction")
         return original(data, others, *options)
 
-    monkeypatch.setattr(stage, "_made", failing)
+    monkeypatch.setattr(stage, "_make_pair", failing)
     first = ec.constitutive_error(ec.equilibrate(solution))
     assert first.absolute > 1.5 * kept.absolute
 

@@ -141,7 +141,10 @@ def test_two_bodies_that_are_tied_touch_a_third():
         assert abs(total).max() < 1e-14
     ties = [tie, ec.Tied("a bottom", "c top")]
     ending = ec.Scene(material, supports, [], contacts[1:], ties=ties)
-    refused(lambda: ec.solve(ending, domain), "'b bottom'", "ends inside")
+    # The contact ends inside the body that both joints make.
+    inside = certified(ending, domain)
+    total = sum(force.force for force in inside.reactions().values())
+    assert abs(total).max() < 1e-14
 
 
 def test_a_loose_body_beside_a_joint_is_told():

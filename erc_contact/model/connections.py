@@ -33,6 +33,9 @@ class Connections:
     Attributes:
         pairs: For each contact the global numbers of its pairs of nodes, on this side
             and on the other one, each once, shape (p, 2); no rows for a foundation.
+            Where a contact ends inside a body both are one node.
+        ends: Global numbers of the nodes at which contacts end inside a body, shape
+            (e,). They have no jump.
         any: Whether there is a contact between bodies.
         groups: B of all contacts at these nodes.
     """
@@ -43,6 +46,10 @@ class Connections:
         self.pairs = [_pairs(space, trace) for trace in traces]
         nothing = np.zeros((0, 2), dtype=np.int64)
         between = np.unique(np.concatenate([nothing, *self.pairs]), axis=0)
+        # Where a contact ends inside a body both sides have one node, and no jump.
+        ends = between[between[:, 0] == between[:, 1], 0]
+        between = between[between[:, 0] != between[:, 1]]
+        self.ends = np.setdiff1d(ends, between)
         numbers = np.unique(between)
         on_foundations = np.zeros(0, dtype=np.int64)
         if self.any:

@@ -78,7 +78,6 @@ def bind_contact(
         k = contact.foundation.stiffness
         stiffness = number(space, k, f"{what}: stiffness of the foundation")
     trace = Trace(here, direction, None, there, of_corners)
-    _check_ends(space, contact, trace)
     # Friction alone remembers where the contact was.
     before = None
     lost = None
@@ -106,24 +105,6 @@ def bind_contact(
         gap_vectors=of_gap,
         moved=moved,
     )
-
-
-def _check_ends(space: Space, contact: Contact, trace: Trace) -> None:
-    """Check that a contact between bodies does not end inside a body; collective.
-
-    Both sides have one node there, so the solver has no jump at it.
-    """
-    if trace.there is None:
-        return
-    common = bool(np.any(trace.here.nodes == trace.partners))
-    if space.comm.allreduce(common, MPI.LOR):
-        raise InputError(
-            f"Contact({contact.facets!r}, against={contact.against!r}) ends inside a body: both "
-            "sides have one node there, because the other facets between the two regions are not "
-            "split, or are tied. A contact may end at the surface of a body or at another contact: "
-            "split the other facets, too, and give a Contact for each part (bilateral=True for one "
-            "that does not open), or one Tied for all."
-        )
 
 
 def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side | None]:

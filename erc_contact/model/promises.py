@@ -233,7 +233,10 @@ def _three_digits(vector: Sequence[float]) -> str:
 
 
 def _check_supports_in_gap(model: Model) -> None:
-    """Check that supports do not push a contact into what it touches; collective."""
+    """Check that supports do not push a contact into what it touches; collective.
+
+    Nor may a gap be below zero where a contact ends inside a body, without a jump.
+    """
     values = model.prescribed.x.array
     for contact in model.contacts:
         if contact.stiffness is not None:
@@ -243,6 +246,7 @@ def _check_supports_in_gap(model: Model) -> None:
         n = contact.trace.normals
         # The normal displacement is prescribed where supports fix all its components.
         prescribed = (trace.fixed(model.fixed) | (abs(n) < 1e-12)).all(axis=-1)
+        _check_ends(model, contact, gap)
         beyond = (trace.of(values) * n).sum(axis=-1) - gap
         if contact.bilateral:
             beyond = abs(beyond)
@@ -257,3 +261,27 @@ def _check_supports_in_gap(model: Model) -> None:
                 f"{pushed} by {worst:g} [length] beyond the gap; no displacement is admissible."
                 " Change the support or the gap."
             )
+
+
+def _check_ends(model: Model, contact: ContactOnMesh, gap: np.ndarray) -> None:
+    """Check the gap where a contact ends inside a body, as a crack does; collective.
+
+    Both sides have one point there, so the jump is zero.
+
+    Args:
+        model: The scene on a mesh.
+        contact: The contact.
+        gap: Its gap at the nodes [length], shape (f, m).
+    """
+    trace = contact.trace
+    if trace.there is None:
+        return
+    at_end = gap[trace.here.nodes == trace.partners]
+    overlap = abs(at_end) if contact.bilateral else -at_end
+    worst = model.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
+    if worst > 1e-12 * model.domain.extent:
+        raise InputError(
+            f"{contact.title} ends inside a body, where both sides are one point, and has a gap of "
+            f"{-worst:g} [length] there; no displacement is admissible. Let an interference go to "
+            "zero there."
+        )

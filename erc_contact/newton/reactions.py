@@ -70,6 +70,8 @@ class MultiplierMap:
         self.rows = rows
         nodes = np.unique(np.concatenate([rows.here, rows.there[rows.there != NOBODY]]))
         free = ~prescribed_at(model, nodes, model.fixed)
+        # Where a contact ends inside a body there is no jump, as where supports fix it.
+        free[np.isin(nodes, model.connections.ends)] = False
         self.groups = Groups(rows.here, rows.there, nodes, free)
         self._dofs = dofs_of(nodes, model.d)
         of_rows = (self.groups.group_of_row, slice(None), self.groups.slot_of_row)

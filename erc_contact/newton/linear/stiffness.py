@@ -74,7 +74,10 @@ class Stiffness(Elastic):
         self._matrix: PETSc.Mat | None = None
         if self.layer.contact_size:
             self.basis = JumpBasis(
-                model.connections.groups, self.layer.numbers, self.layer.contact_size
+                model.connections.groups,
+                model.connections.ends,
+                self.layer.numbers,
+                self.layer.contact_size,
             )
             self.contact_size = self.basis.jump_count
             self._condense()
