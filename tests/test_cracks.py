@@ -17,6 +17,7 @@ import pytest
 from mpi4py import MPI
 from reference import true_errors
 from scenes import mostly_serial
+from test_split import tagged
 
 import erc_contact as ec
 from erc_contact.mesh.gmsh_session import session
@@ -199,3 +200,43 @@ def test_an_interference_at_the_end_is_refused():
         ec.solve(pressed(gap=-1e-3), domain)
     with pytest.raises(ec.InputError, match="ends inside a body"):
         ec.solve(pressed(friction=0.0, gap=1e-3, bilateral=True), domain)
+
+
+def cube_with_a_square_crack():
+    """A structured mesh of two layers; the crack has two triangles that cut its corners."""
+    tag = 90
+    box = ec.box((0.0,) * 3, (2.0, 2.0, 1.0), cells=(8, 8, 4))
+
+    def crack(x):
+        in_square = (abs(x[:, 0] - 1.0) < 0.5) & (abs(x[:, 1] - 1.0) < 0.5)
+        return np.where(in_square & (abs(x[:, 2] - 0.5) < 1e-9), tag, -1)
+
+    regions = {"up": 1, "down": 2}
+    return tagged(box, lambda x: np.where(x[:, 2] > 0.5, 1, 2), regions, crack, {"crack": tag})
+
+
+def test_a_facet_in_the_corner_of_a_crack_stays_closed():
+    """All its vertices are on the rim, so that it cannot open: it is no part of the lips."""
+    whole = cube_with_a_square_crack()
+    cracked = whole.split({"upper lip": "up", "lower lip": "down"}, on="crack")
+    parts = cracked.parts()
+    areas = dict(zip(parts["name"], parts["area"], strict=True))
+    triangle = 0.25**2 / 2
+    assert areas["upper lip"] == pytest.approx(1.0 - 2 * triangle, rel=1e-12)
+    assert areas["upper lip"] == pytest.approx(areas["lower lip"], rel=1e-12)
+    held = ec.Displacement("bottom", (0.0, 0.0, 0.0))
+    crack = ec.Contact("upper lip", against="lower lip", friction=0.2)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), held, ec.Traction("top", (0.01, 0.0, -0.02)), crack)
+    error = measured(scene, cracked)
+    assert error.relative < 0.2
+    assert error.admissible.imbalance < 1e-9
+    fine = cracked.refined()
+    refined = fine.parts()
+    assert (
+        dict(zip(refined["name"], refined["area"], strict=True))["upper lip"] > areas["upper lip"]
+    )
+
+
+def test_a_crack_of_one_facet_is_refused():
+    with pytest.raises(ec.InputError, match="do not open"):
+        plate(3.0, 2.0, 2.5)

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -64,6 +65,37 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray | None = None) -> tuple[np.nda
     same_vertex = known[:, : d + 1] == vertices[cell, corner][:, None]
     numbers[cell, corner] = known[:, d + 1 :][same_vertex]
     return numbers, x
+
+
+def stay_closed(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
+    """Tell which facets of interfaces do not open; collective.
+
+    All vertices of such a facet are on the rim, where an interface ends inside a body
+    and both sides keep one node. They are usual in the corners of a crack in space.
+
+    Args:
+        mesh: The glued mesh.
+        is_cut: Whether a facet of this rank is one of an interface.
+
+    Returns:
+        Shape (facets,).
+    """
+    facets, cells = inner_facets(mesh)
+    cells = cells[is_cut[facets]]
+    facets = facets[is_cut[facets]]
+    group = _groups(mesh, is_cut)
+    nodes = cell_nodes(mesh.geometry)
+    vertex = _facet_nodes(mesh, facets, cells[:, 0])
+    of_sides = []
+    for side in range(2):
+        cell = cells[:, side]
+        corner = np.argmax(nodes[cell][:, None] == vertex[:, :, None], axis=2)
+        of_sides.append(np.take_along_axis(group[cell], corner, axis=1))
+    closed = la.vector(mesh.topology.index_map(mesh.topology.dim - 1))
+    closed.array[facets] = np.all(of_sides[0] == of_sides[1], axis=1)
+    # The owner of a facet has a cell of it, and so all cells around its vertices.
+    closed.scatter_forward()
+    return np.asarray(closed.array > 0)
 
 
 def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:

@@ -19,7 +19,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh import partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
-from erc_contact.mesh.copies import is_pinched, numbered, same_ranks
+from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.joining import joint
 from erc_contact.mesh.named_shape import NamedShape, measured
@@ -28,7 +28,14 @@ from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.size_field import labels_of
-from erc_contact.mesh.splitting import NO_INTERFACE, Carried, claimed, side_tags, touching_regions
+from erc_contact.mesh.splitting import (
+    NO_INTERFACE,
+    Carried,
+    check_opened,
+    claimed,
+    side_tags,
+    touching_regions,
+)
 from erc_contact.mesh.surface import snap
 from erc_contact.mesh.tags import shared, tag_table, tags_of
 from erc_contact.mesh.touching import Pairs, touching
@@ -223,7 +230,8 @@ class Domain(Bodies):
 
         The facets become two boundary parts that face each other facet by facet, also
         after ``refined`` and ``remeshed``. The rim of the interface, where it ends
-        inside a body, keeps its nodes. Parts inside the body whose facets are all split
+        inside a body, keeps its nodes, and a facet all of whose vertices are on the rim
+        stays closed. Parts inside the body whose facets are all split
         are no longer there.
 
         Args:
@@ -377,6 +385,10 @@ class Domain(Bodies):
         tied = [number for number, interface in enumerate(interfaces) if interface.tied]
         # Facets of tied joints keep their nodes and the tags that they have.
         cut = np.where(np.isin(interface_of_facet, tied), NO_INTERFACE, interface_of_facet)
+        closed = stay_closed(mesh, cut != NO_INTERFACE)
+        cut[closed] = NO_INTERFACE
+        interface_of_facet[closed] = NO_INTERFACE
+        check_opened(mesh, interfaces, interface_of_facet)
         numbers, x = numbered(mesh, cut != NO_INTERFACE)
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
         new.topology.create_connectivity(self.dim, self.dim - 1)

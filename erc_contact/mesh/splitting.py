@@ -76,6 +76,30 @@ def claimed(
     return result
 
 
+def check_opened(
+    mesh: dmesh.Mesh, interfaces: Sequence[Interface], interface_of_facet: np.ndarray
+) -> None:
+    """Check that each interface has a facet that opens; collective.
+
+    Args:
+        mesh: The glued mesh.
+        interfaces: The interfaces.
+        interface_of_facet: The interface of each facet that opens or is tied.
+
+    Raises:
+        InputError: If an interface has none.
+    """
+    local = np.isin(np.arange(len(interfaces)), interface_of_facet)
+    has_facet = lasting(mesh.comm).allreduce(local.astype(int), MPI.SUM)
+    for interface, opens in zip(interfaces, has_facet, strict=True):
+        if not opens:
+            raise InputError(
+                f"split: {interface.names[0]!r} and {interface.names[1]!r} do not open: all "
+                "vertices of their facets are where the interface ends inside the body. Make the "
+                "mesh finer there, with a vertex amid the interface."
+            )
+
+
 def _hinges(mesh: dmesh.Mesh, tags: np.ndarray, interface: Interface) -> str:
     """Say at which points the regions of an interface touch; collective.
 
