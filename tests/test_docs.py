@@ -8,7 +8,6 @@ import re
 from pathlib import Path
 
 import pytest
-import voice
 from processes import ROOT, run_as_user
 
 import erc_contact as ec
@@ -96,6 +95,8 @@ def test_pages_load_mpi_first(page):
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
 def test_docstrings_and_comments_repeat_the_noun(package):
     """A reader has to resolve "that of"; "the stiffness of the foundation" is read."""
+    import voice
+
     figures = voice.Figures()
     for module in package.glob("*.py"):
         figures += voice.figures_of(module)
