@@ -2,6 +2,10 @@
 
 It is ``sigma = C (eps - eps_0)`` with given strains eps_0. What else the package asks
 of a body's law is its metric, the energy norm ``C^-1 sigma : sigma`` of stresses.
+
+Of an axisymmetric body stresses and C are times the circumference
+(:mod:`erc_contact.model.meridian`), and tensors have a hoop part as their last
+component.
 """
 
 from __future__ import annotations
@@ -11,14 +15,15 @@ from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
-from dolfinx import mesh as dmesh
 
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers
+from erc_contact.model.meridian import circumferences
+from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import constant_value, varies_in_cells
-from erc_contact.scene.material import Elastic, Material, mandel_matrix
+from erc_contact.scene.material import Elastic, Material, mandel_matrix, tensor_basis
 
 
 class StrainField(Protocol):
@@ -37,9 +42,9 @@ class Constitution:
     components at them, shape (n, q or 1, s). All methods are collective at first.
 
     Args:
+        space: The mesh.
         material: The material.
         parameters: Its parameters, scalar UFL.
-        mesh: Where they live.
         given: The given strains, None without any.
 
     Example:
@@ -51,12 +56,12 @@ class Constitution:
 
     def __init__(
         self,
+        space: Space,
         material: Material,
         parameters: Mapping[str, Ufl],
-        mesh: dmesh.Mesh,
         given: StrainField | None,
     ) -> None:
-        self._of_material = material, parameters, mesh
+        self._of_material = space, material, parameters
         self._given = given
 
     @cached_property
@@ -110,29 +115,32 @@ class ElasticMatrix:
     and meshes.
 
     Args:
+        space: The mesh.
         material: The material.
         parameters: Its parameters, scalar UFL.
-        mesh: Where they live.
         inverse: Compliance C^-1 [area/force] instead of stiffness C [force/area].
 
     Attributes:
         size: Number s of Mandel components.
-        plain: The matrix (s, s) where the material does not vary, else None.
+        on_rings: Whether it is times the circumference.
         varies_in_cells: Whether it varies inside cells.
     """
 
     def __init__(
         self,
+        space: Space,
         material: Material,
         parameters: Mapping[str, Ufl],
-        mesh: dmesh.Mesh,
         *,
         inverse: bool = False,
     ) -> None:
-        d = mesh.geometry.dim
-        self.size = d * (d + 1) // 2
-        self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
-        self.plain: np.ndarray | None = None
+        d, mesh = space.d, space.mesh
+        self.size = len(tensor_basis(material, d))
+        self.on_rings = space.axisymmetric
+        self._exponent = -1 if inverse else 1
+        of_parameters = any(varies_in_cells(value) for value in parameters.values())
+        self.varies_in_cells = self.on_rings or of_parameters
+        self._constant: np.ndarray | None = None
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
         constants = {}
         for name, parameter in self._parameters.items():
@@ -141,14 +149,19 @@ class ElasticMatrix:
         # A material that does not vary needs no compiled code.
         if len(constants) == len(parameters):
             if type(material) is Elastic:
-                self.plain = _constant(material.hypothesis, d, inverse, **constants)
+                self._constant = _constant(material.hypothesis, d, inverse, **constants)
             else:
-                self.plain = constant_value(_matrix(material, d, inverse, parameters))
+                self._constant = constant_value(_matrix(material, d, inverse, parameters))
             return
         self._numbers = {name: stand_in((), i) for i, name in enumerate(parameters)}
         # numpy is four times as slow as compiled code in its hundreds of operations.
         matrix = _matrix(material, d, inverse, self._numbers)
         self._matrix = OfNumbers(matrix, lasting(mesh.comm), is_matrix=True)
+
+    @property
+    def plain(self) -> np.ndarray | None:
+        """Return the matrix (s, s) where it does not vary, else None."""
+        return None if self.on_rings else self._constant
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix at points.
@@ -160,10 +173,18 @@ class ElasticMatrix:
         Returns:
             Shape (n, q, s, s).
         """
+        matrix = self._of_material(x, cells)
+        if not self.on_rings:
+            return matrix
+        factor = circumferences(x) ** self._exponent
+        return factor[..., None, None] * matrix
+
+    def _of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate the matrix of the material at points, as :meth:`__call__` does."""
         n, q, _ = x.shape
         shape = (n, q, self.size, self.size)
-        if self.plain is not None:
-            return np.broadcast_to(self.plain, shape)
+        if self._constant is not None:
+            return np.broadcast_to(self._constant, shape)
         values = {}
         for name, parameter in self._parameters.items():
             values[self._numbers[name]] = parameter(x, cells).reshape(-1, 1)
@@ -173,7 +194,7 @@ class ElasticMatrix:
 def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, Ufl]) -> Ufl:
     """Return C or C^-1 of a material in Mandel components, UFL."""
     act = material.compliance if inverse else material.stress
-    return mandel_matrix(act, d, **parameters)
+    return mandel_matrix(act, tensor_basis(material, d), **parameters)
 
 
 def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:

@@ -76,7 +76,7 @@ def bind_contact(
     stiffness = None
     if contact.foundation is not None:
         k = contact.foundation.stiffness
-        stiffness = number(space, k, f"{what}: stiffness of the foundation")
+        stiffness = space.on_meridian(number(space, k, f"{what}: stiffness of the foundation"))
     trace = Trace(here, direction, None, there, of_corners)
     # Friction alone remembers where the contact was.
     before = None
@@ -150,7 +150,7 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         low, high = space.extremes(at_nodes)
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
-    return bind_friction(space.mesh, f"{what}: the friction bound", law, parameters)
+    return bind_friction(space, f"{what}: the friction bound", law, parameters)
 
 
 def _true_surface(space: Space, contact: Contact) -> Ufl:

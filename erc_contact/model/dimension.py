@@ -6,7 +6,7 @@ from typing import Any
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.values import parameter
-from erc_contact.scene.material import PLANE_STRAIN
+from erc_contact.scene.material import PLANE_STRAIN, is_axisymmetric
 from erc_contact.scene.scene import Scene
 
 
@@ -28,6 +28,12 @@ def check_dimension(scene: Scene, d: int) -> None:
                 f"{type(owner).__name__}{part} has the vector {value} of {len(value)}"
                 f" components, but the mesh is {d}D: give {d}."
             )
+    if d == 3 and is_axisymmetric(scene.material):
+        raise InputError(
+            f"{type(scene.material).__name__}: hypothesis is 'axisymmetric', and the mesh is 3D: "
+            "give the mesh of the half plane, x[0] the radius and x[1] the axis, or leave the "
+            "hypothesis out."
+        )
     hypothesis = getattr(scene.material, "hypothesis", PLANE_STRAIN)
     if d == 3 and hypothesis != PLANE_STRAIN:
         raise InputError(

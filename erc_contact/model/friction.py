@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
+from typing import Any
 
 import numpy as np
 import ufl
@@ -17,12 +18,15 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers
+from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
 from erc_contact.model.tables import written_out
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law
 
+CIRCUMFERENCE = "circumference"
+"""Name of the circumference among the parameters of a law on rings."""
 CONSTANT, PROPORTIONAL, CONCAVE = "constant", "proportional", "concave"
 """Kinds of friction bounds by their dependence on the pressure.
 
@@ -36,7 +40,8 @@ class Friction:
 
     Attributes:
         law: The law.
-        parameters: Values of its parameters, UFL.
+        parameters: Values of its parameters, UFL. On rings, the circumference is one
+            of them, unless the bound is a multiple of the pressure.
         dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or
             CONCAVE.
         arithmetic: Whether its bound takes numpy arrays as well as UFL.
@@ -62,8 +67,20 @@ class Friction:
 
     def bound(self, pressure: Ufl) -> Ufl:
         """Return the friction bound b(p) [force/area], UFL."""
-        bound = written_out(ufl.as_ufl(self.law.friction_bound(pressure, **self.parameters)))
+        bound = written_out(ufl.as_ufl(self._bound(pressure, **self.parameters)))
         return bound if self.share is None else self.share * bound
+
+    def _bound(self, pressure: Any, **parameters: Any) -> Any:
+        """Return the bound for a pressure, UFL or arrays.
+
+        On rings both are times the circumference c: it is ``c b(p/c)``.
+        """
+        circumference = parameters.pop(CIRCUMFERENCE, None)
+        if circumference is None:
+            return self.law.friction_bound(pressure, **parameters)
+        if self.dependence == CONSTANT:
+            return circumference * self.law.friction_bound(pressure, **parameters)
+        return circumference * self.law.friction_bound(pressure / circumference, **parameters)
 
     def numbers(self, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Evaluate the friction bound [force/area].
@@ -73,9 +90,9 @@ class Friction:
             values: Values of the parameters, of shapes that broadcast with it.
         """
         if self.arithmetic:
-            bound = self.law.friction_bound(pressure, **values)
+            bound = self._bound(pressure, **values)
             return np.broadcast_to(bound, pressure.shape)
-        return _pointwise(self.law.friction_bound, pressure, values)
+        return _pointwise(self._bound, pressure, values)
 
 
 def _pointwise(
@@ -109,13 +126,13 @@ def depends_on_pressure(friction: Friction | None) -> bool:
     return friction is not None and friction.dependence != CONSTANT
 
 
-def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, Ufl]) -> Friction:
+def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Ufl]) -> Friction:
     """Put a friction law on a mesh; collective.
 
     The bound is called once as solver and error will call it.
 
     Args:
-        mesh: The mesh.
+        space: The mesh.
         what: The bound, in words for messages.
         law: The law.
         parameters: Values of its parameters, UFL.
@@ -130,10 +147,12 @@ def bind_friction(mesh: dmesh.Mesh, what: str, law: Law, parameters: dict[str, U
     # The arrays that the error estimate passes have two axes, facets and points.
     pressure = np.ones((1, 1))
     values = {name: np.ones((1, 1)) for name in parameters}
-    dependence = call_of_user(lasting(mesh.comm), what, _dependence, mesh, bound)
+    dependence = call_of_user(lasting(space.comm), what, _dependence, space.mesh, bound)
     friction = Friction(law, parameters, dependence, _takes_arrays(law, pressure, values))
-    call_of_user(lasting(mesh.comm), what, friction.numbers, pressure, values)
-    return friction
+    call_of_user(lasting(space.comm), what, friction.numbers, pressure, values)
+    if space.circumference is None or dependence == PROPORTIONAL:
+        return friction
+    return replace(friction, parameters=parameters | {CIRCUMFERENCE: space.circumference})
 
 
 def _takes_arrays(law: Law, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> bool:

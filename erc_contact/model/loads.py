@@ -26,7 +26,8 @@ class SurfaceLoad:
     Attributes:
         facets: Name of the boundary part.
         ds: Measure of the part.
-        density: Force per area [force/area], UFL, shape (d,).
+        density: Force per area [force/area], times the circumference if there is one,
+            UFL, shape (d,).
     """
 
     facets: str
@@ -100,4 +101,4 @@ def _density(space: Space, load: Load) -> Ufl:
         values = evaluate(density, space.mesh, points, entities)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what} is not finite everywhere; look at its callables.")
-    return density
+    return space.on_meridian(density)

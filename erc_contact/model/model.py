@@ -22,6 +22,7 @@ from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.loads import bind_loads, sum_of
+from erc_contact.model.meridian import check_half_plane, in_half_plane, strain_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
@@ -35,7 +36,7 @@ from erc_contact.model.ties import bind_tie
 from erc_contact.model.users import try_material
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb
-from erc_contact.scene.material import Elastic, strain
+from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.scene import Scene
 
 
@@ -90,16 +91,18 @@ class Model(Space):
     def __init__(
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
-        super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree)
+        of_rings = is_axisymmetric(scene.material)
+        super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree, axisymmetric=of_rings)
         self.scene = scene
         self.is_later_step = last is not None
         self.greatest_before = Greatest() if last is None else last.greatest
         check_dimension(scene, self.d)
+        check_half_plane(self, scene)
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:
-            try_material(self.V, scene.material, self.parameters)
+            try_material(self, scene.material, self.parameters)
         self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
-        self.constitution = Constitution(scene.material, self.parameters, self.mesh, self.strains)
+        self.constitution = Constitution(self, scene.material, self.parameters, self.strains)
         self.springs = bind_springs(self, scene.springs, self.modulus)
         self.bind_supports_and_loads(scene)
         self.contacts = []
@@ -134,28 +137,36 @@ class Model(Space):
     # -- forms
 
     def stress(self, u: Ufl) -> Ufl:
-        """Return the stress ``C (eps(u) - eps_0)`` [force/area], UFL.
+        """Return the stress ``C (eps(u) - eps_0)`` [force/area], UFL, shape (d, d).
 
         Its variation has no given strain eps_0: it is ``C eps(v)`` for a test or trial
-        function v.
+        function v. Of an axisymmetric body it is the part in the half plane, times the
+        circumference [force/length].
         """
-        if self.strains is None or has_arguments(u):
-            return self._stress_of(strain(u))
-        return self._stress_of(strain(u) - self.strains.tensor)
+        elastic_strain = strain_of(self, u)
+        if self.strains is not None and not has_arguments(u):
+            elastic_strain -= self.strains.tensor
+        stress = self._stress_of(elastic_strain)
+        return in_half_plane(stress) if self.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
-        """Return ``C eps`` [force/area], UFL."""
-        return self.scene.material.stress(elastic_strain, **self.parameters)
+        """Return ``C eps`` [force/area], times the circumference if there is one, UFL."""
+        stress = self.scene.material.stress(elastic_strain, **self.parameters)
+        return self.on_meridian(stress)
 
     @cached_property
     def modulus(self) -> Ufl:
-        """Return the modulus that scales contact parameters [force/area], UFL."""
-        return self.scene.material.modulus(**self.parameters)
+        """Return the modulus that scales contact parameters [force/area], UFL.
+
+        It is times the circumference if there is one.
+        """
+        return self.on_meridian(self.scene.material.modulus(**self.parameters))
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
-        varying = any(varies_in_cells(value) for value in self.parameters.values())
-        form = ufl.inner(self._stress_of(strain(u)), strain(v)) * self._measure(varying)
+        stress = self._stress_of(strain_of(self, u))
+        measure = self._measure(self.constitution.stiffness.varies_in_cells)
+        form = ufl.inner(stress, strain_of(self, v)) * measure
         for spring in self.springs:
             form += spring.work(u, v)
         return form
@@ -168,10 +179,9 @@ class Model(Space):
         """
         if self.strains is None:
             return None
-        values = [self.strains.tensor, *self.parameters.values()]
-        varying = any(varies_in_cells(value) for value in values)
         stress = self._stress_of(self.strains.tensor)
-        return ufl.inner(stress, strain(v)) * self._measure(varying)
+        measure = self._measure(self.constitution.varies_in_cells)
+        return ufl.inner(stress, strain_of(self, v)) * measure
 
     def right_side(self, v: Ufl) -> Ufl | None:
         """Return the UFL form of loads and given strains, or None without any."""

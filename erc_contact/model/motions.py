@@ -178,6 +178,9 @@ def body_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarray
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     size = np.linalg.norm(high - low, axis=1)
     motions = translations_and_rotations((x - centre[body]) / size[body, None])
+    if space.axisymmetric:
+        # Rings resist all motions but along their axis.
+        return motions[:, :, 1:2], ["translation along the axis z"]
     axes = "xyz"
     names = [f"translation in {axes[i]}" for i in range(d)]
     names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in combinations(range(d), 2)]

@@ -139,6 +139,11 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
         raise InputError(
             f"Rigid({rigid.facets!r}): about has {len(about)} numbers, but the mesh is {d}D."
         )
+    if space.axisymmetric and (rigid.motions[0], rigid.motions[2]) != (0.0, 0.0):
+        raise InputError(
+            f"Rigid({rigid.facets!r}): a rigid face of an axisymmetric body moves along the axis "
+            "only; give displacement=(0.0, ...) and rotation=0.0."
+        )
     x = space.V.tabulate_dof_coordinates()[nodes, :d]
     free = np.array([motion is None for motion in rigid.motions])
     sizes = np.ones(len(free))

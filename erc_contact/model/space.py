@@ -9,7 +9,7 @@ facet, x position [length].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import factorial
+from math import factorial, pi
 from typing import Any, Protocol
 
 import numpy as np
@@ -53,8 +53,14 @@ class Space:
     Args:
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
+        axisymmetric: Whether the mesh is the half plane (r, z) of bodies of revolution.
 
     Attributes:
+        axisymmetric: As given.
+        circumference: ``2 pi r`` of the ring through each point of an axisymmetric body
+            [length], UFL; None of any other body. Stresses, tractions, loads and
+            stiffnesses of axisymmetric bodies are times it, forces per length and per
+            area of the half plane (:mod:`erc_contact.model.meridian`).
         V: Continuous vector P_k space.
         nodes: Block degrees of freedom of each cell, vertices first, ghosts included,
             shape (cells, N).
@@ -68,7 +74,7 @@ class Space:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
-    def __init__(self, domain: Bodies, degree: int) -> None:
+    def __init__(self, domain: Bodies, degree: int, *, axisymmetric: bool = False) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
         self.domain = domain
@@ -78,6 +84,8 @@ class Space:
         self.comm = domain.comm
         check_shape(self.mesh)
         self.x = ufl.SpatialCoordinate(self.mesh)
+        self.axisymmetric = axisymmetric
+        self.circumference: Ufl | None = 2 * pi * self.x[0] if axisymmetric else None
         self.n = ufl.FacetNormal(self.mesh)
         self.V = self.function().function_space
         self.nodes = self.V.dofmap.list
@@ -90,6 +98,10 @@ class Space:
     def function(self) -> fem.Function:
         """Make a new Function of V, zero everywhere."""
         return self.domain.function("Lagrange", self.degree, (self.d,))
+
+    def on_meridian(self, density: Ufl) -> Ufl:
+        """Return a density per area or volume, times the circumference if there is one."""
+        return density if self.circumference is None else self.circumference * density
 
     @property
     def owned_cells(self) -> np.ndarray:

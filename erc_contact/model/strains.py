@@ -8,7 +8,8 @@ sigma`` without given strain, the stress in plane is
 
 by Maxwell's reciprocity of the stiffness between plane and normal. For isotropic
 plane strain S is nu times the identity and E_z is E. So in 2D a given strain is a
-tensor in plane, with its part out of plane for the stress there alone.
+tensor in plane, with its part out of plane for the stress there alone. Of an
+axisymmetric body it is a tensor with the rows r, z and hoop.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.user_data import without_plain_numbers
 from erc_contact.model.users import call_of_user
 from erc_contact.model.values import DATA_DEGREE, by_region, number, parameter
-from erc_contact.scene.material import Material, mandel_basis
+from erc_contact.scene.material import Material, mandel_basis, tensor_basis
 from erc_contact.scene.strain import GivenStrain
 
 
@@ -39,19 +40,19 @@ class Strains:
 
     Args:
         tensor: The strain in plane, with what a strain out of plane adds [-], UFL,
-            shape (d, d).
-        normal: The strain out of plane in 2D [-], UFL; zero in 3D.
+            shape (d, d), or (3, 3) of an axisymmetric body.
+        normal: The strain out of plane in 2D [-], UFL; zero of other bodies.
         mesh: Where they live.
+        basis: Orthonormal basis of the tensors, shape (s, *shape of tensor).
 
     Attributes:
         varies_in_cells: Whether the strain varies inside cells.
     """
 
-    def __init__(self, tensor: Ufl, normal: Ufl, mesh: dmesh.Mesh) -> None:
+    def __init__(self, tensor: Ufl, normal: Ufl, mesh: dmesh.Mesh, basis: np.ndarray) -> None:
         self.tensor = tensor
         self.normal = normal
         self.varies_in_cells = varies_in_cells(tensor)
-        basis = mandel_basis(mesh.geometry.dim)
         components = [ufl.inner(ufl.as_matrix(one.tolist()), tensor) for one in basis]
         self._components = Everywhere(ufl.as_vector(components), mesh)
 
@@ -90,22 +91,24 @@ def bind_strains(
     if not strains:
         return None
     d = space.d
-    tensor = ufl.zero((d, d))
+    basis = tensor_basis(material, d)
+    rows = basis.shape[1]
+    tensor = ufl.zero((rows, rows))
     normal = ufl.as_ufl(0.0)
     for strain in strains:
         for expression in _terms(space, strain):
             if expression.ufl_shape:
                 tensor += ufl.sym(expression)
                 continue
-            tensor += expression * ufl.Identity(d)
-            if d == 2:
+            tensor += expression * ufl.Identity(rows)
+            if rows == 2:
                 normal += expression
                 tensor += expression * _out_of_plane(space, strain, material, parameters)
     points, _ = rule(d, DATA_DEGREE)
     values = evaluate(tensor, space.mesh, points, space.owned_cells)
     if not np.isfinite(space.extremes(values)).all():
         raise InputError("A given strain is not finite everywhere; look at its callables.")
-    return Strains(tensor, normal, space.mesh)
+    return Strains(tensor, normal, space.mesh, basis)
 
 
 def _terms(space: Space, strain: GivenStrain) -> list[Ufl]:
@@ -164,12 +167,14 @@ def _expression(space: Space, strain: GivenStrain, what: str, values: Mapping[st
 
     returned = call_of_user(space.comm, what, call)
     expression = without_plain_numbers(returned, space.mesh, of_material=True)
-    if expression.ufl_shape not in ((), (space.d, space.d)):
-        in_plane = ", which acts in plane" if space.d == 2 else ""
+    rows = 3 if space.axisymmetric else space.d
+    if expression.ufl_shape not in ((), (rows, rows)):
+        which = ", which acts in plane" if rows == 2 else ""
+        which = ", which are r, z and hoop" if space.axisymmetric else which
         raise InputError(
             f"{what} has shape {expression.ufl_shape}; the mesh needs a scalar or the shape"
-            f" {(space.d, space.d)}: a number is a strain in all directions of space, a tensor has"
-            f" {space.d} rows of {space.d} components{in_plane}."
+            f" {(rows, rows)}: a number is a strain in all directions of space, a tensor has"
+            f" {rows} rows of {rows} components{which}."
         )
     return expression
 

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.meridian import nodes_on_axis
 from erc_contact.model.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
 from erc_contact.model.values import number
@@ -54,7 +55,9 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
     prescribed = space.function()
     values = prescribed.x.array.reshape(-1, space.d)
     fixed = np.zeros(values.shape, dtype=bool)
-    held = np.zeros(values.shape, dtype=bool)
+    # An axisymmetric body stays on its axis.
+    fixed[:, 0] = nodes_on_axis(space)
+    held = fixed.copy()
     error = None
     on_facets = []
     loose_faces = []
@@ -87,8 +90,8 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
             differs = abs(values[nodes, i] - at_nodes) > tolerance
             if (fixed[nodes, i] & differs).any():
                 error = InputError(
-                    f"{what} contradicts another support at a common node in component {i};"
-                    " make the values agree there, or free a component (None)."
+                    f"{what} contradicts another support{_or_axis(space)} at a common node in"
+                    f" component {i}; make the values agree there, or free a component (None)."
                 )
             values[nodes, i] = at_nodes
             fixed[nodes, i] = True
@@ -106,6 +109,11 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
     dofs = np.flatnonzero(fixed).astype(np.int32)
     bcs = [fem.dirichletbc(prescribed, [dofs, dofs], space.V)]
     return Supports(fixed, held, prescribed, bcs, on_facets, loose_faces)
+
+
+def _or_axis(space: Space) -> str:
+    """Return what else prescribes a displacement, in words."""
+    return " or the axis, where u_r = 0," if space.axisymmetric else ""
 
 
 def _rigid_values(space: Space, rigid: Any, face: RigidFace, nodes: np.ndarray) -> np.ndarray:

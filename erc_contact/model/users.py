@@ -24,7 +24,9 @@ from erc_contact.base.exceptions import ErcContactError, InputError, together
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.material import Material, mandel_matrix, strain
+from erc_contact.model.meridian import strain_of
+from erc_contact.model.space import Space
+from erc_contact.scene.material import Material, mandel_matrix, tensor_basis
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) or np.sin(x[0]) instead of"
@@ -128,27 +130,29 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
         raise InputError(f"{what} must be linear in its argument, and is not: {reason}") from None
 
 
-def try_material(V: fem.FunctionSpace, material: Material, parameters: Mapping[str, Ufl]) -> None:
+def try_material(space: Space, material: Material, parameters: Mapping[str, Ufl]) -> None:
     """Call the functions of a material of the user's to see that they work; collective.
 
     Args:
-        V: Space of the displacement.
+        space: The mesh.
         material: The material.
         parameters: Its parameters, UFL.
 
     Raises:
         InputError: If one fails.
     """
-    comm = lasting(V.mesh.comm)
+    comm = lasting(space.comm)
+    V = space.V
+    basis = tensor_basis(material, space.d)
     what = f"The material {type(material).__name__}"
     u = ufl.TrialFunction(V)
     v = ufl.TestFunction(V)
     for name in ("stress", "compliance"):
         act = getattr(material, name)
-        call_of_user(comm, f"{what}: {name}", mandel_matrix, act, V.mesh.geometry.dim, **parameters)
+        call_of_user(comm, f"{what}: {name}", mandel_matrix, act, basis, **parameters)
 
         def product(act: Callable[..., Ufl] = act) -> Ufl:
-            return ufl.inner(act(strain(u), **parameters), strain(v))
+            return ufl.inner(act(strain_of(space, u), **parameters), strain_of(space, v))
 
         integrand = call_of_user(comm, f"{what}: {name}", product)
         linear(f"{what}: {name}", integrand, v, u)

@@ -36,7 +36,7 @@ from erc_contact.base.versions import versions
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.users import vector
 from erc_contact.model.values import parameter
-from erc_contact.scene.material import mandel_matrix
+from erc_contact.scene.material import mandel_matrix, tensor_basis
 from erc_contact.scene.scene import Scene
 
 DIGITS = 9
@@ -192,7 +192,7 @@ def _formulas(name: str, owner: Any, x: Ufl, d: int) -> Iterator[tuple[str, str]
         yield f"{name}: its friction bound", bound
         return
     for formula in ("stress", "compliance"):
-        matrix = partial(mandel_matrix, getattr(owner, formula), d, **symbols)
+        matrix = partial(mandel_matrix, getattr(owner, formula), tensor_basis(owner, d), **symbols)
         yield f"{name}: its {formula}", _in_ufl(matrix)
     yield f"{name}: its modulus", _in_ufl(lambda: owner.modulus(**symbols))
 

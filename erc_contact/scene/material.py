@@ -29,7 +29,14 @@ from erc_contact.base.ufl_types import Ufl
 Value = float | Callable[[Any], Any]
 """A number, or a callable of the position x that returns a number or UFL of x."""
 
-HYPOTHESES = PLANE_STRAIN, PLANE_STRESS = ("plane strain", "plane stress")
+PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC = "plane strain", "plane stress", "axisymmetric"
+HYPOTHESES = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)
+
+HOOP_ROWS = (0, 1, 3, 2)
+"""Components of ``mandel_basis(3)`` that an axisymmetric tensor (r, z, hoop) has.
+
+They are rr, zz and rz, as in the plane, and the hoop component.
+"""
 
 
 @cache
@@ -49,15 +56,29 @@ def mandel_basis(d: int) -> np.ndarray:
     return np.array(basis)
 
 
-def mandel_matrix(act: Callable[..., Ufl], d: int, **parameters: Ufl) -> Ufl:
+def is_axisymmetric(material: Any) -> bool:
+    """Tell whether a material is of axisymmetric bodies, whose tensors have a hoop part."""
+    return getattr(material, "hypothesis", PLANE_STRAIN) == AXISYMMETRIC
+
+
+def tensor_basis(material: Any, d: int) -> np.ndarray:
+    """Return the orthonormal basis of the tensors that a material gets, (s, n, n).
+
+    Of an axisymmetric body in the half plane (r, z) they are tensors of space with the
+    rows r, z and hoop, without shear out of the half plane: s = 4 and n = 3.
+    """
+    return mandel_basis(3)[list(HOOP_ROWS)] if is_axisymmetric(material) else mandel_basis(d)
+
+
+def mandel_matrix(act: Callable[..., Ufl], tensors: np.ndarray, **parameters: Ufl) -> Ufl:
     """Return a linear map of symmetric tensors in Mandel components, UFL (s, s).
 
     Args:
         act: The map, stress or compliance.
-        d: Dimension.
+        tensors: The basis, from :func:`tensor_basis`, shape (s, n, n).
         parameters: Its parameters, UFL.
     """
-    basis = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(d)]
+    basis = [ufl.as_tensor(tensor.tolist()) for tensor in tensors]
     images = [act(tensor, **parameters) for tensor in basis]
     rows = []
     for tensor in basis:
@@ -122,9 +143,11 @@ class Material(Protocol):
 
     Stress, compliance and modulus get the parameters by their names, as UFL: a class
     with the parameters ("lam", "G") has ``stress(self, eps, lam, G)``; ``*values`` is
-    here for type checkers only. In 2D strain and stress are the parts in plane.
+    here for type checkers only. In 2D strain and stress are the parts in plane. Where
+    its ``hypothesis`` is "axisymmetric", they are tensors (3, 3) with the rows r, z and
+    hoop.
 
-    In 2D it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane
+    In a plane it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane
     [force/area]. Without that only the von Mises stress of the part in plane is known.
     With given strains it needs ``out_of_plane_modulus(**parameters)``, too, the stress
     out of plane for a strain there where the stress in plane is zero [force/area].
@@ -184,7 +207,9 @@ class Elastic:
         E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping
             from the names of cell regions to either.
         nu: Poisson's ratio [-], in (-1, 1/2); number, callable or mapping.
-        hypothesis: "plane strain" or "plane stress"; leave it out in 3D.
+        hypothesis: "plane strain", "plane stress", or "axisymmetric" for a body of
+            revolution that is given by its half plane, x[0] the radius and x[1] the
+            axis; leave it out in 3D.
 
     Raises:
         InputError: If a number is outside its range or the hypothesis is unknown.
@@ -216,7 +241,7 @@ class Elastic:
         if self.hypothesis not in HYPOTHESES:
             raise InputError(
                 f"Elastic: hypothesis is {self.hypothesis!r}; allowed are"
-                f" {' and '.join(HYPOTHESES)}."
+                f" {', '.join(HYPOTHESES)}."
             )
         for name in self.parameters:
             value = getattr(self, name)
