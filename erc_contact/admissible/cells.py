@@ -28,7 +28,7 @@ class CellGeometry:
 
     Attributes:
         degree: Degree k.
-        order: Place of each sorted vertex in DOLFINx's order, shape (n, d+1).
+        places: Place of each sorted node in DOLFINx's order, shape (n, N).
         nodes: Nodes (block degrees of freedom) of each cell: those at the vertices,
             ascending, then those on the edges between them, shape (n, N).
         facets: Facet opposite to each of these vertices, shape (n, d+1).
@@ -48,7 +48,7 @@ class CellGeometry:
     """
 
     degree: int
-    order: np.ndarray
+    places: np.ndarray
     nodes: np.ndarray
     facets: np.ndarray
     side: np.ndarray
@@ -60,6 +60,11 @@ class CellGeometry:
     def d(self) -> int:
         """Return the dimension."""
         return self.J.shape[-1]
+
+    @property
+    def order(self) -> np.ndarray:
+        """Return the place of each sorted vertex in DOLFINx's order, shape (n, d+1)."""
+        return self.places[:, : self.d + 1]
 
     @property
     def vertices(self) -> np.ndarray:
@@ -113,7 +118,7 @@ def cell_geometry(space: Space) -> CellGeometry:
     area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / factorial(d - 1)
     area[:, 0] = -area[:, 1:].sum(axis=1)
     volume = abs(determinant) / factorial(d)
-    return CellGeometry(k, order, nodes, facets, side, edges.transpose(0, 2, 1), volume, area)
+    return CellGeometry(k, places, nodes, facets, side, edges.transpose(0, 2, 1), volume, area)
 
 
 def _sides(space: Space, facets: np.ndarray) -> np.ndarray:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
 import numpy as np
 from dolfinx import fem
 
@@ -9,6 +12,7 @@ from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import tensors
+from erc_contact.mesh.quadrature import polynomials
 from erc_contact.mesh.simplex import (
     barycentric,
     bernstein,
@@ -23,8 +27,72 @@ from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
 
 
+@dataclass(frozen=True, eq=False)
+class CellStrains:
+    """Evaluate the strain of a displacement at points of cells.
+
+    Attributes:
+        degree: Degree k of the displacement.
+        in_plane: Coefficients of degree k-1 in Mandel components, shape (n, N_(k-1),
+            s); of an axisymmetric body of the part in the half plane.
+        radial: Coefficients of the radial displacement of an axisymmetric body
+            [length], shape (n, N_k); None of other bodies.
+    """
+
+    degree: int
+    in_plane: np.ndarray
+    radial: np.ndarray | None
+
+    @classmethod
+    def of(cls, model: Model, cells: CellGeometry, u: fem.Function) -> Self:
+        """Return the strains of a displacement [length] in all cells of this rank."""
+        radial = None
+        if model.axisymmetric:
+            nodal = u.x.array.reshape(-1, cells.d)[cells.nodes, 0]
+            radial = nodal @ coefficients(cells.d, cells.degree).T
+        return cls(cells.degree, strains(cells, u), radial)
+
+    def at(self, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the strain [-], with the hoop strain ``u_r/r`` as last component.
+
+        Args:
+            cell: Cells, shape (n,).
+            places: Barycentric coordinates for the sorted vertices, shape (n, q, d+1).
+            x: The points [length], shape (n, q, d).
+
+        Returns:
+            Mandel components, shape (n, q, s).
+        """
+        strain = np.matmul(polynomials(self.degree - 1, places), self.in_plane[cell])
+        if self.radial is None:
+            return strain
+        radial = np.matmul(polynomials(self.degree, places), self.radial[cell][..., None])
+        return np.concatenate([strain, radial / x[..., :1]], axis=-1)
+
+
+class CellStress(NamedTuple):
+    """Hold a stress by the work that it does on polynomials of degree k in each cell.
+
+    Attributes:
+        in_plane: Coefficients of its projection on degree k-1 [force/area], shape (n,
+            N_(k-1), d, d).
+        hoop: Work of the hoop force of an axisymmetric body, less the radial body force,
+            on each radial Bernstein polynomial [force], shape (n, N_k); None of others.
+    """
+
+    in_plane: np.ndarray
+    hoop: np.ndarray | None = None
+
+    def plus(self, other: CellStress) -> CellStress:
+        """Return the sum of two stresses."""
+        hoop = None
+        if self.hoop is not None and other.hoop is not None:
+            hoop = self.hoop + other.hoop
+        return CellStress(self.in_plane + other.in_plane, hoop)
+
+
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
-    """Compute the strain of a displacement [-].
+    """Compute the strain of a displacement [-], of the part in the plane of the mesh.
 
     Returns:
         Coefficients of degree k-1 in Mandel components, shape (n, N_(k-1), s).
@@ -74,14 +142,17 @@ def elastic_coefficients(
     sub-simplices.
     """
     d, k = cells.d, cells.degree
-    stiffness = macro_moduli(model, cells, count)
-    strain = strains(cells, u)[:count]
     _, points, _ = macro_points(d, k)
+    stiffness = macro_moduli(model, cells, count)
     given = None
+    if model.axisymmetric:
+        strain = strains_at(model, cells, u, points, count)
+    else:
+        strain = strains(cells, u)[:count]
     if model.strains is not None:
         given = given_strains(model, cells, points, count)
     data_vary = stiffness.shape[1] > 1 or (given is not None and given.shape[1] > 1)
-    if k > 1 and data_vary:
+    if k > 1 and data_vary and not model.axisymmetric:
         strain = np.matmul(bernstein(d, k - 1, points), strain)
     if given is not None:
         strain = strain - given
@@ -100,6 +171,24 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
     if values.shape[1] in (1, len(points)):
         return values
     return np.matmul(bernstein(d, k - 1, points), values)
+
+
+def strains_at(
+    model: Model, cells: CellGeometry, u: fem.Function, points: np.ndarray, count: int
+) -> np.ndarray:
+    """Evaluate the strain of a displacement at reference points of the cells [-].
+
+    See :func:`moduli` for the arguments. Shape (count, q, s).
+    """
+    places = np.broadcast_to(barycentric(points), (count, len(points), cells.d + 1))
+    x = _places(model, cells, points, count, True)
+    return CellStrains.of(model, cells, u).at(_numbers(count), places, x)
+
+
+def macro_places(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
+    """Return the points of :func:`macro_points` in the first cells, (count, q, d)."""
+    _, points, _ = macro_points(model.d, model.degree)
+    return _places(model, cells, points, count, True)
 
 
 def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
@@ -172,7 +261,7 @@ def macro_moduli(
 
 def cell_stress(
     model: Model, cells: CellGeometry, u: fem.Function, *, change: bool = False
-) -> np.ndarray:
+) -> CellStress:
     """Project ``C (eps(u) - eps_0)`` on degree k-1 in each cell [force/area].
 
     The L2 projection does the same work as the stress on the strains of all P_k fields.
@@ -181,15 +270,15 @@ def cell_stress(
         model: The scene on a mesh.
         cells: Geometry.
         u: Displacement [length].
-        change: Whether u is the change of a displacement, whose stress is ``C eps(u)``.
-
-    Returns:
-        Coefficients, shape (n, N_(k-1), d, d).
+        change: Whether u is the change of a displacement, whose stress is ``C eps(u)``,
+            and which no load goes with.
     """
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
     stiffness = moduli(model, cells, points, count)
+    if model.axisymmetric:
+        return _stress_of_rings(model, cells, u, change, stiffness)
     strain = strains(cells, u)
     given = None
     if model.strains is not None and not change:
@@ -198,9 +287,30 @@ def cell_stress(
         # Constant moduli act on the coefficients; a constant has equal coefficients.
         if given is not None:
             strain = strain - given
-        return tensors(act(stiffness, strain), d)
+        return CellStress(tensors(act(stiffness, strain), d))
     at_points = np.matmul(bernstein(d, k - 1, points), strain)
     if given is not None:
         at_points = at_points - given
     values = act(stiffness, at_points)
-    return tensors(np.matmul(projection(d, k - 1, points, weights), values), d)
+    return CellStress(tensors(np.matmul(projection(d, k - 1, points, weights), values), d))
+
+
+def _stress_of_rings(
+    model: Model, cells: CellGeometry, u: fem.Function, change: bool, stiffness: np.ndarray
+) -> CellStress:
+    """Return :func:`cell_stress` of an axisymmetric body, by the rule of the solver."""
+    d, k = cells.d, cells.degree
+    points, weights = rule(d, DATA_DEGREE)
+    count = len(cells.nodes)
+    elastic = strains_at(model, cells, u, points, count)
+    if model.strains is not None and not change:
+        elastic = elastic - given_strains(model, cells, points, count)
+    values = act(stiffness, elastic)
+    x = _places(model, cells, points, count, True)
+    if model.hoop_load is not None and not change:
+        values[..., -1] -= model.hoop_load(x, _numbers(count))
+    # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
+    force = values[..., -1] / x[..., 0]
+    hoop = cells.volume[:, None] * (force @ (weights[:, None] * bernstein(d, k, points)))
+    in_plane = np.matmul(projection(d, k - 1, points, weights), values[..., :-1])
+    return CellStress(tensors(in_plane, d), hoop)

@@ -14,24 +14,22 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
 from erc_contact.admissible.balance_parts import OtherForces
 from erc_contact.admissible.boundary import load_moments, supported
+from erc_contact.admissible.bulk import Reconstruction, plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
     add_moments,
     cell_geometry,
-    force_coefficients,
     moments,
-    signed,
     values_on,
 )
 from erc_contact.admissible.contact import admissible_tractions, no_traction
 from erc_contact.admissible.displacement import admissible_displacement
-from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
-from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.imbalance import Given, proved_imbalance
 from erc_contact.admissible.loads import cell_forces
-from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.rebalance import (
     Rebalanced,
@@ -41,8 +39,7 @@ from erc_contact.admissible.rebalance import (
 )
 from erc_contact.admissible.soft_contacts import with_soft_contacts
 from erc_contact.admissible.springs import chosen_tractions, spring_moments, spring_tractions
-from erc_contact.admissible.tighten.complementary import relaxed
-from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tightened
+from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced, NotHeldError
 from erc_contact.model.model import Model
@@ -124,15 +121,16 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
     cell_count = len(cells.nodes)
     moment = np.zeros((model.facet_count, len(model.facet_points), model.d))
     fe_stress = np.zeros((cell_count, comb(model.degree - 1 + model.d, model.d), model.d, model.d))
-    forces = signed(cells, moment)
-    sigma = macro_stress(cells, model.domain.owned_cells, fe_stress, forces, None)
+    components = model.constitution.metric.size
+    coefficients = comb(model.degree + model.d, model.d)
+    sigma = np.zeros((model.domain.owned_cells, model.d + 1, coefficients, components))
     return Admissible(
         solution=solution,
         displacement=solution.u,
         tractions=[no_traction(model, contact) for contact in model.contacts],
         spring_tractions=chosen_tractions(model, moment, moment),
         cell_geometry=cells,
-        fe_stress=fe_stress,
+        fe_stress=CellStress(fe_stress),
         stress=sigma,
         facet_moments=moment,
         cell_forces=None,
@@ -177,67 +175,55 @@ def _make_pair(
         The pair, the rebalanced stress, and the bulk part of e^2 before bubbles are
         chosen [force length]; None where nothing was tightened.
     """
-    cells, force = data.cells, data.force
+    cells = data.cells
     model = data.solution.model
-    owned = model.domain.owned_cells
-    hat, tractions, balanced, boundary, moment = _before_tightening(data, others)
-
-    # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
-    has_bubbles = model.degree > 1
-    iterations = 0
-    correction = None
-    bulk = None
-    if tighten > 0 or has_bubbles:
-        elastic = elastic_coefficients(model, cells, hat, owned)
-        compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
-    if tighten > 0:
-        free = cells.has_second[:, None] | data.fixed
-        untightened = moment.copy()
-        if near is not None and near.correction is not None:
-            moment += near.correction
-        moment, iterations, bulk = tightened(
-            model, cells, moment, force, free, elastic, compliance, tighten
-        )
-        correction = moment - untightened
-    forces = force_coefficients(signed(cells, moment)[:owned], model.degree)
-    sigma = macro_stress(cells, owned, balanced.stress, forces, force)
-    if has_bubbles:
-        sigma = relaxed(cells, sigma, elastic, compliance)
-    given = Given(force, boundary, data.fixed, tractions)
+    hat, tractions, balanced, boundary = _before_tightening(data, others)
+    given = Reconstruction(
+        model=model,
+        cells=cells,
+        displacement=hat,
+        balanced=balanced.stress,
+        force=data.force,
+        boundary=boundary,
+        fixed=data.fixed,
+        tighten=tighten,
+        correction=None if near is None else near.correction,
+    )
+    bulk = axisymmetric_bulk(given) if model.axisymmetric else plane_bulk(given)
+    of_boundary = Given(boundary, data.fixed, tractions)
     u = data.solution.u
-    imbalance = proved_imbalance(model, cells, u, sigma, moment, forces, given)
+    imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
-        of_springs = chosen_tractions(model, data.loads, moment)
+        of_springs = chosen_tractions(model, data.loads, bulk.moment)
     pair = Admissible(
-        data.solution,
-        hat,
-        tractions,
-        of_springs,
-        cells,
-        balanced.stress,
-        sigma,
-        moment,
-        force,
-        iterations,
-        correction,
-        imbalance,
-        0.0,
+        solution=data.solution,
+        displacement=hat,
+        tractions=tractions,
+        spring_tractions=of_springs,
+        cell_geometry=cells,
+        fe_stress=balanced.stress,
+        stress=bulk.stress,
+        facet_moments=bulk.moment,
+        cell_forces=data.force,
+        tightening=bulk.iterations,
+        correction=bulk.correction,
+        imbalance=imbalance,
+        seconds=0.0,
     )
-    return pair, balanced, bulk
+    return pair, balanced, bulk.square
 
 
 def _before_tightening(
     data: _Data, others: OtherForces
-) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray, np.ndarray]:
-    """Reconstruct the pair before sigma^ is tightened, as facet tractions; collective.
+) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray]:
+    """Reconstruct the pair but for sigma^; collective.
 
     See :func:`_make_pair` for the arguments.
 
     Returns:
         u^; r^ on each contact; the rebalanced stress; moments of the tractions that are
-        given on the boundary [force], shape (facets, m, d); moments of facet tractions
-        that balance every cell, likewise.
+        given on the boundary [force], shape (facets, m, d).
     """
     solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
@@ -262,11 +248,7 @@ def _before_tightening(
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
         boundary += np.where(fixed[:, None, :], 0.0, pulled)
-    # A rank has all cells around the nodes of its own cells, but not around others.
-    complete = np.zeros(len(model.fixed), dtype=bool)
-    complete[model.nodes[: model.domain.owned_cells]] = True
-    moment = equilibrated_moments(cells, balanced.stress, force, boundary, fixed, complete)
-    return hat, tractions, balanced, boundary, moment
+    return hat, tractions, balanced, boundary
 
 
 def _of_owners(

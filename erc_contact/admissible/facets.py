@@ -42,7 +42,7 @@ from erc_contact.mesh.simplex import (
 def equilibrated_moments(
     cells: CellGeometry,
     stress: np.ndarray,
-    force: np.ndarray | None,
+    body: np.ndarray | None,
     boundary: np.ndarray,
     fixed: np.ndarray,
     complete: np.ndarray,
@@ -52,8 +52,8 @@ def equilibrated_moments(
     Args:
         cells: Geometry, n cells.
         stress: Coefficients of sigma_h [force/area], shape (n, N_(k-1), d, d).
-        force: Coefficients of the body force times volume [force], shape (n, N_(k-1),
-            d), or None.
+        body: Work of the body force on each Bernstein polynomial of degree k [force],
+            shape (n, N_k, d), or None.
         boundary: Moments of the tractions known on the boundary [force], shape
             (facets, m, d).
         fixed: Components of boundary facets whose traction is unknown (Gamma_D), shape
@@ -68,7 +68,7 @@ def equilibrated_moments(
     count = len(cells.nodes)
     inner = cells.has_second
     first, second = cells.side
-    on_facets, of_force = _tests(d, k)
+    on_facets = _tests(d, k)
     by_facet = facet_forces(cells.area, stress)
 
     # The average of both sides; the traction of the only side on Gamma_D.
@@ -82,8 +82,8 @@ def equilibrated_moments(
     # (f, B_v) - (sigma_h, grad B_v) + int_dT t B_v on every cell
     by_cell = by_facet.reshape(count, (d + 1) * by_facet.shape[2], d)
     residual = np.matmul(divergence(d, k), by_cell)
-    if force is not None:
-        residual += np.matmul(of_force, force)
+    if body is not None:
+        residual += body
     to_nodes = _incidence(d, k)
     residual += np.matmul(to_nodes, signed(cells, moment).reshape(count, to_nodes.shape[1], d))
 
@@ -109,19 +109,14 @@ def divergence(d: int, k: int) -> np.ndarray:
 
 
 @cache
-def _tests(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Compute means of products of Bernstein polynomials.
-
-    Returns:
-        Means of B_c B_m over each facet, shape (d+1, m, N_(k-1)), and of B_v B_c over
-        the cell, shape (N_k, N_(k-1)).
-    """
+def _tests(d: int, k: int) -> np.ndarray:
+    """Compute the means of B_c B_m over each facet, shape (d+1, m, N_(k-1))."""
     points, weights = rule(d - 1, 2 * k - 1)
     on_facets = []
     for vertices in facet_vertices(d):
         lower = bernstein(d, k - 1, barycentric(points) @ nodes(d, 1)[vertices])
         on_facets.append(bernstein(d - 1, k, points).T @ (weights[:, None] * lower))
-    return np.array(on_facets), mass(d, k, k - 1)
+    return np.array(on_facets)
 
 
 @cache

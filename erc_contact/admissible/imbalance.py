@@ -71,15 +71,12 @@ class Given:
     """Hold what sigma^ is to be in equilibrium with.
 
     Attributes:
-        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
-            None.
         boundary: Moments of loads, r^ and the pull of springs on facets of the boundary
             [force], shape (facets, m, d).
         fixed: Components of facets whose traction is not given, shape (facets, d).
         tractions: r^ on each contact.
     """
 
-    force: np.ndarray | None
     boundary: np.ndarray
     fixed: np.ndarray
     tractions: Sequence[ContactTraction]
@@ -89,9 +86,8 @@ def proved_imbalance(
     model: Model,
     cells: CellGeometry,
     u: fem.Function,
-    stress: np.ndarray,
+    of_cells: tuple[np.ndarray, np.ndarray],
     moment: np.ndarray,
-    forces: np.ndarray,
     given: Given,
 ) -> float:
     """Return the greatest missing force over the greatest force [-]; collective.
@@ -100,16 +96,15 @@ def proved_imbalance(
         model: The scene on a mesh.
         cells: Geometry, n cells.
         u: The displacement [length].
-        stress: sigma^ of the owned cells [force/area], shape (owned, d+1, N_k, s).
+        of_cells: Greatest missing force in each owned cell, and greatest force [force],
+            from :func:`unbalanced_cells`.
         moment: Moments of the facet tractions [force], shape (facets, m, d).
-        forces: ``|F| t`` on the facets of the owned cells [force], shape (owned, d+1,
-            m, d).
         given: What they balance.
 
     Raises:
         NotBalanced: If it is more than round-off.
     """
-    missing, size = _of_cells(cells, stress, forces, given.force)
+    missing, size = of_cells
     greatest = _by_body(model, cells, size)
     # One solve is for all bodies: the greatest forces set its last digits.
     greatest = np.maximum(greatest, np.finfo(float).eps / UNBALANCED * greatest.max())
@@ -236,13 +231,19 @@ def _tables(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def _of_cells(
+def unbalanced_cells(
     cells: CellGeometry, stress: np.ndarray, forces: np.ndarray, force: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the greatest missing force in each cell, and the greatest force [force].
 
     The missing forces are those in sub-simplices, between them, and on the facets of
-    the cell. Arguments are as in :func:`proved_imbalance`.
+    the cell.
+
+    Args:
+        cells: Geometry.
+        stress: sigma^ of the owned cells [force/area], shape (owned, d+1, N_k, s).
+        forces: ``|F| t`` on their facets [force], shape (owned, d+1, m, d).
+        force: Body force times volume of each cell [force], or None.
     """
     d, k = cells.d, cells.degree
     slopes, on_facet, common = _tables(d, k)

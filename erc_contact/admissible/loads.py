@@ -62,6 +62,9 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
 def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     """Project the body force times volume on degree k-1 [force]; collective.
 
+    Of an axisymmetric body it is the axial force alone: the radial one is a part of the
+    hoop stress.
+
     Returns:
         Coefficients, shape (n, N_(k-1), d), or None without body force.
     """
@@ -81,6 +84,8 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     # and forces of a cell. Only then the vertices are sorted.
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
+    if model.axisymmetric:
+        means[..., 0] = 0.0
     forces = from_means(d, k - 1, means)
     if k == 1:
         return forces

@@ -19,6 +19,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.fields import FIELD_DEGREE, stress_function, sub_dx, traction_function
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base import checks
@@ -43,10 +44,10 @@ class Admissible:
         spring_tractions: t^ on each part with springs [force/area], as Bernstein
             coefficients of shape (f, m, d).
         cell_geometry: Vertices, facets and volumes of the cells.
-        fe_stress: The rebalanced finite element stress, projected on polynomials of
-            degree k-1 in each cell [force/area], shape (n, N_(k-1), d, d).
+        fe_stress: The rebalanced finite element stress.
         stress: sigma^ of the owned cells in Mandel components, of degree k in the
-            sub-simplices [force/area], shape (owned, d+1, N_k, s).
+            sub-simplices [force/area], shape (owned, d+1, N_k, s). Of an axisymmetric
+            body it is times the circumference, and has a hoop component.
         facet_moments: Moments of the facet tractions on the first side of each facet
             [force], shape (facets, m, d).
         cell_forces: Body force times volume of each cell, projected on degree k-1
@@ -68,7 +69,7 @@ class Admissible:
     tractions: list[ContactTraction]
     spring_tractions: list[np.ndarray]
     cell_geometry: CellGeometry
-    fe_stress: np.ndarray
+    fe_stress: CellStress
     stress: np.ndarray
     facet_moments: np.ndarray
     cell_forces: np.ndarray | None

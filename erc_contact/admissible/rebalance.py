@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.balance_parts import OtherForces
 from erc_contact.admissible.cells import CellGeometry, facet_forces
-from erc_contact.admissible.elastic import cell_stress
+from erc_contact.admissible.elastic import CellStress, cell_stress
 from erc_contact.admissible.facets import divergence
 from erc_contact.admissible.springs import (
     motions_off_springs,
@@ -134,14 +134,14 @@ class Rebalanced:
     """Hold the stress in equilibrium with admissible tractions, and what it took.
 
     Attributes:
-        stress: Coefficients [force/area], shape (n, N_(k-1), d, d).
+        stress: The stress in each cell.
         displacement: The displacement whose stress it is [length]; springs pull there.
         missing: Nodal forces that the contact solve leaves, not summed over ranks
             [force]; None where it leaves round-off.
         change: The displacement by them [length], likewise.
     """
 
-    stress: np.ndarray
+    stress: CellStress
     displacement: fem.Function
     missing: fem.Function | None
     change: fem.Function | None
@@ -186,13 +186,13 @@ def rebalanced_stress(
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
             if missing is None:
                 missing, first = residual, change
-            stress += cell_stress(model, cells, change, change=True)
+            stress = stress.plus(cell_stress(model, cells, change, change=True))
             if model.springs:
                 balanced.x.array[:] += change.x.array
     return Rebalanced(_stress_of_owners(model, cells, stress), balanced, missing, first)
 
 
-def _stress_of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> np.ndarray:
+def _stress_of_owners(model: Model, cells: CellGeometry, stress: CellStress) -> CellStress:
     """Return the stress of each cell as its owner has computed it; collective.
 
     After a large slide the round-off of two ranks differs by more than the balance
@@ -200,25 +200,41 @@ def _stress_of_owners(model: Model, cells: CellGeometry, stress: np.ndarray) -> 
     """
     if model.comm.size == 1:
         return stress
-    # The ranks do not agree on the order of the vertices that sorts them, but on
-    # DOLFINx's order, in which the coefficients are sent.
-    order = cells.order[:, :, None, None]
-    is_constant = stress.shape[1] == 1
-    cell_map = model.mesh.topology.index_map(model.d)
-    vector = la.vector(cell_map, int(np.prod(stress.shape[1:])))
-    shared = vector.array.reshape(stress.shape)
-    if is_constant:
-        shared[:] = stress
-    else:
-        np.put_along_axis(shared, order, stress, axis=1)
-    vector.scatter_forward()
-    if is_constant:
+    is_constant = stress.in_plane.shape[1] == 1
+    order = None if is_constant else cells.order
+    in_plane = _values_of_owners(model, stress.in_plane, order)
+    hoop = None
+    if stress.hoop is not None:
+        hoop = _values_of_owners(model, stress.hoop, cells.places)
+    return CellStress(in_plane, hoop)
+
+
+def _values_of_owners(model: Model, values: np.ndarray, order: np.ndarray | None) -> np.ndarray:
+    """Return values of cells as their owners have them; collective.
+
+    The ranks do not agree on the order of the vertices that sorts them, but on
+    DOLFINx's order, in which the values are sent.
+
+    Args:
+        model: The scene on a mesh.
+        values: Values at nodes of the cells, shape (n, nodes, ...).
+        order: Place of each node in DOLFINx's order, shape (n, nodes); None for one
+            value a cell.
+    """
+    vector = la.vector(model.mesh.topology.index_map(model.d), int(np.prod(values.shape[1:])))
+    shared = vector.array.reshape(values.shape)
+    if order is None:
+        shared[:] = values
+        vector.scatter_forward()
         return shared.copy()
-    return np.take_along_axis(shared, order, axis=1)
+    places = order.reshape(*order.shape, *[1] * (values.ndim - 2))
+    np.put_along_axis(shared, places, values, axis=1)
+    vector.scatter_forward()
+    return np.take_along_axis(shared, places, axis=1)
 
 
 def _residual(
-    model: Model, cells: CellGeometry, b: fem.Function, stress: np.ndarray
+    model: Model, cells: CellGeometry, b: fem.Function, stress: CellStress
 ) -> tuple[fem.Function, float]:
     """Subtract the nodal forces of a stress from b [force]; collective.
 
@@ -229,9 +245,11 @@ def _residual(
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
     to_cells = divergence(d, k)
-    on_facets = facet_forces(cells.area[:owned], stress[:owned])
+    on_facets = facet_forces(cells.area[:owned], stress.in_plane[:owned])
     by_cell = on_facets.reshape(owned, to_cells.shape[1], d)
     of_cells = np.matmul(coefficients(d, k).T @ to_cells, by_cell)
+    if stress.hoop is not None:
+        of_cells[..., 0] -= stress.hoop[:owned] @ coefficients(d, k)
     residual = model.function()
     residual.x.array[:] = b.x.array
     np.add.at(residual.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)

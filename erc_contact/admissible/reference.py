@@ -29,7 +29,7 @@ RANK = 1e-10
 
 
 @cache
-def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
+def _reference(d: int, k: int, on_pieces: bool) -> tuple[np.ndarray, np.ndarray]:
     """Compute the map and the bubbles on the reference simplex.
 
     See :func:`reference_map` and :func:`bubbles`. The map is the solution of linear
@@ -39,10 +39,10 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
     s = len(mandel_basis(d))
     N = len(nodes(d, k))
     m = len(nodes(d - 1, k))
-    b = len(nodes(d, k - 1))
+    b = len(nodes(d, k - 1)) * (d + 1 if on_pieces else 1)
     stresses = np.eye((d + 1) * N * s).reshape(d + 1, N, s, -1)
     inputs = np.eye(((d + 1) * m + b) * d).reshape((d + 1) * m + b, d, -1)
-    equilibrium, loads = _equilibrium_rows(d, k, stresses, inputs)
+    equilibrium, loads = _equilibrium_rows(d, k, stresses, inputs, on_pieces)
     continuity = _continuity_rows(d, k, stresses)
     no_load = np.zeros((len(continuity), *inputs.shape[1:]))
     rows = np.concatenate([equilibrium, continuity]).reshape(-1, stresses.shape[-1])
@@ -64,7 +64,7 @@ def _reference(d: int, k: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _equilibrium_rows(
-    d: int, k: int, stresses: np.ndarray, inputs: np.ndarray
+    d: int, k: int, stresses: np.ndarray, inputs: np.ndarray, on_pieces: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the conditions of equilibrium, as vectors of d components.
 
@@ -73,6 +73,7 @@ def _equilibrium_rows(
         k: Degree.
         stresses: All stresses of the sub-simplices, shape (d+1, N, s, number).
         inputs: All facet forces, then all body forces, shape ((d+1) m + b, d, number).
+        on_pieces: Whether each sub-simplex has a body force of its own.
 
     Returns:
         The left sides for the stresses, and the right sides for the inputs.
@@ -89,15 +90,24 @@ def _equilibrium_rows(
         rows.extend(
             np.einsum("cjm,ja,msz,sai->ciz", table, gradient, stresses[i], basis, optimize=True)
         )
-        # The body force is of degree at most 1: its values are its coefficients.
-        places = nodes(d, k - 1) @ (points[1:] - points[0]) + points[0]
-        of_cell = bernstein(d, k - 1, places)
-        data.extend(-factorial(d) * np.einsum("cb,biz->ciz", of_cell, body_forces))
+        data.extend(-factorial(d) * _on_piece(d, k, i, points, body_forces, on_pieces))
         normal = -gradient[i] / np.linalg.norm(gradient[i])
         rows.extend(np.einsum("msz,sij,j->miz", stresses[i, on_facet[i]], basis, normal))
         corners = points[np.arange(d + 1) != i]
         data.extend(inputs[i * m : (i + 1) * m] / measures(corners))
     return np.array(rows), np.array(data)
+
+
+def _on_piece(
+    d: int, k: int, i: int, points: np.ndarray, body_forces: np.ndarray, on_pieces: bool
+) -> np.ndarray:
+    """Return the coefficients of body forces on sub-simplex i with vertices ``points``."""
+    b = len(nodes(d, k - 1))
+    if on_pieces:
+        return body_forces[i * b : (i + 1) * b]
+    # The body force is of degree at most 1: its values are its coefficients.
+    places = nodes(d, k - 1) @ (points[1:] - points[0]) + points[0]
+    return np.einsum("cb,biz->ciz", bernstein(d, k - 1, places), body_forces)
 
 
 def _continuity_rows(d: int, k: int, stresses: np.ndarray) -> np.ndarray:
@@ -147,8 +157,14 @@ def named_nodes(d: int, k: int, sub: int, facet: int) -> dict[frozenset[int], in
     return named
 
 
-def reference_map(d: int, k: int) -> np.ndarray:
+def reference_map(d: int, k: int, *, on_pieces: bool = False) -> np.ndarray:
     """Return the matrix from facet forces and body force to stresses.
+
+    Args:
+        d: Dimension.
+        k: Degree.
+        on_pieces: Whether each sub-simplex has a body force of its own. The body force
+            then has (d+1) N_(k-1) rows, sub-simplex by sub-simplex.
 
     Returns:
         Shape (d+1, N_k, s, (d+1)m + N_(k-1), d) on the reference simplex: stress
@@ -156,7 +172,7 @@ def reference_map(d: int, k: int) -> np.ndarray:
         facet i (first rows) and the body force times the volume, each a vector of d
         components.
     """
-    table, _ = _reference(d, k)
+    table, _ = _reference(d, k, on_pieces)
     return table
 
 
@@ -166,7 +182,7 @@ def bubbles(d: int, k: int) -> np.ndarray:
     Returns:
         Coefficients on the reference simplex, shape (d+1, N_k, s, number).
     """
-    _, bubble = _reference(d, k)
+    _, bubble = _reference(d, k, False)
     return bubble
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
-from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli, strains
+from erc_contact.admissible.elastic import CellStrains, elastic_coefficients, macro_moduli
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
-from erc_contact.mesh.quadrature import cell_pieces, integrate, polynomials
+from erc_contact.mesh.quadrature import cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.mesh.surface import pairs, swept
 
@@ -29,6 +29,8 @@ def body_error(admissible: Admissible) -> LawError:
     inside cells, the gap contains what its integral leaves unknown.
     """
     model = admissible.model
+    if model.constitution.varies_in_cells:
+        return _adapted_squares(admissible)
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, model.degree)
@@ -42,9 +44,7 @@ def body_error(admissible: Admissible) -> LawError:
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, both = np.empty((2, owned))
     kernels(model.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
-    if not model.constitution.varies_in_cells:
-        return LawError(difference, both)
-    return _adapted_squares(admissible, float(both.sum()))
+    return LawError(difference, both)
 
 
 def spring_error(admissible: Admissible) -> LawError:
@@ -54,27 +54,25 @@ def spring_error(admissible: Admissible) -> LawError:
     return LawError(gap, both)
 
 
-def _adapted_squares(admissible: Admissible, size: float) -> LawError:
-    """Compute the result of :func:`body_error` for data that vary; collective.
-
-    Args:
-        admissible: The pair.
-        size: Sum of ``|sigma^ + C eps(u^)|^2`` on this rank by a fixed rule [force
-            length].
-    """
+def _adapted_squares(admissible: Admissible) -> LawError:
+    """Compute the result of :func:`body_error` for data that vary; collective."""
     model = admissible.model
     cells = admissible.cell_geometry
     k = model.degree
     owned = model.domain.owned_cells
     of_cells = model.owned_cells
-    strain = strains(cells, admissible.displacement)[:owned]
+    strain = CellStrains.of(model, cells, admissible.displacement)
 
     def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        at_points = np.matmul(polynomials(k - 1, places), strain[cell])
         sigma = macro_values(admissible.stress, k, cell, places)
-        return model.constitution.squares(at_points, sigma, x, of_cells[cell])
+        if model.hoop_load is not None:
+            sigma[..., -1] += model.hoop_load(x, of_cells[cell])
+        return model.constitution.squares(strain.at(cell, places, x), sigma, x, of_cells[cell])
 
     corners = sorted_corners(model, cells)[:owned]
+    middles = np.full((owned, 1, model.d + 1), 1 / (model.d + 1))
+    in_middles = squares(np.arange(owned), middles, corners.mean(axis=1, keepdims=True))
+    size = float(cells.volume[:owned] @ in_middles[:, 0, 1])
     # An error that is round-off of the stresses need not be resolved.
     floor = np.array([DATA_ROUND_OFF**2 * model.comm.allreduce(size, MPI.SUM), 0.0])
     total = integrate(

@@ -12,7 +12,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import sorted_corners
-from erc_contact.admissible.elastic import macro_moduli, strains
+from erc_contact.admissible.elastic import CellStrains, macro_moduli, strains, strains_at
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
@@ -21,7 +21,7 @@ from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import foundation_energies
 from erc_contact.error.load_work import assembled
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate, polynomials
+from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_data import ContactData
@@ -37,22 +37,22 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     of_springs = BoundedNumber(0.0)
     for spring in model.springs:
         of_springs += BoundedNumber(assembled(model, spring.work(v, w)))
-    strain_v = strains(cells, v)
-    strain_w = strains(cells, w)
     law = model.constitution
     if not law.stiffness.varies_in_cells:
         owned = model.domain.owned_cells
-        stress = act(macro_moduli(model, cells, owned), strain_v[:owned])
+        stress = act(macro_moduli(model, cells, owned), strains(cells, v)[:owned])
         means = mass(model.d, model.degree - 1, model.degree - 1)
-        of_cells = np.einsum("nas,ab,nbs->n", stress, means, strain_w[:owned], optimize=True)
+        strain = strains(cells, w)[:owned]
+        of_cells = np.einsum("nas,ab,nbs->n", stress, means, strain, optimize=True)
         local = float(cells.volume[:owned] @ of_cells)
         return BoundedNumber(model.comm.allreduce(local, MPI.SUM)) + of_springs
     numbers = model.owned_cells
+    strain_v = CellStrains.of(model, cells, v)
+    strain_w = CellStrains.of(model, cells, w)
 
     def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree - 1, places)
-        stress = law.stress_change(np.matmul(shape, strain_v[entity]), x, numbers[entity])
-        return (stress * np.matmul(shape, strain_w[entity])).sum(axis=-1, keepdims=True)
+        stress = law.stress_change(strain_v.at(entity, places, x), x, numbers[entity])
+        return (stress * strain_w.at(entity, places, x)).sum(axis=-1, keepdims=True)
 
     return _over_cells(pair, density) + of_springs
 
@@ -70,10 +70,10 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
         return BoundedNumber(assembled(model, model.strain_loads(v)))
     cells = pair.cell_geometry
     of_cells = model.owned_cells
-    strain_v = strains(cells, v)
+    strain_v = CellStrains.of(model, cells, v)
 
     def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        strain = np.matmul(polynomials(model.degree - 1, places), strain_v[entity])
+        strain = strain_v.at(entity, places, x)
         cell = of_cells[entity]
         stress = model.constitution.stress_change(given(x, cell), x, cell)
         return (stress * strain).sum(axis=-1, keepdims=True)
@@ -123,12 +123,30 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(model.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
-    strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
+    if model.axisymmetric:
+        strain = strains_at(model, cells, v, points, owned)
+    else:
+        strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
     # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
     local += spring_work(model, v, pair.spring_tractions)
-    return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
+    return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
+
+
+def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
+    """Compute the work of the radial body force of rings, a hoop stress; collective."""
+    load = pair.model.hoop_load
+    if load is None:
+        return BoundedNumber(0.0)
+    of_cells = pair.model.owned_cells
+    strain_v = CellStrains.of(pair.model, pair.cell_geometry, v)
+
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        hoop = load(x, of_cells[entity])[..., None]
+        return hoop * strain_v.at(entity, places, x)[..., -1:]
+
+    return _over_cells(pair, density)
 
 
 def friction_work(

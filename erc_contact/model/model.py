@@ -17,6 +17,7 @@ from erc_contact.model.constitution import Constitution
 from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.dimension import check_dimension
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
@@ -60,6 +61,9 @@ class Model(Space):
         surface_loads: Loads on parts of the boundary.
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
             None.
+        hoop_load: The radial body force f_r of an axisymmetric body as the hoop
+            component ``c r f_r`` of a stress (:mod:`erc_contact.model.meridian`), a
+            function of points and cells; None without any.
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
@@ -92,7 +96,9 @@ class Model(Space):
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
         of_rings = is_axisymmetric(scene.material)
-        super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree, axisymmetric=of_rings)
+        super().__init__(
+            domain.tied([tie.sides for tie in scene.ties]), degree, axisymmetric=of_rings
+        )
         self.scene = scene
         self.is_later_step = last is not None
         self.greatest_before = Greatest() if last is None else last.greatest
@@ -128,6 +134,9 @@ class Model(Space):
         self.loose_faces = supports.loose_faces
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
+        self.hoop_load = None
+        if self.axisymmetric and self.body_force is not None:
+            self.hoop_load = Everywhere(self.x[0] * self.body_force[0], self.mesh)
 
     def bind_connections(self) -> None:
         """Find the nodes that contacts connect, given supports; collective."""

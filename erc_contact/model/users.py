@@ -11,7 +11,6 @@ from numbers import Real
 from typing import Any
 
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives

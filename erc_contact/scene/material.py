@@ -240,8 +240,7 @@ class Elastic:
         """Check the hypothesis and the numbers."""
         if self.hypothesis not in HYPOTHESES:
             raise InputError(
-                f"Elastic: hypothesis is {self.hypothesis!r}; allowed are"
-                f" {', '.join(HYPOTHESES)}."
+                f"Elastic: hypothesis is {self.hypothesis!r}; allowed are {', '.join(HYPOTHESES)}."
             )
         for name in self.parameters:
             value = getattr(self, name)

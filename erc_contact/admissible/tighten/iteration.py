@@ -92,13 +92,13 @@ def tightened(
     np.negative(r, out=r)
     # Linear moments are their own hierarchical ones.
     x = moment if m == d else np.zeros_like(r)
-    done, square = _minimise(shared, energy, precondition, x, r, square, iterations)
+    done, square = minimise(shared, energy, precondition, x, r, square, iterations)
     if m > d:
         x = moment + np.matmul(np.linalg.inv(to_hierarchical), x)
     return x, done, square
 
 
-def _minimise(
+def minimise(
     shared: SharedMoments,
     energy: ComplementaryEnergy,
     precondition: Callable[[np.ndarray], np.ndarray],

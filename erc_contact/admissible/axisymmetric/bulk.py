@@ -1,0 +1,58 @@
+"""From balanced cell stresses to the admissible stress of axisymmetric bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.admissible.axisymmetric.elements import Elements
+from erc_contact.admissible.axisymmetric.missing import missing_forces
+from erc_contact.admissible.axisymmetric.tighten import off_axis, tightened, without_axis
+from erc_contact.admissible.bulk import BulkStress, Reconstruction
+from erc_contact.admissible.cells import signed
+from erc_contact.admissible.elastic import elastic_coefficients, macro_places
+from erc_contact.mesh.simplex import mass
+from erc_contact.model.meridian import nodes_on_axis
+
+
+def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
+    """Reconstruct S, with the hoop force as a body force that is free in each cell.
+
+    The first tractions are found as in the plane, with the hoop force of the solver as
+    a body force, and moved off the axis.
+    """
+    model, cells = given.model, given.cells
+    owned = model.domain.owned_cells
+    on_axis = nodes_on_axis(model)
+    off = off_axis(cells, on_axis)
+    # Nodes on the axis have no radial equilibrium: whatever is left there is free.
+    with_axis = given.fixed.copy()
+    with_axis[:, 0] |= ~off.any(axis=1)
+    forces = without_axis(cells, given.first_moments(with_axis), off)
+    elements = Elements(model, cells, given.force)
+    elastic = elastic_coefficients(model, cells, given.displacement, owned)
+    if model.hoop_load is not None:
+        places = macro_places(model, cells, owned)
+        elastic[..., -1] -= model.hoop_load(places, model.owned_cells)
+    to_moments = mass(1, cells.degree, cells.degree)
+    iterations = 0
+    correction = None
+    square = None
+    if given.tighten > 0:
+        first = forces
+        if given.correction is not None:
+            forces = forces + np.linalg.solve(to_moments, given.correction)
+        free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
+        forces, iterations, square = tightened(
+            model, elements, forces, free, elastic, given.tighten
+        )
+        correction = np.matmul(to_moments, forces - first)
+    of_cells = signed(cells, forces)[:owned]
+    stress = elements.stresses(of_cells, elastic)
+    return BulkStress(
+        stress=stress,
+        moment=np.matmul(to_moments, forces),
+        iterations=iterations,
+        correction=correction,
+        square=square,
+        missing=missing_forces(elements, stress, of_cells),
+    )
