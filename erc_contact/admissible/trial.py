@@ -17,11 +17,20 @@ from erc_contact.admissible.balance_parts import weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip, shift_of_far_open
 from erc_contact.admissible.traction import ContactTraction, is_kinked
-from erc_contact.mesh.simplex import at_nodes, averages, projection, rule
+from erc_contact.mesh.simplex import (
+    at_nodes,
+    averages,
+    bernstein,
+    mass,
+    nodes,
+    projection,
+    rule,
+)
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONSTANT
+from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.model.turning import Turning, turning_of
@@ -48,6 +57,8 @@ class Trial:
         is_kinked: Whether the normals jump. A polygon that slides along another one
             presses on one end of each facet, and a projection would change resultants.
         turning: How tractions turn with the normals, or None.
+        off_axis: Which coefficients of an axisymmetric body are off the axis, where
+            there is no traction, shape (f, m); None of other bodies.
         otherwise: The trial that takes the place of this one if the law does not allow
             a traction that does not turn, or None.
     """
@@ -59,6 +70,7 @@ class Trial:
     level: np.ndarray
     is_kinked: bool
     turning: Turning | None
+    off_axis: np.ndarray | None = None
     otherwise: Trial | None = None
 
     def turned(self, outside: bool) -> Trial:
@@ -87,6 +99,8 @@ class Trial:
         else:
             near = allowed.limited(self.mean, self.best)
         shifted = near + self.shift.round_off(near)
+        if self.off_axis is not None:
+            shifted = shifted * self.off_axis[..., None]
         return self.levelled(allowed.project(shifted))
 
     def levelled(self, values: np.ndarray) -> np.ndarray:
@@ -120,6 +134,8 @@ class Trial:
         added = (change**2).sum(axis=2).mean(axis=1)
         size = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
         far = path > SLIDES * size
+        if self.off_axis is not None:
+            far &= self.off_axis.all(axis=1)
         return ~self.level & far & (saved > added)
 
     def lowered(self, factor: np.ndarray, become: np.ndarray) -> Trial:
@@ -148,6 +164,15 @@ class Trial:
         They are as :func:`weights_and_motions` returns them, for the tractions of the
         trial.
         """
+        weight, of_nodes = self._weights_and_motions(model, motions)
+        if self.off_axis is not None:
+            of_nodes = of_nodes * self.off_axis[..., None, None]
+        return weight, of_nodes
+
+    def _weights_and_motions(
+        self, model: Model, motions: list[fem.Function]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return :meth:`weights_and_motions`, on the axis, too."""
         if self.turning is None:
             return weights_and_motions(model, self.contact, motions)
         trace = self.contact.trace
@@ -193,15 +218,66 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
         means = turning.nearest(sampled, points, weights, average)
     opens = shift_of_far_open(space, contact, shift, since_last_step, values, turning)
     count = len(contact.facets)
+    best, mean = values + opens, means + opens
+    off = off_axis(space, contact, degree)
+    if off is not None:
+        if turning is None:
+            best = _projected_off_axis(off, degree, points, weights, sampled, best)
+        best, mean = best * off[..., None], mean * off[..., None]
     return Trial(
-        best=values + opens,
-        mean=means + opens,
+        best=best,
+        mean=mean,
         shift=shift,
         allowed=Allowed(space, contact, np.ones(count), degree),
         level=np.zeros(count, dtype=bool),
         is_kinked=is_kinked(space.comm, contact),
         turning=turning,
+        off_axis=off,
     )
+
+
+def off_axis(space: Space, contact: ContactOnMesh, degree: int) -> np.ndarray | None:
+    """Tell which coefficients of facet tractions of a degree are off the axis, (f, m).
+
+    None without an axis.
+    """
+    if not space.axisymmetric:
+        return None
+    radius = contact.trace.here.corners[..., 0]
+    off = abs(radius) > ON_AXIS * space.domain.extent
+    if degree == 0:
+        return off.all(axis=1, keepdims=True)
+    inside = np.ones((len(off), len(nodes(1, degree)) - 2), dtype=bool)
+    return np.concatenate([off, inside], axis=1)
+
+
+def _projected_off_axis(
+    off: np.ndarray,
+    degree: int,
+    points: np.ndarray,
+    weights: np.ndarray,
+    sampled: np.ndarray,
+    best: np.ndarray,
+) -> np.ndarray:
+    """Project tractions on polynomials that are zero on the axis, where facets end there.
+
+    Args:
+        off: Coefficients off the axis, shape (f, m).
+        degree: Degree of the polynomials.
+        points: Reference points of a rule, shape (q, 1).
+        weights: Its weights.
+        sampled: The tractions there, shape (f, q, d).
+        best: Their projections on all polynomials, shape (f, m, d).
+    """
+    result = best.copy()
+    means = bernstein(1, degree, points).T * weights
+    for end in range(2):
+        facets = np.flatnonzero(~off[:, end])
+        marks = np.arange(off.shape[1]) != end
+        masses = mass(1, degree, degree)[np.ix_(marks, marks)]
+        moments = np.matmul(means[marks], sampled[facets])
+        result[facets[:, None], np.flatnonzero(marks)] = np.linalg.solve(masses, moments)
+    return result
 
 
 def contact_traction(space: Space, contact: ContactOnMesh, values: np.ndarray) -> ContactTraction:

@@ -23,10 +23,11 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import elastic_stress, macro_moduli
+from erc_contact.admissible.elastic import elastic_stress, macro_moduli, macro_places
 from erc_contact.admissible.equilibrate import equilibrate, equilibrated
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.reference import mandel
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.exceptions import NotBalanced
@@ -36,13 +37,12 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.files.displacements import FileField
 from erc_contact.mesh.files.results import from_file
-from erc_contact.mesh.simplex import bernstein
+from erc_contact.mesh.simplex import bernstein, from_means
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
 from erc_contact.newton.given import solution_of, with_nitsche_tractions
 from erc_contact.newton.nodal_values import AnyField
-from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.scene import Scene
 
 
@@ -220,10 +220,20 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
     _, points, weights = macro_points(model.d, model.degree)
-    basis = mandel_basis(model.d)
-    components = np.einsum("nbij,sij->nbs", pair.fe_stress[:owned], basis)
-    balanced = np.matmul(bernstein(model.d, model.degree - 1, points), components)
-    difference = balanced - elastic_stress(model, cells, pair.displacement, owned)
+    balanced = np.matmul(
+        bernstein(model.d, model.degree - 1, points), mandel(pair.fe_stress.in_plane[:owned])
+    )
+    elastic = elastic_stress(model, cells, pair.displacement, owned)
+    if pair.fe_stress.hoop is not None:
+        # Of the hoop force, its projection on degree k is in equilibrium.
+        places = macro_places(model, cells, owned)
+        means = pair.fe_stress.hoop[:owned, :, None] / cells.volume[:owned, None, None]
+        force = from_means(model.d, model.degree, means)
+        hoop = places[..., :1] * np.matmul(bernstein(model.d, model.degree, points), force)
+        if model.hoop_load is not None:
+            hoop[..., 0] += model.hoop_load(places, model.owned_cells)
+        balanced = np.concatenate([balanced, hoop], axis=-1)
+    difference = balanced - elastic
     compliance = macro_moduli(model, cells, owned, inverse=True)
     squares = (act(compliance, difference) * difference).sum(axis=2) @ weights
     local = float(squares @ cells.volume[:owned])

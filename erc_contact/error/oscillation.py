@@ -22,11 +22,13 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 
 import numpy as np
+import ufl
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry, sorted_corners
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.base.traced import field_of
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import Integrand, cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import coefficients, from_means
 from erc_contact.model.expressions import Everywhere
@@ -90,7 +92,7 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
     """
     d, k = model.d, model.degree
     total = 0.0
-    if force is not None and varies_in_cells(model.body_force):
+    if force is not None and varies_in_cells(_carried(model)):
         total += _of_body_force(model, cells, force)
     for load in model.surface_loads:
         if load.varies:
@@ -113,7 +115,7 @@ def _of_body_force(model: Model, cells: CellGeometry, force: np.ndarray) -> floa
     volume = cells.volume[:owned]
     corners = sorted_corners(model, cells)[:owned]
     projected = force[:owned] / volume[:, None, None]
-    data = Everywhere(model.body_force, model.mesh)
+    data = Everywhere(_carried(model), model.mesh)
     difference = _squares(model, data, model.owned_cells, projected, k - 1)
     integral = integrate(
         model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
@@ -121,6 +123,16 @@ def _of_body_force(model: Model, cells: CellGeometry, force: np.ndarray) -> floa
     square = integral.value[:, 0]
     modulus = model.at_middles(model.modulus, model.owned_cells)
     return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
+
+
+def _carried(model: Model) -> Ufl:
+    """Return the body force that cells have to carry [force/volume], UFL.
+
+    The radial one of an axisymmetric body is a hoop stress.
+    """
+    if not model.axisymmetric:
+        return model.body_force
+    return ufl.as_vector([0.0, model.body_force[1]])
 
 
 def of_supports(model: Model) -> float:

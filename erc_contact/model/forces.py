@@ -25,6 +25,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import coefficients, in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
@@ -35,8 +36,11 @@ class Force:
     """Hold a force on the body with its moment.
 
     Attributes:
-        force: Resultant [force], shape (d,).
-        moment: Moment about the origin [force length], shape (1,) in 2D, (3,) in 3D.
+        force: Resultant [force], shape (d,). Of an axisymmetric body it is the axial
+            force on the full ring, and before it the sum of all radial forces around
+            the ring, ``int p dA`` of a press fit, which hoop stresses balance.
+        moment: Moment about the origin [force length], shape (1,) in 2D, (3,) in 3D; 0
+            of an axisymmetric body.
     """
 
     force: np.ndarray
@@ -58,7 +62,7 @@ def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
     x = model.V.tabulate_dof_coordinates()[nodes]
     moment = np.cross(x, in_space(forces)).sum(axis=0)
     if model.d == 2:
-        moment = moment[[2]]
+        moment = moment[[2]] * (not model.axisymmetric)
     local = np.concatenate([forces.sum(axis=0), moment])
     total = model.comm.allreduce(local, MPI.SUM)
     return Force(total[: model.d], total[model.d :])
@@ -97,7 +101,11 @@ def by_cause(
         result[TRACTIONS] = _sum([force(name) for name in loaded])
     if model.body_force is not None:
         result[BODY_FORCE] = body_force()
-    result[BALANCE] = _sum(list(result.values()))
+    balance = _sum(list(result.values()))
+    if model.axisymmetric:
+        # Hoop stresses balance the radial forces.
+        balance.force[0] = 0.0
+    result[BALANCE] = balance
     return result
 
 
@@ -270,7 +278,11 @@ def _of_multiplier(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.nd
     m = values.shape[1]
     shares = trace.here.areas[:, None, None] / m
     to_coefficients = coefficients(model.d - 1, model.degree)
-    return np.einsum("cn,fci->fni", to_coefficients, shares * trace.coefficients(values))
+    of_nodes = trace.coefficients(values)
+    if model.axisymmetric:
+        factors = nodal_shares(model, contact.facets)[trace.here.nodes][..., None]
+        of_nodes = np.divide(of_nodes, factors, out=of_nodes, where=factors > 0)
+    return np.einsum("cn,fci->fni", to_coefficients, shares * of_nodes)
 
 
 def _with_several_forces(model: Model) -> np.ndarray | None:

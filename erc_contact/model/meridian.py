@@ -37,12 +37,15 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.simplex import barycentric, bernstein, mass
 from erc_contact.model.space import Space
 from erc_contact.scene.material import strain
 from erc_contact.scene.scene import Scene
 
 ON_AXIS = 1e-12
 """Radius that counts as zero, over the extent of the body [-]."""
+BESIDE_AXIS = 1e-6
+"""Distance from the axis at which a limit is taken, over the size of a facet [-]."""
 
 
 def strain_of(space: Space, u: Ufl) -> Ufl:
@@ -83,6 +86,64 @@ def nodes_on_axis(space: Space) -> np.ndarray:
         return np.zeros(space.node_count, dtype=bool)
     r = space.V.tabulate_dof_coordinates()[:, 0]
     return np.asarray(abs(r) <= ON_AXIS * space.domain.extent)
+
+
+def per_area(
+    space: Space, corners: np.ndarray, coefficients: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Evaluate what is given per length of the meridian on facets, per area.
+
+    Args:
+        space: The mesh.
+        corners: Vertices of the facets [length], shape (f, d, d).
+        coefficients: Bernstein coefficients, shape (f, m, ...).
+        points: Reference points of the facets, shape (q, d-1).
+
+    Returns:
+        The values, over the circumference if there is one, shape (f, q, ...). On the
+        axis it is the limit.
+    """
+    d, k = space.d, space.degree
+    flat = coefficients.reshape(*coefficients.shape[:2], -1)
+    values = np.matmul(bernstein(d - 1, k, points), flat)
+    if space.axisymmetric:
+        radius = np.matmul(barycentric(points), corners[..., 0, None])
+        is_on_axis = abs(radius) <= ON_AXIS * space.domain.extent
+        middle = np.full((1, d - 1), 1 / d)
+        inside = points + BESIDE_AXIS * (middle - points)
+        radius = np.where(is_on_axis, np.matmul(barycentric(inside), corners[..., 0, None]), radius)
+        values = np.where(is_on_axis, np.matmul(bernstein(d - 1, k, inside), flat), values)
+        values = values / (2 * pi * radius)
+    return values.reshape(*values.shape[:2], *coefficients.shape[2:])
+
+
+def nodal_shares(space: Space, facets: np.ndarray) -> np.ndarray:
+    """Return how far nodal forces on rings are from traction times area of the nodes.
+
+    A method with a multiplier has the nodal forces g of a contact as multipliers
+    ``g/A``, with the lengths A of the meridian that its nodes have. A pressure p has
+    the forces ``p int c B`` with the Bernstein polynomials B, so that the traction
+    ``c p`` at a node is the multiplier times ``c A / int c B``: 0 on the axis.
+
+    Args:
+        space: The mesh.
+        facets: Facets of the contact (cell, local facet), ghosts included.
+
+    Returns:
+        These factors [-], shape (nodes,), 1 off the contact.
+    """
+    k = space.degree
+    nodes = space.facet_nodes(facets)
+    corners = space.facet_corners(facets)
+    area = space.facet_areas(facets)[:, None]
+    share = np.broadcast_to(area / nodes.shape[1], nodes.shape)
+    ring = area * (corners[..., 0] @ mass(1, 1, k))
+    of_nodes = np.bincount(nodes.ravel(), share.ravel(), space.node_count)
+    of_rings = np.bincount(nodes.ravel(), ring.ravel(), space.node_count)
+    radius = np.where(nodes_on_axis(space), 0.0, space.V.tabulate_dof_coordinates()[:, 0])
+    factors = np.ones(space.node_count)
+    np.divide(radius * of_nodes, of_rings, out=factors, where=of_rings > 0)
+    return factors
 
 
 def check_half_plane(space: Space, scene: Scene) -> None:

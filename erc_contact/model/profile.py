@@ -9,7 +9,7 @@ facet.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import factorial
+from math import factorial, pi
 
 import numpy as np
 from dolfinx import fem
@@ -20,6 +20,7 @@ from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_end
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.meridian import circumferences
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.model.turning import turning_of
@@ -78,6 +79,9 @@ def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.
     """
     samples, weights = rule(model.d - 1, model.contact_degree)
     sampled = evaluate(traction, model.mesh, samples, contact.facets)
+    if model.axisymmetric:
+        places = np.matmul(barycentric(samples), contact.trace.here.corners)
+        sampled = sampled / circumferences(places)[..., None]
     turning = turning_of(contact.trace)
     degree = model.degree if turning is None else turning.degree
     project = projection(model.d - 1, degree, samples, weights)
@@ -272,6 +276,8 @@ def _columns(
     columns["friction_bound"] = bound
     columns["status"] = status[:, None]
     columns["weight"] = contact.trace.here.areas[:, None] * profile_weights(model)
+    if model.axisymmetric:
+        columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
     if contact.against is not None:
         nodal = u.x.array.reshape(-1, model.d)
         sides = [contact.trace.here.nodes, contact.trace.partners]

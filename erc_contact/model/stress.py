@@ -21,18 +21,21 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
 
     Args:
         model: The scene on a mesh.
-        stress: Stresses [force/area], shape (owned, d, d).
+        stress: Mandel components [force/area], shape (owned, s); of an axisymmetric
+            body with the hoop stress, which is the one out of plane.
 
     Returns:
         Shape (owned, 3, 3).
     """
     d = model.d
+    basis = mandel_basis(d)
     full = np.zeros((len(stress), 3, 3))
-    full[:, :d, :d] = stress
-    if not tells_out_of_plane(model):
+    full[:, :d, :d] = np.tensordot(stress[:, : len(basis)], basis, axes=1)
+    if model.axisymmetric:
+        full[:, 2, 2] = stress[:, -1]
+    elif not tells_out_of_plane(model):
         full[:, 2, 2] = np.nan
     elif d == 2:
-        basis = mandel_basis(d)
         material: Any = model.scene.material
         # The stress out of plane is linear in the stress: its values for a basis are
         # enough.
@@ -42,7 +45,7 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
             images.append(material.out_of_plane(tensor, **model.parameters))
         cells = np.arange(len(stress), dtype=np.int32)
         row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
-        full[:, 2, 2] = np.einsum("nk,kij,nij->n", row, basis, stress)
+        full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
         if model.strains is not None:
             # A strain out of plane that cannot take place presses on the plane.
             modulus = material.out_of_plane_modulus(**model.parameters)
@@ -72,6 +75,8 @@ def tells_out_of_plane(model: Model) -> bool:
     It is in 3D, and where the material has a method ``out_of_plane``, with given
     strains ``out_of_plane_modulus``, too.
     """
+    if model.axisymmetric:
+        return True
     material = model.scene.material
     needed = ["out_of_plane"]
     if model.strains is not None:

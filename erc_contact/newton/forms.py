@@ -15,6 +15,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.model.users import linear
 from erc_contact.newton.methods import OURS, Method
@@ -205,6 +206,8 @@ class ContactForms:
         model = self.model
         for contact, multiplier in zip(model.contacts, multipliers, strict=True):
             nodal = multiplier.x.array.reshape(-1, model.d)
+            if model.axisymmetric:
+                nodal *= nodal_shares(model, contact.facets)[:, None]
             model.to_coefficients(nodal, [contact], back=True)
         return tuple(multipliers)
 

@@ -14,13 +14,14 @@ from mpi4py import MPI
 from erc_contact.base.html import table
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.simplex import barycentric, in_space
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.meridian import circumferences
 from erc_contact.model.model import Model
-from erc_contact.model.points import at_points, elastic_stress_at
+from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
     STICK,
     facet_status,
@@ -49,7 +50,8 @@ class ElasticValues:
 
     Attributes:
         displacement: u [length], shape (n, d).
-        elastic_stress: C eps(u) [force/area], shape (n, d, d).
+        elastic_stress: C eps(u) [force/area], shape (n, d, d); of an axisymmetric body
+            (n, 3, 3) with the rows r, z and hoop.
     """
 
     displacement: np.ndarray
@@ -230,8 +232,7 @@ class Solution:
         r = profile_traction(model, where, self.traction(where))
         r_n, _, shear = split(r, where.trace.normals_at(points))
         pressure = -r_n
-        parameters = friction_parameters(model, where, points)
-        bound = where.friction_bound(np.maximum(pressure, 0.0), parameters)
+        bound = self._bound(where, np.maximum(pressure, 0.0), points)
         if where in model.ties:
             bound = np.full_like(pressure, np.inf)
             status = np.full(len(pressure), STICK)
@@ -289,10 +290,10 @@ class Solution:
             if len(x):
                 u = self.u.eval(in_space(x), cell).reshape(-1, d)
             stress = elastic_stress_at(model, self.u, cell, x)
-            return np.hstack([u, stress.reshape(-1, d * d)])
+            return np.hstack([u, stress])
 
         u, stress = np.split(at_points(model, points, values), [d], axis=1)
-        return ElasticValues(u, stress.reshape(-1, d, d))
+        return ElasticValues(u, tensors_of_points(model, stress))
 
     def traction(self, contact: str | ContactOnMesh) -> Ufl:
         """Return the traction of the method on a contact [force/area], UFL, shape (d,).
@@ -315,6 +316,19 @@ class Solution:
         multiplier = self.multipliers[place] if self.multipliers else None
         contacts, u = self.carried or (self.model.contacts, self.u)
         return self.method.traction(self.model, contacts[place], u, multiplier)
+
+    def _bound(
+        self, contact: ContactOnMesh, pressure: np.ndarray, points: np.ndarray
+    ) -> np.ndarray:
+        """Return the friction bound [force/area] of pressures at points of facets."""
+        model = self.model
+        parameters = friction_parameters(model, contact, points)
+        if not model.axisymmetric:
+            return contact.friction_bound(pressure, parameters)
+        places = np.matmul(barycentric(points), contact.trace.here.corners)
+        # Bounds on rings are limits at the axis: 0 over 0.
+        rings = np.maximum(circumferences(places), np.finfo(float).tiny)
+        return contact.friction_bound(rings * pressure, parameters) / rings
 
     def _nodal_reactions(self) -> dict[str, np.ndarray]:
         """Return the nodal forces of each cause [force]; collective."""

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.admissible.reference import tensors
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
-from erc_contact.model.points import at_points, elastic_stress_at
+from erc_contact.model.meridian import BESIDE_AXIS, circumferences
+from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 
 BORDER = 1e-9
 """Difference of barycentric coordinates at the border of two sub-simplices [-]."""
@@ -26,8 +26,9 @@ class Values:
 
     Attributes:
         displacement: u^ [length], shape (n, d).
-        stress: sigma^ [force/area], shape (n, d, d).
-        elastic_stress: C eps(u^) [force/area], shape (n, d, d). Its difference from
+        stress: sigma^ [force/area], shape (n, d, d); of an axisymmetric body (n, 3, 3)
+            with the rows r, z and hoop.
+        elastic_stress: C eps(u^) [force/area], likewise. Its difference from
             sigma^ is the local error.
     """
 
@@ -63,8 +64,9 @@ def at(result: Any, points: Any) -> Values:
     model = pair.model
     d = model.d
     rows = at_points(model, points, partial(_values, pair))
-    u, sigma, elastic = np.split(rows, [d, d + d * d], axis=1)
-    return Values(u, sigma.reshape(-1, d, d), elastic.reshape(-1, d, d))
+    s = pair.stress.shape[3]
+    u, sigma, elastic = np.split(rows, [d, d + s], axis=1)
+    return Values(u, tensors_of_points(model, sigma), tensors_of_points(model, elastic))
 
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -76,12 +78,17 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         x: The points [length], shape (n, d).
 
     Returns:
-        Rows of u^ [length] and the two stresses [force/area], shape (n, d + 2 d^2).
+        Rows of u^ [length] and the two stresses in Mandel components [force/area],
+        shape (n, d + 2 s).
     """
     model = pair.model
     cells = pair.cell_geometry
     d = model.d
     k = model.degree
+    if model.axisymmetric:
+        # A stress on rings is a limit at the axis.
+        x = x.copy()
+        x[:, 0] = np.maximum(x[:, 0], BESIDE_AXIS * np.sqrt(cells.volume[cell]))
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
     nodal = pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
@@ -97,6 +104,9 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         polynomials = bernstein(d, k, sub_local[:, 1:])
         values = np.einsum("nm,nms->ns", polynomials, pair.stress[cell, sub])
         sigma += (inside[:, sub] / inside.sum(axis=1))[:, None] * values
+    if model.axisymmetric:
+        if model.hoop_load is not None:
+            sigma[:, -1] += model.hoop_load(x[:, None], cell)[:, 0]
+        sigma /= circumferences(x)[:, None]
     elastic = elastic_stress_at(model, pair.displacement, cell, x)
-    n = len(x)
-    return np.hstack([u, tensors(sigma, d).reshape(n, d * d), elastic.reshape(n, d * d)])
+    return np.hstack([u, sigma, elastic])

@@ -5,6 +5,7 @@ Symbols: u^ admissible displacement, r^ admissible contact traction.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,9 @@ from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.simplex import bernstein
+from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.meridian import per_area
 from erc_contact.model.profile import (
     STICK,
     facet_status,
@@ -50,6 +52,26 @@ def traction_through(pair: Admissible, tie: ContactOnMesh) -> ContactTraction:
     return ContactTraction(tie, here.nodes, here.areas, values, bound)
 
 
+def tractions_per_area(pair: Admissible) -> list[ContactTraction]:
+    """Return r^ on each contact for pictures and files [force/area].
+
+    On rings it interpolates r^ at the nodes of facets, elsewhere it is r^.
+    """
+    model = pair.model
+    if not model.axisymmetric:
+        return pair.tractions
+    tractions = []
+    for traction in pair.tractions:
+        corners = traction.contact.trace.here.corners
+        to_coefficients = coefficients(model.d - 1, model.degree)
+        of_area = []
+        for values in (traction.values, traction.friction_bound[..., None]):
+            nodal = per_area(model, corners, values, model.facet_points)
+            of_area.append(np.matmul(to_coefficients, nodal))
+        tractions.append(replace(traction, values=of_area[0], friction_bound=of_area[1][..., 0]))
+    return tractions
+
+
 def profile(result: Any, name: str) -> np.ndarray:
     """Compute gap, slip, tractions and status along a contact; collective.
 
@@ -68,15 +90,16 @@ def profile(result: Any, name: str) -> np.ndarray:
     pair = pair_of(result)
     model = pair.model
     traction = contact_of(pair, name)
-    shape = bernstein(model.d - 1, model.degree, profile_points(model))
+    points = profile_points(model)
+    corners = traction.contact.trace.here.corners
     # The greatest pressure of all ranks, so that the status does not depend on them.
     peak = greatest_pressure(model, -traction.normal_component)
     status = contact_status(traction, peak)
-    r = np.matmul(shape, traction.values)
+    r = per_area(model, corners, traction.values, points)
     if traction.contact in model.ties:
         bound = np.full(r.shape[:2], np.inf)
     else:
-        bound = traction.friction_bound @ shape.T
+        bound = per_area(model, corners, traction.friction_bound, points)
     return profile_table(model, traction.contact, pair.displacement, r, bound, status)
 
 

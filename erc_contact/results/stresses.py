@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.elastic import elastic_stress
+from erc_contact.admissible.cells import sorted_corners
+from erc_contact.admissible.elastic import elastic_stress, macro_places
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.admissible.reference import tensors
+from erc_contact.admissible.reference import mandel
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import barycentric, from_means, mass
+from erc_contact.mesh.simplex import barycentric, from_means, mass, nodes
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.meridian import circumferences
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
 STRESSES = ("admissible", "best", "elastic")
@@ -46,7 +49,7 @@ def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
     admissible = pair_of(result)
     model = admissible.model
     mean = _of_stress(stress, admissible, _admissible_means, _elastic_means)
-    return stress_in_space(model, tensors(mean, model.d))
+    return stress_in_space(model, mean)
 
 
 def _of_stress(
@@ -77,6 +80,9 @@ def _of_stress(
 
 def _admissible_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of sigma^ in each owned cell, Mandel components."""
+    if admissible.model.axisymmetric:
+        _, _, weights = macro_points(2, admissible.model.degree)
+        return weights @ _at_points(admissible)
     stress = admissible.stress
     # All Bernstein polynomials and all sub-simplices of a cell have the same integral.
     coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
@@ -90,6 +96,7 @@ def _elastic_means(admissible: Admissible) -> np.ndarray:
     model = admissible.model
     owned = model.domain.owned_cells
     at_points = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
+    at_points = _over_rings(admissible, at_points)
     if at_points.shape[1] == 1:
         return at_points[:, 0]
     _, _, weights = macro_points(model.d, model.degree)
@@ -118,7 +125,7 @@ def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndar
     model = admissible.model
     d = model.d
     moments = _of_stress(stress, admissible, _admissible_moments, _elastic_moments)
-    linear = tensors(from_means(d, 1, moments), d)
+    linear = from_means(d, 1, moments)
     at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
     return np.stack(at_vertices, axis=1)
 
@@ -130,6 +137,10 @@ def _admissible_moments(admissible: Admissible) -> np.ndarray:
     """
     model = admissible.model
     d = model.d
+    if model.axisymmetric:
+        _, points, weights = macro_points(d, model.degree)
+        weighted = barycentric(points) * weights[:, None]
+        return np.einsum("qv,nqc->nvc", weighted, _at_points(admissible))
     # Hat functions of the cell's vertices, at the vertices of each sub-simplex.
     hats = np.tile(np.eye(d + 1), (d + 1, 1, 1))
     for sub in range(d + 1):
@@ -147,11 +158,37 @@ def _elastic_moments(admissible: Admissible) -> np.ndarray:
     d = model.d
     owned = model.domain.owned_cells
     at_points = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
+    at_points = _over_rings(admissible, at_points)
     _, points, weights = macro_points(d, model.degree)
     weighted = barycentric(points) * weights[:, None]
     if at_points.shape[1] == 1:
         weighted = weighted.sum(axis=0, keepdims=True)
     return np.einsum("qv,nqc->nvc", weighted, at_points)
+
+
+def _at_points(admissible: Admissible) -> np.ndarray:
+    """Return sigma^ of rings at the points of :func:`macro_points` [force/area].
+
+    It has Mandel components with the hoop stress last, shape (owned, q, 4).
+    """
+    model = admissible.model
+    near, _, _ = macro_points(2, model.degree)
+    sigma = np.matmul(near, admissible.stress)
+    owned = len(sigma)
+    sigma = sigma.reshape(owned, -1, sigma.shape[-1])
+    if model.hoop_load is not None:
+        places = macro_places(model, admissible.cell_geometry, owned)
+        sigma[..., -1] += model.hoop_load(places, model.owned_cells)
+    return _over_rings(admissible, sigma)
+
+
+def _over_rings(admissible: Admissible, at_points: np.ndarray) -> np.ndarray:
+    """Divide stresses at the points of :func:`macro_points` by the circumference."""
+    model = admissible.model
+    if not model.axisymmetric:
+        return at_points
+    places = macro_places(model, admissible.cell_geometry, len(at_points))
+    return at_points / circumferences(places)[..., None]
 
 
 def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
@@ -170,11 +207,31 @@ def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarr
     return np.stack(at_vertices, axis=1)
 
 
+def _fe_means(admissible: Admissible) -> np.ndarray:
+    """Return means of the rebalanced finite element stress in owned cells, (n, 3, 3)."""
+    model = admissible.model
+    owned = model.domain.owned_cells
+    in_plane = mandel(admissible.fe_stress.in_plane[:owned].mean(axis=1))
+    hoop = admissible.fe_stress.hoop
+    if hoop is None:
+        return stress_in_space(model, in_plane)
+    # Its mean over that of the circumference; the hoop force is 2 pi sigma_tt.
+    cells = admissible.cell_geometry
+    middles = sorted_corners(model, cells)[:owned].mean(axis=1)
+    around = hoop[:owned].sum(axis=1) / (2 * np.pi * cells.volume[:owned])
+    if model.body_force is not None:
+        of_load = evaluate(model.body_force, model.mesh, nodes(2, 0), model.owned_cells)
+        around = around + of_load[:, 0, 0] / (2 * np.pi)
+    return stress_in_space(
+        model, np.column_stack([in_plane / circumferences(middles)[:, None], around])
+    )
+
+
 def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
     """Compute means of stresses in owned cells [force/area], by their file names."""
     model = admissible.model
     stress = mean_stress(admissible)
-    fe = stress_in_space(model, admissible.fe_stress[: model.domain.owned_cells].mean(axis=1))
+    fe = _fe_means(admissible)
     best = mean_stress(admissible, "best")
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
     return {
