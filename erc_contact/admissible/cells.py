@@ -64,7 +64,7 @@ class CellGeometry:
     @property
     def order(self) -> np.ndarray:
         """Return the place of each sorted vertex in DOLFINx's order, shape (n, d+1)."""
-        return self.places[:, : self.d + 1]
+        return np.ascontiguousarray(self.places[:, : self.d + 1])
 
     @property
     def vertices(self) -> np.ndarray:

@@ -76,8 +76,9 @@ class CellStress(NamedTuple):
     Attributes:
         in_plane: Coefficients of its projection on degree k-1 [force/area], shape (n,
             N_(k-1), d, d).
-        hoop: Work of the hoop force of an axisymmetric body, less the radial body force,
-            on each radial Bernstein polynomial [force], shape (n, N_k); None of others.
+        hoop: Work of the hoop force of an axisymmetric body, less the radial body
+            force, on each radial Bernstein polynomial [force], shape (n, N_k); None of
+            other bodies.
     """
 
     in_plane: np.ndarray

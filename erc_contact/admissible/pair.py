@@ -44,7 +44,7 @@ class Admissible:
         spring_tractions: t^ on each part with springs [force/area], as Bernstein
             coefficients of shape (f, m, d).
         cell_geometry: Vertices, facets and volumes of the cells.
-        fe_stress: The rebalanced finite element stress.
+        balanced: The rebalanced finite element stress.
         stress: sigma^ of the owned cells in Mandel components, of degree k in the
             sub-simplices [force/area], shape (owned, d+1, N_k, s). Of an axisymmetric
             body it is times the circumference, and has a hoop component.
@@ -69,7 +69,7 @@ class Admissible:
     tractions: list[ContactTraction]
     spring_tractions: list[np.ndarray]
     cell_geometry: CellGeometry
-    fe_stress: CellStress
+    balanced: CellStress
     stress: np.ndarray
     facet_moments: np.ndarray
     cell_forces: np.ndarray | None
@@ -87,6 +87,14 @@ class Admissible:
             f"<Admissible pair of degree {self.model.degree} on {self.domain.cells} cells, "
             f"{len(self.tractions)} contacts, tightened {self.tightening} times>"
         )
+
+    @property
+    def fe_stress(self) -> np.ndarray:
+        """Return the rebalanced finite element stress in each cell [force/area].
+
+        It is projected on polynomials of degree k-1, shape (n, N_(k-1), d, d).
+        """
+        return self.balanced.in_plane
 
     @property
     def model(self) -> Model:

@@ -101,7 +101,7 @@ def _equilibrium_rows(
 def _on_piece(
     d: int, k: int, i: int, points: np.ndarray, body_forces: np.ndarray, on_pieces: bool
 ) -> np.ndarray:
-    """Return the coefficients of body forces on sub-simplex i with vertices ``points``."""
+    """Return the coefficients of body forces on sub-simplex i."""
     b = len(nodes(d, k - 1))
     if on_pieces:
         return body_forces[i * b : (i + 1) * b]

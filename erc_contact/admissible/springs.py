@@ -25,6 +25,8 @@ from erc_contact.model.springs import BoundSpring
 
 AXIS = 1e-9
 """Difference of a component of a normal to 0 or 1 that counts as none [-]."""
+RING_DEGREE = 21
+"""Quadrature degree for the squares of tractions of springs on rings."""
 STIFF = 1.0
 """Least stiffness of a stiff spring over the stiffness of its cell, ``K h/E`` [-].
 
@@ -55,8 +57,8 @@ def stiff_components(model: Model, spring: BoundSpring) -> np.ndarray:
     of_cell = STIFF * side.stiffness
     is_normal = abs(spring.direction) > 1 - AXIS
     is_tangential = abs(spring.direction) < AXIS
-    normal_stiff = (spring.normal > of_cell)[:, None]
-    tangential_stiff = (spring.tangential > of_cell)[:, None]
+    normal_stiff = spring.is_stiffer(spring.normal, of_cell)[:, None]
+    tangential_stiff = spring.is_stiffer(spring.tangential, of_cell)[:, None]
     return (normal_stiff | is_tangential) & (tangential_stiff | is_normal)
 
 
@@ -143,14 +145,16 @@ def spring_squares(
         The squares on each owned cell [force length].
     """
     result = np.zeros((2, model.domain.owned_cells))
-    points, weights = rule(model.d - 1, 2 * model.degree)
+    # On rings the squares are rational.
+    points, weights = rule(model.d - 1, RING_DEGREE if model.axisymmetric else 2 * model.degree)
     shape = bernstein(model.d - 1, model.degree, points)
     for spring, t in zip(model.springs, tractions, strict=True):
         own = spring.side.owned
         cells = spring.side.facets[own, 0]
-        pull = spring.pull(u.x.array)
-        for total, traction in zip(result, (t + pull, t - pull), strict=True):
-            means = spring.squares(np.matmul(shape, traction)) @ weights
+        pull = spring.pull_at(u.x.array, points)
+        at_points = np.matmul(shape, t)
+        for total, traction in zip(result, (at_points + pull, at_points - pull), strict=True):
+            means = spring.squares(traction, points) @ weights
             np.add.at(total, cells, (means * spring.side.areas)[own])
     return result[0], result[1]
 

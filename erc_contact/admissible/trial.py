@@ -259,7 +259,9 @@ def _projected_off_axis(
     sampled: np.ndarray,
     best: np.ndarray,
 ) -> np.ndarray:
-    """Project tractions on polynomials that are zero on the axis, where facets end there.
+    """Project tractions on polynomials that are zero on the axis.
+
+    Facets that do not end there keep theirs.
 
     Args:
         off: Coefficients off the axis, shape (f, m).

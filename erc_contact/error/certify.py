@@ -221,13 +221,13 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     owned = model.domain.owned_cells
     _, points, weights = macro_points(model.d, model.degree)
     balanced = np.matmul(
-        bernstein(model.d, model.degree - 1, points), mandel(pair.fe_stress.in_plane[:owned])
+        bernstein(model.d, model.degree - 1, points), mandel(pair.fe_stress[:owned])
     )
     elastic = elastic_stress(model, cells, pair.displacement, owned)
-    if pair.fe_stress.hoop is not None:
+    if pair.balanced.hoop is not None:
         # Of the hoop force, its projection on degree k is in equilibrium.
         places = macro_places(model, cells, owned)
-        means = pair.fe_stress.hoop[:owned, :, None] / cells.volume[:owned, None, None]
+        means = pair.balanced.hoop[:owned, :, None] / cells.volume[:owned, None, None]
         force = from_means(model.d, model.degree, means)
         hoop = places[..., :1] * np.matmul(bernstein(model.d, model.degree, points), force)
         if model.hoop_load is not None:

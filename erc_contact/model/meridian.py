@@ -61,7 +61,7 @@ def strain_of(space: Space, u: Ufl) -> Ufl:
 
 
 def in_space(in_plane: Ufl, hoop: Ufl) -> Ufl:
-    """Return the tensor (3, 3) of a part in the half plane (2, 2) and a hoop part, UFL."""
+    """Return the tensor (3, 3) of a part in the half plane and a hoop part, UFL."""
     rows = [[in_plane[i, j] for j in range(2)] + [0] for i in range(2)]
     return ufl.as_tensor([*rows, [0, 0, hoop]])
 
@@ -147,7 +147,7 @@ def nodal_shares(space: Space, facets: np.ndarray) -> np.ndarray:
 
 
 def check_half_plane(space: Space, scene: Scene) -> None:
-    """Check that a mesh is the half plane of the bodies of an axisymmetric scene; collective.
+    """Check that a mesh is the half plane of axisymmetric bodies; collective.
 
     Raises:
         InputError: If a point has r < 0, or the scene has a condition on the axis.

@@ -159,7 +159,7 @@ class Model(Space):
         return in_half_plane(stress) if self.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
-        """Return ``C eps`` [force/area], times the circumference if there is one, UFL."""
+        """Return ``C eps`` [force/area], on rings times the circumference, UFL."""
         stress = self.scene.material.stress(elastic_strain, **self.parameters)
         return self.on_meridian(stress)
 

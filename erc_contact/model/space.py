@@ -100,7 +100,7 @@ class Space:
         return self.domain.function("Lagrange", self.degree, (self.d,))
 
     def on_meridian(self, density: Ufl) -> Ufl:
-        """Return a density per area or volume, times the circumference if there is one."""
+        """Return a density per area or volume, on rings times the circumference."""
         return density if self.circumference is None else self.circumference * density
 
     @property

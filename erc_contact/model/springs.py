@@ -2,7 +2,8 @@
 
 Symbols: n outward normal, k_n and k_t stiffness along it and along the facet
 [force/length^3], ``K = k_n n n^T + k_t (I - n n^T)``, t traction on the body, f facets,
-m nodes of a facet, d dimension.
+m nodes of a facet, d dimension. Of an axisymmetric body K and t are times the
+circumference (:mod:`erc_contact.model.meridian`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import ufl
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import coefficients
+from erc_contact.mesh.simplex import barycentric, bernstein, coefficients, projection, rule
+from erc_contact.model.meridian import circumferences
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, split
 from erc_contact.scene.spring import Spring
@@ -49,10 +51,13 @@ class BoundSpring:
         k_t = compiled.constant(self.space.mesh, self.tangential)
         u_n = ufl.dot(u, n)
         v_n = ufl.dot(v, n)
-        return ((k_n - k_t) * u_n * v_n + k_t * ufl.inner(u, v)) * ds
+        density = (k_n - k_t) * u_n * v_n + k_t * ufl.inner(u, v)
+        return self.space.on_meridian(density) * ds
 
     def pull(self, u: np.ndarray) -> np.ndarray:
         """Return ``K u`` on the facets [force/area], shape (f, m, d).
+
+        Of an axisymmetric body it is projected on degree k.
 
         Args:
             u: Displacement at all nodes of this rank [length], as the array of a
@@ -61,12 +66,38 @@ class BoundSpring:
         Returns:
             Bernstein coefficients.
         """
+        pulled = self._of_straight(u)
+        if not self.space.axisymmetric:
+            return pulled
+        d, k = self.side.d, self.side.degree
+        points, weights = rule(d - 1, 2 * k + 1)
+        at_points = self._on_rings(points) * np.matmul(bernstein(d - 1, k, points), pulled)
+        return np.matmul(projection(d - 1, k, points, weights), at_points)
+
+    def pull_at(self, u: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return ``K u`` at reference points of the facets [force/area], (f, q, d)."""
+        shape = bernstein(self.side.d - 1, self.side.degree, points)
+        return self._on_rings(points) * np.matmul(shape, self._of_straight(u))
+
+    def _of_straight(self, u: np.ndarray) -> np.ndarray:
+        """Return the coefficients of ``K u`` without a circumference, (f, m, d)."""
         d = self.side.d
         nodal = u.reshape(-1, d)[self.side.nodes]
         of_u = np.matmul(coefficients(d - 1, self.side.degree), nodal)
         u_n, u_t, _ = split(of_u, self.direction[:, None, :])
         along = u_n[..., None] * self.direction[:, None, :]
         return self.normal * along + self.tangential * u_t
+
+    def _on_rings(self, points: np.ndarray) -> np.ndarray:
+        """Return the circumferences at points of the facets, or ones, (f, q, 1)."""
+        if not self.space.axisymmetric:
+            return np.ones((1, 1, 1))
+        return circumferences(np.matmul(barycentric(points), self.side.corners))[..., None]
+
+    def is_stiffer(self, stiffness: float, than: np.ndarray) -> np.ndarray:
+        """Tell where k is more than a stiffness of each facet, shape (f,)."""
+        middle = np.full((1, self.side.d - 1), 1 / self.side.d)
+        return stiffness * self._on_rings(middle)[:, 0, 0] > than
 
     def resisted(self, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the parts of motions that the springs resist, of any stiffness.
@@ -88,17 +119,21 @@ class BoundSpring:
             parts += at_nodes - along
         return nodes.ravel(), parts.reshape(-1, *parts.shape[2:])
 
-    def squares(self, t: np.ndarray) -> np.ndarray:
+    def squares(self, t: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return ``t . K^-1 t`` [force/length], shape (f, q) for t of shape (f, q, d).
 
         The part of t along which there is no stiffness is zero.
+
+        Args:
+            t: Tractions at points of the facets [force/area].
+            points: These points on the reference facet, shape (q, d-1).
         """
         t_n, _, size = split(t, self.direction[:, None, :])
         result = np.zeros(t_n.shape)
         for part, k in ((t_n, self.normal), (size, self.tangential)):
             if k > 0:
                 result += part**2 / k
-        return result
+        return result / self._on_rings(points)[..., 0]
 
 
 def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[BoundSpring]:

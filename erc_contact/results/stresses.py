@@ -208,11 +208,11 @@ def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarr
 
 
 def _fe_means(admissible: Admissible) -> np.ndarray:
-    """Return means of the rebalanced finite element stress in owned cells, (n, 3, 3)."""
+    """Return means of the rebalanced finite element stress, (owned, 3, 3)."""
     model = admissible.model
     owned = model.domain.owned_cells
-    in_plane = mandel(admissible.fe_stress.in_plane[:owned].mean(axis=1))
-    hoop = admissible.fe_stress.hoop
+    in_plane = mandel(admissible.fe_stress[:owned].mean(axis=1))
+    hoop = admissible.balanced.hoop
     if hoop is None:
         return stress_in_space(model, in_plane)
     # Its mean over that of the circumference; the hoop force is 2 pi sigma_tt.

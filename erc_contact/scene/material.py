@@ -57,7 +57,7 @@ def mandel_basis(d: int) -> np.ndarray:
 
 
 def is_axisymmetric(material: Any) -> bool:
-    """Tell whether a material is of axisymmetric bodies, whose tensors have a hoop part."""
+    """Tell whether a material is of axisymmetric bodies."""
     return getattr(material, "hypothesis", PLANE_STRAIN) == AXISYMMETRIC
 
 
@@ -147,8 +147,8 @@ class Material(Protocol):
     its ``hypothesis`` is "axisymmetric", they are tensors (3, 3) with the rows r, z and
     hoop.
 
-    In a plane it may have ``out_of_plane(sigma, **parameters)``, its stress out of plane
-    [force/area]. Without that only the von Mises stress of the part in plane is known.
+    In a plane it may have ``out_of_plane(sigma, **parameters)``, its stress out of
+    plane [force/area]. Without that only the von Mises stress in plane is known.
     With given strains it needs ``out_of_plane_modulus(**parameters)``, too, the stress
     out of plane for a strain there where the stress in plane is zero [force/area].
 

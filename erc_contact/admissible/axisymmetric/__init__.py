@@ -1,1 +1,1 @@
-"""Reconstruct the stress of axisymmetric bodies, whose hoop force is free in each cell."""
+"""Reconstruct the stress of axisymmetric bodies."""

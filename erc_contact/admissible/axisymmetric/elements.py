@@ -203,7 +203,7 @@ class Elements:
         )
 
     def _maps(self, chunk: slice) -> Maps:
-        """Return the stresses of some cells as functions of forces and inner amounts."""
+        """Return the stresses of some cells by forces and inner amounts."""
         cells = self.cells
         k = cells.degree
         m, b = len(nodes(1, k)), len(nodes(2, k - 1))
@@ -318,7 +318,7 @@ class Elements:
     def _on_axis_edges(
         self, chunk: slice, chosen: np.ndarray, maps: tuple[np.ndarray, ...]
     ) -> list[np.ndarray]:
-        """Return S_zz in the middle of the edge on the axis of cells, shapes (n, 1, s)."""
+        """Return S_zz amid the edge on the axis of cells, shapes (n, 1, s)."""
         facet = self.on_axis[chunk][chosen].argmin(axis=1)
         middle = local_facet_nodes(2, self.cells.degree)[facet, -1]
         rows = []
@@ -343,7 +343,7 @@ class _Parts(NamedTuple):
 
 
 def _values(near: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Evaluate coefficients (n, 3, N_k, ...) at the points of pieces, (n, 3, q, ...)."""
+    """Evaluate coefficients (n, 3, N_k, ...) at points of pieces (n, 3, q, ...)."""
     n, pieces, N = coefficients.shape[:3]
     flat = coefficients.reshape(n * pieces, N, -1)
     return np.matmul(near, flat).reshape(n, pieces, len(near), *coefficients.shape[3:])

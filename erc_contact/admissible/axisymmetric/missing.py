@@ -55,7 +55,7 @@ def missing_forces(
 
 
 def _in_pieces(elements: Elements, stress: np.ndarray, in_plane: np.ndarray) -> np.ndarray:
-    """Return what is missing in pieces, axial and hoop, shape (owned, 3 (b + N_k), 2)."""
+    """Return what is missing in pieces, axial and hoop, shape (owned, forces, 1)."""
     cells = elements.cells
     k = cells.degree
     owned = len(stress)
@@ -77,7 +77,7 @@ def _in_pieces(elements: Elements, stress: np.ndarray, in_plane: np.ndarray) -> 
 
 
 def _at_axis(elements: Elements, in_plane: np.ndarray) -> np.ndarray:
-    """Return the stress at nodes on the axis times the size of the cell, (owned, ...)."""
+    """Return the stress on the axis times the size of the cell, (owned, ..., 2)."""
     owned = len(in_plane)
     ends = node_vertices(2, elements.cells.degree)
     size = np.linalg.norm(elements.cells.area[:owned], axis=-1).max(axis=1)

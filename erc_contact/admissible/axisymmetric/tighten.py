@@ -155,7 +155,7 @@ class _Energy:
         return signed.reshape(self._owned, 3 * x.shape[1] * x.shape[2])
 
     def _on_facets(self, image: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """Add up values of owned cells on their facets, the transpose of ``_of_cells``."""
+        """Add up values of cells on their facets, the transpose of ``_of_cells``."""
         flat = np.zeros((self._side.max() + 2, *shape[1:]))
         flat[: 3 * self._owned] = image.reshape(-1, *shape[1:])
         first, second = self._side
@@ -203,7 +203,7 @@ class _Patches:
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Sum the corrections of all patches for a residual, shape (F, m, 2)."""
-        count, m, _ = r.shape
+        count = len(r)
         flux = np.einsum("fm,fm->f", self._spread, r[..., 1])
         local = np.einsum("fmcl,fmc->fl", self._along, r, optimize=True)
         of_flux = np.zeros(count)
@@ -305,8 +305,8 @@ def _amounts(degree: int, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         free: Coefficients that are not given, shape (F, m, 2).
 
     Returns:
-        Coefficients of the l amounts without axial resultant, shape (F, m, 2, l), and of
-        an axial resultant of 1, shape (F, m).
+        Coefficients of the l amounts without axial resultant, shape (F, m, 2, l), and
+        of an axial resultant of 1, shape (F, m).
     """
     count, m, _ = free.shape
     along = np.zeros((count, m, 2, 2 * m - 1))
