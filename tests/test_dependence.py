@@ -15,7 +15,6 @@ import ufl
 
 import erc_contact as ec
 from erc_contact.model.friction import CONCAVE, CONSTANT, PROPORTIONAL, bind_friction
-from erc_contact.model.space import Space
 
 pytestmark = pytest.mark.serial
 
@@ -62,7 +61,7 @@ def square():
 def test_kind(kind, square):
     function, expected = KINDS[kind]
     law = LawOf(function)
-    friction = bind_friction(Space(square, 1), "the bound", law, {"limit": ufl.as_ufl(0.3)})
+    friction = bind_friction(square.mesh, "the bound", law, {"limit": ufl.as_ufl(0.3)})
     assert friction.dependence == expected
 
 

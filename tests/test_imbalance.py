@@ -22,7 +22,7 @@ from pair_evaluation import UNBALANCED
 from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.admissible import bulk, contact, equilibrate, imbalance
+from erc_contact.admissible import bulk, contact, equilibrate, imbalance, reconstruction
 from erc_contact.admissible.shift import Shift
 
 COMM = MPI.COMM_WORLD
@@ -69,7 +69,7 @@ FACETS = "(in a cell|on the boundary|between two ranks)"
 DAMAGES = {
     "stress of a cell": (1, bulk, "macro_stress", in_one_place, "in a cell"),
     "bubbles": (2, bulk, "relaxed", in_one_place, "in a cell"),
-    "facet tractions": (1, bulk, "equilibrated_moments", all_facets, FACETS),
+    "facet tractions": (1, reconstruction, "equilibrated_moments", all_facets, FACETS),
     "tightening": (1, bulk, "tightened", lambda done: (all_facets(done[0]), *done[1:]), FACETS),
     "tightening, degree 2": (
         2,
@@ -162,7 +162,7 @@ def test_an_own_evaluation_says_the_same(number, monkeypatch):
     assert found.ending == "pair"
     assert found.own < 0.01 * UNBALANCED
     monkeypatch.setattr(imbalance, "UNBALANCED", np.inf)
-    after(monkeypatch, "macro_stress", lambda stress: in_one_place(stress, 1e-3))
+    after(monkeypatch, "macro_stress", lambda stress: in_one_place(stress, 1e-3), bulk)
     damaged = outcome(5, number, COMM)
     assert damaged.own > UNBALANCED
     assert 0.03 < damaged.own / damaged.said < 30

@@ -2,95 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
-from dolfinx import fem
-
-from erc_contact.admissible.cells import CellGeometry, force_coefficients, signed
-from erc_contact.admissible.elastic import CellStress, elastic_coefficients, macro_moduli
-from erc_contact.admissible.facets import equilibrated_moments
-from erc_contact.admissible.imbalance import unbalanced_cells
+from erc_contact.admissible.cells import force_coefficients, signed
+from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.macro import macro_stress
+from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.complementary import relaxed
 from erc_contact.admissible.tighten.iteration import tightened
-from erc_contact.mesh.simplex import mass
-from erc_contact.model.model import Model
-
-
-@dataclass(frozen=True, eq=False)
-class Reconstruction:
-    """Hold what an admissible stress is reconstructed from.
-
-    Attributes:
-        model: The scene on a mesh.
-        cells: Geometry, n cells.
-        displacement: u^ [length].
-        balanced: The stress in discrete equilibrium with all tractions.
-        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
-            None.
-        boundary: Moments of the tractions that are given on the boundary [force], shape
-            (facets, m, d).
-        fixed: Components of boundary facets whose traction is not given, shape (facets,
-            d).
-        tighten: Greatest number of iterations that tighten the stress.
-        correction: What they start from, moments of all facets [force], or None.
-    """
-
-    model: Model
-    cells: CellGeometry
-    displacement: fem.Function
-    balanced: CellStress
-    force: np.ndarray | None
-    boundary: np.ndarray
-    fixed: np.ndarray
-    tighten: int
-    correction: np.ndarray | None
-
-    def first_moments(self, fixed: np.ndarray) -> np.ndarray:
-        """Return moments of facet tractions that balance every cell, not yet tight.
-
-        Args:
-            fixed: As in the attribute.
-
-        Returns:
-            Moments on the first side of each facet [force], shape (facets, m, d).
-        """
-        model, cells = self.model, self.cells
-        body = None
-        if self.force is not None:
-            body = np.matmul(mass(cells.d, cells.degree, cells.degree - 1), self.force)
-        if self.balanced.hoop is not None:
-            body = np.zeros((*self.balanced.hoop.shape, cells.d)) if body is None else body
-            body[..., 0] -= self.balanced.hoop
-        # A rank has all cells around the nodes of its own cells, but not around others.
-        complete = np.zeros(len(model.fixed), dtype=bool)
-        complete[model.nodes[: model.domain.owned_cells]] = True
-        stress = self.balanced.in_plane
-        return equilibrated_moments(cells, stress, body, self.boundary, fixed, complete)
-
-
-class BulkStress(NamedTuple):
-    """Hold a stress in equilibrium, and how it was made.
-
-    Attributes:
-        stress: Coefficients of the owned cells [force/area], shape (owned, d+1, N_k,
-            s).
-        moment: Moments of the facet tractions [force], shape (facets, m, d).
-        iterations: Number of iterations that tightened it.
-        correction: What they have added to the moments [force]; None without any.
-        square: Bulk part of e^2, before bubbles are chosen [force length]; None where
-            nothing was tightened.
-        missing: Greatest missing force in each owned cell, and greatest force [force].
-    """
-
-    stress: np.ndarray
-    moment: np.ndarray
-    iterations: int
-    correction: np.ndarray | None
-    square: float | None
-    missing: tuple[np.ndarray, np.ndarray]
+from erc_contact.admissible.unbalanced import unbalanced_cells
 
 
 def plane_bulk(given: Reconstruction) -> BulkStress:

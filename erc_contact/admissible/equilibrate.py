@@ -17,7 +17,7 @@ from mpi4py import MPI
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
 from erc_contact.admissible.balance_parts import OtherForces
 from erc_contact.admissible.boundary import load_moments, supported
-from erc_contact.admissible.bulk import Reconstruction, plane_bulk
+from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
     add_moments,
@@ -37,6 +37,7 @@ from erc_contact.admissible.rebalance import (
     other_forces,
     rebalanced_stress,
 )
+from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.soft_contacts import with_soft_contacts
 from erc_contact.admissible.springs import chosen_tractions, spring_moments, spring_tractions
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments

@@ -19,6 +19,7 @@ from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, po
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.kinks import kinks_on_facets
+from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.values import DATA_DEGREE
@@ -26,6 +27,8 @@ from erc_contact.model.values import DATA_DEGREE
 
 def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndarray:
     """Compute the moments ``int_F t B_m`` of a traction on facets [force]; collective.
+
+    On the axis the projection of a traction that has these moments is zero.
 
     Args:
         model: The scene on a mesh.
@@ -42,21 +45,23 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
         points, weights = rule(d - 1, DATA_DEGREE)
         values = evaluate(traction, model.mesh, points, facets)
         weighted = weights[:, None] * bernstein(d - 1, k, points)
-        return np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
+        moments = np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
+        return moments_off_axis(model, facets, moments)
     load = Everywhere(traction, model.mesh)
 
-    def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def products(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k, places), load(x, facets[entity]))
 
     total = integrate(
         model.comm,
-        moments,
+        products,
         model.facet_corners(facets),
         area,
         facet_pieces(d - 1),
         cuts=kinks_on_facets(model, [traction], facets),
     )
-    return total.value.reshape(len(facets), len(model.facet_points), d)
+    of_facets = total.value.reshape(len(facets), len(model.facet_points), d)
+    return moments_off_axis(model, facets, of_facets)
 
 
 def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:

@@ -12,7 +12,7 @@ Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,8 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.simplex import coefficients
+from erc_contact.model.meridian import per_area
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 
@@ -105,6 +107,27 @@ class Admissible:
     def domain(self) -> Domain:
         """Return the mesh with names."""
         return self.solution.domain
+
+    @property
+    def tractions_per_area(self) -> list[ContactTraction]:
+        """Return r^ on each contact for pictures and files [force/area].
+
+        On rings it interpolates r^ at the nodes of facets, elsewhere it is r^.
+        """
+        model = self.model
+        if not model.axisymmetric:
+            return self.tractions
+        to_coefficients = coefficients(model.d - 1, model.degree)
+        tractions = []
+        for traction in self.tractions:
+            corners = traction.contact.trace.here.corners
+            of_area = []
+            for values in (traction.values, traction.friction_bound[..., None]):
+                nodal = per_area(model, corners, values, model.facet_points)
+                of_area.append(np.matmul(to_coefficients, nodal))
+            values, bound = of_area
+            tractions.append(replace(traction, values=values, friction_bound=bound[..., 0]))
+        return tractions
 
     def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
         """Return the measure of the body for forms with sigma^, UFL.

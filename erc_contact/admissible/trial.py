@@ -20,9 +20,7 @@ from erc_contact.admissible.traction import ContactTraction, is_kinked
 from erc_contact.mesh.simplex import (
     at_nodes,
     averages,
-    bernstein,
     mass,
-    nodes,
     projection,
     rule,
 )
@@ -30,7 +28,7 @@ from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONSTANT
-from erc_contact.model.meridian import ON_AXIS
+from erc_contact.model.meridian import off_axis, vertices_off_axis, without_axis
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.model.turning import Turning, turning_of
@@ -219,10 +217,12 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     opens = shift_of_far_open(space, contact, shift, since_last_step, values, turning)
     count = len(contact.facets)
     best, mean = values + opens, means + opens
-    off = off_axis(space, contact, degree)
-    if off is not None:
+    off = None
+    if space.axisymmetric:
+        off = off_axis(vertices_off_axis(space, contact.trace.here.corners), degree)
         if turning is None:
-            best = _projected_off_axis(off, degree, points, weights, sampled, best)
+            means_of_best = np.matmul(mass(1, degree, degree), best)
+            best = without_axis(means_of_best, off)
         best, mean = best * off[..., None], mean * off[..., None]
     return Trial(
         best=best,
@@ -234,52 +234,6 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
         turning=turning,
         off_axis=off,
     )
-
-
-def off_axis(space: Space, contact: ContactOnMesh, degree: int) -> np.ndarray | None:
-    """Tell which coefficients of facet tractions of a degree are off the axis, (f, m).
-
-    None without an axis.
-    """
-    if not space.axisymmetric:
-        return None
-    radius = contact.trace.here.corners[..., 0]
-    off = abs(radius) > ON_AXIS * space.domain.extent
-    if degree == 0:
-        return off.all(axis=1, keepdims=True)
-    inside = np.ones((len(off), len(nodes(1, degree)) - 2), dtype=bool)
-    return np.concatenate([off, inside], axis=1)
-
-
-def _projected_off_axis(
-    off: np.ndarray,
-    degree: int,
-    points: np.ndarray,
-    weights: np.ndarray,
-    sampled: np.ndarray,
-    best: np.ndarray,
-) -> np.ndarray:
-    """Project tractions on polynomials that are zero on the axis.
-
-    Facets that do not end there keep theirs.
-
-    Args:
-        off: Coefficients off the axis, shape (f, m).
-        degree: Degree of the polynomials.
-        points: Reference points of a rule, shape (q, 1).
-        weights: Its weights.
-        sampled: The tractions there, shape (f, q, d).
-        best: Their projections on all polynomials, shape (f, m, d).
-    """
-    result = best.copy()
-    means = bernstein(1, degree, points).T * weights
-    for end in range(2):
-        facets = np.flatnonzero(~off[:, end])
-        marks = np.arange(off.shape[1]) != end
-        masses = mass(1, degree, degree)[np.ix_(marks, marks)]
-        moments = np.matmul(means[marks], sampled[facets])
-        result[facets[:, None], np.flatnonzero(marks)] = np.linalg.solve(masses, moments)
-    return result
 
 
 def contact_traction(space: Space, contact: ContactOnMesh, values: np.ndarray) -> ContactTraction:

@@ -130,9 +130,10 @@ def _carried(model: Model) -> Ufl:
 
     The radial one of an axisymmetric body is a hoop stress.
     """
+    force: Ufl = model.body_force
     if not model.axisymmetric:
-        return model.body_force
-    return ufl.as_vector([0.0, model.body_force[1]])
+        return force
+    return ufl.as_vector([0.0, force[1]])
 
 
 def of_supports(model: Model) -> float:

@@ -150,7 +150,8 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         low, high = space.extremes(at_nodes)
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
-    return bind_friction(space, f"{what}: the friction bound", law, parameters)
+    bound = f"{what}: the friction bound"
+    return bind_friction(space.mesh, bound, law, parameters, space.circumference)
 
 
 def _true_surface(space: Space, contact: Contact) -> Ufl:

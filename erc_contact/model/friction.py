@@ -18,7 +18,6 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers
-from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
 from erc_contact.model.tables import written_out
@@ -126,16 +125,23 @@ def depends_on_pressure(friction: Friction | None) -> bool:
     return friction is not None and friction.dependence != CONSTANT
 
 
-def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Ufl]) -> Friction:
+def bind_friction(
+    mesh: dmesh.Mesh,
+    what: str,
+    law: Law,
+    parameters: dict[str, Ufl],
+    circumference: Ufl | None = None,
+) -> Friction:
     """Put a friction law on a mesh; collective.
 
     The bound is called once as solver and error will call it.
 
     Args:
-        space: The mesh.
+        mesh: The mesh.
         what: The bound, in words for messages.
         law: The law.
         parameters: Values of its parameters, UFL.
+        circumference: The circumference of rings [length], UFL, or None.
 
     Raises:
         InputError: If the bound fails, or is no scalar.
@@ -147,12 +153,12 @@ def bind_friction(space: Space, what: str, law: Law, parameters: dict[str, Ufl])
     # The arrays that the error estimate passes have two axes, facets and points.
     pressure = np.ones((1, 1))
     values = {name: np.ones((1, 1)) for name in parameters}
-    dependence = call_of_user(lasting(space.comm), what, _dependence, space.mesh, bound)
+    dependence = call_of_user(lasting(mesh.comm), what, _dependence, mesh, bound)
     friction = Friction(law, parameters, dependence, _takes_arrays(law, pressure, values))
-    call_of_user(lasting(space.comm), what, friction.numbers, pressure, values)
-    if space.circumference is None or dependence == PROPORTIONAL:
+    call_of_user(lasting(mesh.comm), what, friction.numbers, pressure, values)
+    if circumference is None or dependence == PROPORTIONAL:
         return friction
-    return replace(friction, parameters=parameters | {CIRCUMFERENCE: space.circumference})
+    return replace(friction, parameters=parameters | {CIRCUMFERENCE: circumference})
 
 
 def _takes_arrays(law: Law, pressure: np.ndarray, values: Mapping[str, np.ndarray]) -> bool:

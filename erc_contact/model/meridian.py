@@ -33,14 +33,11 @@ from math import pi
 
 import numpy as np
 import ufl
-from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import barycentric, bernstein, mass
 from erc_contact.model.space import Space
 from erc_contact.scene.material import strain
-from erc_contact.scene.scene import Scene
 
 ON_AXIS = 1e-12
 """Radius that counts as zero, over the extent of the body [-]."""
@@ -71,21 +68,76 @@ def in_half_plane(tensor: Ufl) -> Ufl:
     return ufl.as_tensor([[tensor[i, j] for j in range(2)] for i in range(2)])
 
 
-def circumferences(x: np.ndarray) -> np.ndarray:
-    """Return the circumferences of the rings through points [length], shape (...).
-
-    Args:
-        x: The points [length], shape (..., 2).
-    """
-    return 2 * pi * x[..., 0]
-
-
 def nodes_on_axis(space: Space) -> np.ndarray:
     """Tell which nodes of this rank lie on the axis, shape (nodes,)."""
     if not space.axisymmetric:
         return np.zeros(space.node_count, dtype=bool)
     r = space.V.tabulate_dof_coordinates()[:, 0]
     return np.asarray(abs(r) <= ON_AXIS * space.domain.extent)
+
+
+def off_axis(vertices: np.ndarray, degree: int) -> np.ndarray:
+    """Tell which coefficients of polynomials on facets are off the axis, shape (f, m).
+
+    Args:
+        vertices: Which vertices of the facets are off the axis, shape (f, 2).
+        degree: Degree of the polynomials, 0 to 2. A constant is off the axis where both
+            vertices are.
+    """
+    if degree == 0:
+        return vertices.all(axis=1, keepdims=True)
+    if degree == 1:
+        return vertices
+    return np.column_stack([vertices, vertices.any(axis=1)])
+
+
+def vertices_off_axis(space: Space, corners: np.ndarray) -> np.ndarray:
+    """Tell which vertices of facets (f, 2, 2) are off the axis, shape (f, 2)."""
+    return np.asarray(abs(corners[..., 0]) > ON_AXIS * space.domain.extent)
+
+
+def without_axis(moment: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """Return tractions that vanish on the axis, from moments of other tractions.
+
+    The axial force of each facet stays. Of a radial traction the moments against the
+    polynomials of the nodes off the axis stay.
+
+    Args:
+        moment: Moments ``int_F t B_m`` [force], shape (f, m, 2).
+        off: Nodes off the axis, shape (f, m).
+
+    Returns:
+        Coefficients of ``|F| t`` [force], shape (f, m, 2).
+    """
+    m = off.shape[1]
+    masses = mass(1, m - 1, m - 1)
+    coefficients = np.matmul(np.linalg.inv(masses), moment)
+    at_axis = np.flatnonzero(~off.all(axis=1))
+    for marks in np.unique(off[at_axis], axis=0):
+        facets = at_axis[(off[at_axis] == marks).all(axis=1)]
+        changed = np.zeros((len(facets), m, 2))
+        if marks.any():
+            of_marks = masses[np.ix_(marks, marks)]
+            changed[:, marks] = np.linalg.solve(of_marks, moment[facets][:, marks])
+            # The same change at all these nodes gives back the axial force.
+            lost = moment[facets, :, 1].sum(axis=1) - changed[..., 1].mean(axis=1)
+            changed[:, marks, 1] += (lost * m / marks.sum())[:, None]
+        coefficients[facets] = changed
+    return coefficients
+
+
+def moments_off_axis(space: Space, facets: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Return the moments of tractions that vanish on the axis, if there is one.
+
+    Args:
+        space: The mesh.
+        facets: Pairs (cell, local facet), shape (f, 2).
+        moment: Moments of tractions that need not vanish [force], shape (f, m, 2).
+    """
+    if not space.axisymmetric:
+        return moment
+    off = off_axis(vertices_off_axis(space, space.facet_corners(facets)), space.degree)
+    return np.matmul(mass(1, space.degree, space.degree), without_axis(moment, off))
 
 
 def per_area(
@@ -146,33 +198,6 @@ def nodal_shares(space: Space, facets: np.ndarray) -> np.ndarray:
     return factors
 
 
-def check_half_plane(space: Space, scene: Scene) -> None:
-    """Check that a mesh is the half plane of axisymmetric bodies; collective.
-
-    Raises:
-        InputError: If a point has r < 0, or the scene has a condition on the axis.
-    """
-    if not space.axisymmetric:
-        return
-    tolerance = ON_AXIS * space.domain.extent
-    x = space.mesh.geometry.x
-    least = space.comm.allreduce(float(x[:, 0].min(initial=np.inf)), MPI.MIN)
-    if least < -tolerance:
-        raise InputError(
-            f"An axisymmetric body has points with the radius x[0] = {least:.4g} < 0; draw one "
-            "half only, with r = x[0] >= 0 and the axis at x[0] = 0."
-        )
-    for owner in (*scene.supports, *scene.springs, *scene.loads, *scene.contacts, *scene.ties):
-        names = getattr(owner, "sides", (owner.facets,))
-        for name in names:
-            if name is None:
-                continue
-            r = abs(space.facet_corners(space.domain.facets(name))[..., 0])
-            is_found = bool((r.max(axis=1) <= tolerance).any()) if len(r) else False
-            if space.comm.allreduce(is_found, MPI.LOR):
-                raise InputError(
-                    f"{type(owner).__name__}({name!r}) has facets on the axis r = 0, where an "
-                    "axisymmetric body has no boundary: its radial displacement is zero there, "
-                    "and nothing acts. Leave the axis without a condition, or give the facets "
-                    "off the axis a name of their own."
-                )
+def facet_shares(space: Space, facets: np.ndarray) -> np.ndarray:
+    """Return the :func:`nodal_shares` at the nodes of facets, shape (f, m)."""
+    return nodal_shares(space, facets)[space.facet_nodes(facets)]

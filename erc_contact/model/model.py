@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import ufl
@@ -16,14 +16,14 @@ from erc_contact.model.connections import Connections
 from erc_contact.model.constitution import Constitution
 from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
-from erc_contact.model.dimension import check_dimension
+from erc_contact.model.dimension import check_dimension, check_half_plane
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.loads import bind_loads, sum_of
-from erc_contact.model.meridian import check_half_plane, in_half_plane, strain_of
+from erc_contact.model.meridian import in_half_plane, strain_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
@@ -106,7 +106,7 @@ class Model(Space):
         check_half_plane(self, scene)
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:
-            try_material(self, scene.material, self.parameters)
+            try_material(self.V, scene.material, self.parameters, partial(strain_of, self))
         self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
         self.constitution = Constitution(self, scene.material, self.parameters, self.strains)
         self.springs = bind_springs(self, scene.springs, self.modulus)

@@ -16,8 +16,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime import compiled
 from erc_contact.mesh.simplex import barycentric, in_space
-from erc_contact.model.meridian import BESIDE_AXIS, ON_AXIS, circumferences
+from erc_contact.model.meridian import BESIDE_AXIS, ON_AXIS
 from erc_contact.model.model import Model
+from erc_contact.model.space import circumferences
 from erc_contact.scene.material import mandel_basis, strain, tensor_basis
 
 BORDER = 2e-13

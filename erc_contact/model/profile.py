@@ -20,8 +20,8 @@ from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_end
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.meridian import circumferences
 from erc_contact.model.model import Model
+from erc_contact.model.space import circumferences
 from erc_contact.model.trace import split
 from erc_contact.model.turning import turning_of
 

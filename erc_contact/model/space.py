@@ -39,6 +39,15 @@ FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
 
+def circumferences(x: np.ndarray) -> np.ndarray:
+    """Return the circumferences of the rings through points [length], shape (...).
+
+    Args:
+        x: The points [length], shape (..., 2).
+    """
+    return 2 * pi * x[..., 0]
+
+
 class OnFacets(Protocol):
     """Describe anything that lives on facets, as a contact does."""
 

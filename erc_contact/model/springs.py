@@ -17,8 +17,7 @@ import ufl
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import barycentric, bernstein, coefficients, projection, rule
-from erc_contact.model.meridian import circumferences
-from erc_contact.model.space import Space
+from erc_contact.model.space import Space, circumferences
 from erc_contact.model.trace import Side, split
 from erc_contact.scene.spring import Spring
 

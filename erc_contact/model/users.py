@@ -11,6 +11,7 @@ from numbers import Real
 from typing import Any
 
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
@@ -23,8 +24,6 @@ from erc_contact.base.exceptions import ErcContactError, InputError, together
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.meridian import strain_of
-from erc_contact.model.space import Space
 from erc_contact.scene.material import Material, mandel_matrix, tensor_basis
 
 IN_UFL = (
@@ -129,20 +128,25 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
         raise InputError(f"{what} must be linear in its argument, and is not: {reason}") from None
 
 
-def try_material(space: Space, material: Material, parameters: Mapping[str, Ufl]) -> None:
+def try_material(
+    V: fem.FunctionSpace,
+    material: Material,
+    parameters: Mapping[str, Ufl],
+    strain: Callable[[Ufl], Ufl],
+) -> None:
     """Call the functions of a material of the user's to see that they work; collective.
 
     Args:
-        space: The mesh.
+        V: Space of the displacement.
         material: The material.
         parameters: Its parameters, UFL.
+        strain: Gives the strain of a displacement.
 
     Raises:
         InputError: If one fails.
     """
-    comm = lasting(space.comm)
-    V = space.V
-    basis = tensor_basis(material, space.d)
+    comm = lasting(V.mesh.comm)
+    basis = tensor_basis(material, V.mesh.geometry.dim)
     what = f"The material {type(material).__name__}"
     u = ufl.TrialFunction(V)
     v = ufl.TestFunction(V)
@@ -151,7 +155,7 @@ def try_material(space: Space, material: Material, parameters: Mapping[str, Ufl]
         call_of_user(comm, f"{what}: {name}", mandel_matrix, act, basis, **parameters)
 
         def product(act: Callable[..., Ufl] = act) -> Ufl:
-            return ufl.inner(act(strain_of(space, u), **parameters), strain_of(space, v))
+            return ufl.inner(act(strain(u), **parameters), strain(v))
 
         integrand = call_of_user(comm, f"{what}: {name}", product)
         linear(f"{what}: {name}", integrand, v, u)

@@ -19,7 +19,6 @@ from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.maximum import Maximum, greatest
-from erc_contact.model.meridian import circumferences
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
@@ -32,6 +31,7 @@ from erc_contact.model.profile import (
     slip_before_table,
 )
 from erc_contact.model.rigid_faces import Motion, motion_of
+from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver

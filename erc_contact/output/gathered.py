@@ -22,7 +22,6 @@ from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
-from erc_contact.results.profile import tractions_per_area
 
 AXIS = 1e-6
 """Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
@@ -146,7 +145,7 @@ def whole_contacts(admissible: Admissible) -> list[Surface]:
     Other ranks get an empty list.
     """
     contacts = []
-    for traction in tractions_per_area(admissible):
+    for traction in admissible.tractions_per_area:
         contact = whole_contact(admissible, traction)
         if contact is not None and len(contact.x) > 0:
             contacts.append(contact)

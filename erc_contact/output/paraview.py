@@ -21,7 +21,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein, in_space, lagrange, nodes
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.output.gathered import Surface, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.profile import contact_status, tractions_per_area
+from erc_contact.results.profile import contact_status
 from erc_contact.results.stresses import cell_stresses
 
 
@@ -75,7 +75,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     model = error.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     cells = gathered(model.comm, **cell_stresses(admissible), eps_E=error.indicators)
-    contacts = [whole_contact(admissible, traction) for traction in tractions_per_area(admissible)]
+    contacts = [whole_contact(admissible, traction) for traction in admissible.tractions_per_area]
 
     def write() -> None:
         grid = grid_of(body["points"], body["cells"], model.d)

@@ -14,7 +14,6 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.model.maximum import EQUAL_MAXIMA
 from erc_contact.model.profile import profile_points
 from erc_contact.model.stress import von_mises
-from erc_contact.results.profile import tractions_per_area
 from erc_contact.results.stresses import mean_stress
 
 PEAKS = {"von Mises": "peak_stress", "pressure": "peak_pressure", "shear": "peak_shear"}
@@ -37,7 +36,7 @@ def peaks(pair: Admissible) -> dict[str, float]:
     pressure = [np.empty(0)]
     shear = [np.empty(0)]
     size = [np.empty(0)]
-    for traction in tractions_per_area(pair):
+    for traction in pair.tractions_per_area:
         own = traction.contact.trace.here.owned
         pressures, tangential = traction.at_points(points)
         pressure.append(pressures[own].max(axis=1))

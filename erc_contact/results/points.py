@@ -13,8 +13,9 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
-from erc_contact.model.meridian import BESIDE_AXIS, circumferences
+from erc_contact.model.meridian import BESIDE_AXIS
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
+from erc_contact.model.space import circumferences
 
 BORDER = 1e-9
 """Difference of barycentric coordinates at the border of two sub-simplices [-]."""

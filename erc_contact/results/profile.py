@@ -5,7 +5,6 @@ Symbols: u^ admissible displacement, r^ admissible contact traction.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import per_area
 from erc_contact.model.profile import (
@@ -50,26 +48,6 @@ def traction_through(pair: Admissible, tie: ContactOnMesh) -> ContactTraction:
     # A tied joint carries any shear.
     bound = np.full(values.shape[:2], np.inf)
     return ContactTraction(tie, here.nodes, here.areas, values, bound)
-
-
-def tractions_per_area(pair: Admissible) -> list[ContactTraction]:
-    """Return r^ on each contact for pictures and files [force/area].
-
-    On rings it interpolates r^ at the nodes of facets, elsewhere it is r^.
-    """
-    model = pair.model
-    if not model.axisymmetric:
-        return pair.tractions
-    tractions = []
-    for traction in pair.tractions:
-        corners = traction.contact.trace.here.corners
-        to_coefficients = coefficients(model.d - 1, model.degree)
-        of_area = []
-        for values in (traction.values, traction.friction_bound[..., None]):
-            nodal = per_area(model, corners, values, model.facet_points)
-            of_area.append(np.matmul(to_coefficients, nodal))
-        tractions.append(replace(traction, values=of_area[0], friction_bound=of_area[1][..., 0]))
-    return tractions
 
 
 def profile(result: Any, name: str) -> np.ndarray:

@@ -15,7 +15,7 @@ from erc_contact.admissible.reference import mandel
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import barycentric, from_means, mass, nodes
 from erc_contact.model.expressions import evaluate
-from erc_contact.model.meridian import circumferences
+from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 
 STRESSES = ("admissible", "best", "elastic")
@@ -215,7 +215,7 @@ def _fe_means(admissible: Admissible) -> np.ndarray:
     hoop = admissible.balanced.hoop
     if hoop is None:
         return stress_in_space(model, in_plane)
-    # Its mean over that of the circumference; the hoop force is 2 pi sigma_tt.
+    # Means over the mean circumference; the hoop force is 2 pi sigma_tt.
     cells = admissible.cell_geometry
     middles = sorted_corners(model, cells)[:owned].mean(axis=1)
     around = hoop[:owned].sum(axis=1) / (2 * np.pi * cells.volume[:owned])

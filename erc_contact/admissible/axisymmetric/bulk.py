@@ -6,12 +6,12 @@ import numpy as np
 
 from erc_contact.admissible.axisymmetric.elements import Elements
 from erc_contact.admissible.axisymmetric.missing import missing_forces
-from erc_contact.admissible.axisymmetric.tighten import off_axis, tightened, without_axis
-from erc_contact.admissible.bulk import BulkStress, Reconstruction
+from erc_contact.admissible.axisymmetric.tighten import tightened
 from erc_contact.admissible.cells import signed
 from erc_contact.admissible.elastic import elastic_coefficients, macro_places
+from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.mesh.simplex import mass
-from erc_contact.model.meridian import nodes_on_axis
+from erc_contact.model.meridian import nodes_on_axis, off_axis, without_axis
 
 
 def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
@@ -22,12 +22,11 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     """
     model, cells = given.model, given.cells
     owned = model.domain.owned_cells
-    on_axis = nodes_on_axis(model)
-    off = off_axis(cells, on_axis)
+    off = off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], cells.degree)
     # Nodes on the axis have no radial equilibrium: whatever is left there is free.
     with_axis = given.fixed.copy()
     with_axis[:, 0] |= ~off.any(axis=1)
-    forces = without_axis(cells, given.first_moments(with_axis), off)
+    forces = without_axis(given.first_moments(with_axis), off)
     elements = Elements(model, cells, given.force)
     elastic = elastic_coefficients(model, cells, given.displacement, owned)
     if model.hoop_load is not None:

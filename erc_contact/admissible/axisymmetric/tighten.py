@@ -27,56 +27,11 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.elements import Elements, Energies
-from erc_contact.admissible.cells import CellGeometry, force_coefficients
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.tighten.iteration import SharedMoments, minimise
 from erc_contact.admissible.tighten.rings import rings
-from erc_contact.mesh.simplex import mass, nodes
+from erc_contact.mesh.simplex import nodes
 from erc_contact.model.space import Space
-
-
-def off_axis(cells: CellGeometry, at_vertices: np.ndarray) -> np.ndarray:
-    """Tell which nodes of the facets of this rank are off the axis, shape (F, m).
-
-    Args:
-        cells: Geometry.
-        at_vertices: Which nodes are on the axis, shape (nodes,).
-    """
-    ends = at_vertices[cells.vertices_of_facets]
-    marks = ~ends
-    if cells.degree == 1:
-        return marks
-    return np.column_stack([marks, ~ends.all(axis=1)])
-
-
-def without_axis(cells: CellGeometry, moment: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """Move facet tractions away from the axis, where they vanish.
-
-    The axial force of each facet stays. Of a radial traction the moments against the
-    polynomials of the nodes off the axis stay.
-
-    Args:
-        cells: Geometry.
-        moment: Moments ``int_F t B_m`` [force], shape (F, m, 2).
-        off: Nodes off the axis, shape (F, m).
-
-    Returns:
-        Coefficients of ``|F| t`` [force], shape (F, m, 2).
-    """
-    k = cells.degree
-    coefficients = force_coefficients(moment, k)
-    at_axis = np.flatnonzero(~off.all(axis=1))
-    masses = mass(1, k, k)
-    for marks in np.unique(off[at_axis], axis=0):
-        facets = at_axis[(off[at_axis] == marks).all(axis=1)]
-        changed = np.zeros((len(facets), len(marks), 2))
-        if marks.any():
-            of_marks = masses[np.ix_(marks, marks)]
-            changed[:, marks] = np.linalg.solve(of_marks, moment[facets][:, marks])
-            # The same change at all these nodes gives back the axial force.
-            lost = moment[facets, :, 1].sum(axis=1) - changed[..., 1].mean(axis=1)
-            changed[:, marks, 1] += (lost * len(marks) / marks.sum())[:, None]
-        coefficients[facets] = changed
-    return coefficients
 
 
 def tightened(
@@ -282,7 +237,7 @@ class _Patches:
 
 @cache
 def _spreads(m: int, marks: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients of resultant 1, and those of none, on the nodes marked.
+    """Return coefficients of resultant 1, and of resultant 0, on the nodes marked.
 
     Returns:
         Shapes (m,) and (m, m-1); columns that there are not are zero.

@@ -100,7 +100,7 @@ def tightened(
 
 def minimise(
     shared: SharedMoments,
-    energy: ComplementaryEnergy,
+    energy: Callable[[np.ndarray], tuple[float, np.ndarray]],
     precondition: Callable[[np.ndarray], np.ndarray],
     x: np.ndarray,
     r: np.ndarray,
@@ -111,7 +111,7 @@ def minimise(
 
     Args:
         shared: Sums and products over the ranks.
-        energy: The energy.
+        energy: The energy of moments, and half its derivative.
         precondition: Returns the preconditioned residual, for all ranks.
         x: Moments, which are moved to the minimum in place, shape (F, m, d).
         r: Residual, the negative gradient; its array is overwritten.
