@@ -20,13 +20,14 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry, tractions_of
 from erc_contact.admissible.macro import macro_values
-from erc_contact.admissible.reference import tensors
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import cell_pieces, polynomials
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.model import Model
+from erc_contact.model.space import circumferences
+from erc_contact.scene.material import tensor_basis
 
 FIELD_DEGREE = 4
 """Degree up to which integrals over sub-simplices are exact by default."""
@@ -72,22 +73,31 @@ def stress_function(
         degree: Degree of the measure.
 
     Returns:
-        A Function of quadrature points, of shape (d, d) [force/area].
+        A Function of quadrature points, of shape (d, d) [force/area], of an
+        axisymmetric body (3, 3) with the rows r, z and hoop.
     """
     d = model.d
+    basis = tensor_basis(model.scene.material, d)
+    rows = basis.shape[1]
     owned = model.domain.owned_cells
     points, weights = _sub_rule(d, degree)
     cell = model.mesh.basix_cell()
-    element = basix.ufl.quadrature_element(cell, (d, d), points=points, weights=weights)
+    element = basix.ufl.quadrature_element(cell, (rows, rows), points=points, weights=weights)
     function = fem.Function(fem.functionspace(model.mesh, element))
     # The coefficients of sigma^ belong to the vertices in another order.
     places = barycentric(points)[:, cells.order[:owned]].swapaxes(0, 1)
     of_cells = np.arange(owned)
     parts = np.split(places, d + 1, axis=1)
-    components = [macro_values(stress, model.degree, of_cells, part) for part in parts]
-    at_points = tensors(np.concatenate(components, axis=1), d)
-    nodal = function.x.array.reshape(-1, d * d)
-    nodal[function.function_space.dofmap.list[:owned]] = at_points.reshape(owned, -1, d * d)
+    of_parts = [macro_values(stress, model.degree, of_cells, part) for part in parts]
+    components = np.concatenate(of_parts, axis=1)
+    if model.axisymmetric:
+        x = np.matmul(barycentric(points), model.cell_corners()[:owned])
+        if model.hoop_load is not None:
+            components[..., -1] += model.hoop_load(x, of_cells)
+        components /= circumferences(x)[..., None]
+    at_points = np.tensordot(components, basis, axes=1)
+    nodal = function.x.array.reshape(-1, rows * rows)
+    nodal[function.function_space.dofmap.list[:owned]] = at_points.reshape(owned, -1, rows * rows)
     function.x.scatter_forward()
     return function
 
@@ -166,5 +176,5 @@ def integral(model: Model, density: Ufl, degree: int) -> float:
             f"integrate: the density has the shape {expression.ufl_shape}; return a scalar, e.g."
             " ufl.inner(sigma, sigma)."
         )
-    form = compiled.form(expression * sub_dx(model, degree))
+    form = compiled.form(model.on_meridian(expression) * sub_dx(model, degree))
     return float(model.comm.allreduce(fem.assemble_scalar(form), MPI.SUM))

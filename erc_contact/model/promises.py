@@ -28,6 +28,7 @@ from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.law_check import check_law
+from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.nearby import nearby_model
 from erc_contact.scene.material import Elastic
@@ -174,6 +175,9 @@ def _check_data(model: Model, contact: ContactOnMesh) -> None:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     if contact.stiffness is not None:
         stiffness = Everywhere(contact.stiffness, model.mesh)(x, contact.facets)
+        if model.axisymmetric:
+            # Per length of the meridian it is zero on the axis.
+            stiffness = stiffness[x[..., 0] > ON_AXIS * model.domain.extent]
         local = float(np.where(stiffness < np.inf, stiffness, -np.inf).min(initial=np.inf))
         low = model.comm.allreduce(local, MPI.MIN)
         if not low > 0.0:

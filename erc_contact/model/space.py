@@ -23,6 +23,7 @@ from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.partition import check_shape
 from erc_contact.mesh.simplex import (
     at_nodes,
+    barycentric,
     coefficients,
     facet_vertices,
     lattice,
@@ -216,6 +217,23 @@ class Space:
     def facet_areas(self, facets: np.ndarray) -> np.ndarray:
         """Compute areas of facets (cell, local facet) [length^(d-1)], shape (n,)."""
         return measures(self.facet_corners(facets))
+
+    def facet_weights(
+        self, facets: np.ndarray, points: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray:
+        """Return the weights of a rule on facets, their areas among them, shape (f, q).
+
+        Of an axisymmetric body they are areas of rings.
+
+        Args:
+            facets: Facets given as (cell, local facet), shape (f, 2).
+            points: Reference points of the rule, shape (q, d-1).
+            weights: Its weights, with the sum 1, shape (q,).
+        """
+        result = self.facet_areas(facets)[:, None] * weights
+        if not self.axisymmetric:
+            return result
+        return result * circumferences(np.matmul(barycentric(points), self.facet_corners(facets)))
 
     def side(self, facets: np.ndarray, modulus: Ufl) -> Side:
         """Make the side of a contact; collective.

@@ -300,12 +300,13 @@ def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
     """Compute the mean of u^ on a boundary part [length], shape (d,); collective."""
     model = error.model
     facets = model.domain.owned_facets(part)
-    points, weights = rule(model.d - 1, model.degree)
+    points, weights = rule(model.d - 1, model.degree + 1)
     displacement = error.admissible.displacement.x.array.reshape(-1, model.d)
     nodal = displacement[model.facet_nodes(facets)]
-    means = weights @ np.matmul(lagrange(model.d - 1, model.degree, points), nodal)
-    area = model.facet_areas(facets)
-    total = model.comm.allreduce(np.append(area @ means, area.sum()))
+    at_points = np.matmul(lagrange(model.d - 1, model.degree, points), nodal)
+    of_points = model.facet_weights(facets, points, weights)
+    moved = np.einsum("fq,fqi->i", of_points, at_points)
+    total = model.comm.allreduce(np.append(moved, of_points.sum()))
     return total[:-1] / total[-1]
 
 

@@ -299,7 +299,8 @@ class Elements:
         k = self.cells.degree
         m, b = len(nodes(1, k)), len(nodes(2, k - 1))
         corners = self.corners[chunk]
-        about = corners - corners.mean(axis=1, keepdims=True)
+        about = corners - corners[:, :1]
+        about = about - about.mean(axis=1, keepdims=True)
         about = about / abs(about).max(axis=(1, 2), keepdims=True)
         n = len(about)
         by_facets = np.zeros((n, 2, 3, m, 2))

@@ -59,7 +59,10 @@ def _in_pieces(elements: Elements, stress: np.ndarray, in_plane: np.ndarray) -> 
     cells = elements.cells
     k = cells.degree
     owned = len(stress)
-    corners = np.einsum("piv,nvj->npij", cell_pieces(2), elements.corners[:owned])
+    # Far from the axis, coordinates have fewer digits than their differences.
+    about = elements.corners[:owned] - elements.corners[:owned, :1]
+    corners = np.einsum("piv,nvj->npij", cell_pieces(2), about)
+    radius = corners[..., 0] + elements.corners[:owned, :1, :1]
     edges = corners[:, :, 1:] - corners[:, :, :1]
     slopes = np.linalg.inv(edges).swapaxes(-1, -2)
     slopes = np.concatenate([-slopes.sum(axis=2, keepdims=True), slopes], axis=2)
@@ -68,10 +71,12 @@ def _in_pieces(elements: Elements, stress: np.ndarray, in_plane: np.ndarray) -> 
     axial = divergence[..., 1] * volume[:, None, None]
     axial += np.einsum("pcb,nb->npc", on_pieces(k), elements.force[:owned])
     defined = np.einsum(
-        "kac,npa,npc->npk", times_linear(k), corners[..., 0], divergence[..., 0], optimize=True
+        "kac,npa,npc->npk", times_linear(k), radius, divergence[..., 0], optimize=True
     )
     size = np.linalg.norm(cells.area[:owned], axis=-1).max(axis=1)
-    hoop = (stress[..., 3] - defined) * size[:, None, None]
+    # As a radial force: far from the axis the hoop stress is a large multiple of it.
+    share = size * np.minimum(1.0, size / elements.corners[:owned, :, 0].mean(axis=1))
+    hoop = (stress[..., 3] - defined) * share[:, None, None]
     both = np.concatenate([axial.reshape(owned, -1), hoop.reshape(owned, -1)], axis=1)
     return both[..., None]
 

@@ -18,9 +18,8 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.mesh.simplex import coefficients
+from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.mesh.tags import listed
-from erc_contact.model.model import Model
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.users import vector
 from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
@@ -36,10 +35,10 @@ def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) ->
     for face in model.loose_faces:
         if face.name == goal.part:
             return _translation(base, goal, face, a)
-    facets = model.domain.facets(goal.part)
-    owned = model.owned(facets)
-    areas = np.where(owned, model.facet_areas(facets), 0.0)
-    area = model.comm.allreduce(float(areas.sum()), MPI.SUM)
+    facets = model.domain.owned_facets(goal.part)
+    points, weights = rule(model.d - 1, model.degree + 1)
+    of_points = model.facet_weights(facets, points, weights)
+    area = model.comm.allreduce(float(of_points.sum()), MPI.SUM)
     taken = [support.facets for support in scene.supports]
     for contact in scene.contacts:
         taken += contact.sides
@@ -56,8 +55,8 @@ def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) ->
 
     def psi(u: fem.Function) -> BoundedNumber:
         values = u.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
-        means = np.einsum("m,fmi->fi", _mean_weights(model), values)
-        local = float(areas @ (means @ density))
+        at_points = np.matmul(lagrange(model.d - 1, model.degree, points), values)
+        local = float(np.einsum("fq,fqi,i->", of_points, at_points, density))
         return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
 
     size = float(np.linalg.norm(a))
@@ -182,9 +181,3 @@ def _grown(resultants: Sequence[float | None], growth: np.ndarray) -> tuple[Any,
     for resultant, more in zip(resultants, growth.tolist(), strict=True):
         grown.append(None if resultant is None else resultant + more)
     return tuple(grown)
-
-
-def _mean_weights(model: Model) -> np.ndarray:
-    """Return the weights of nodal values in the mean over a facet, shape (m,)."""
-    matrix = coefficients(model.d - 1, model.degree)
-    return np.asarray(matrix.mean(axis=0))

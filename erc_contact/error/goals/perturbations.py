@@ -19,6 +19,8 @@ from erc_contact.error.goals.motion_perturbations import functional, mean_displa
 from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
+from erc_contact.model.meridian import vertices_off_axis
+from erc_contact.model.model import Model
 from erc_contact.scene.goal import (
     Functional,
     GoalOfPart,
@@ -41,6 +43,8 @@ def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> 
     if isinstance(goal, Functional):
         return functional(_base_scene(error), goal)
     vector = _checked_vector(goal, model.d)
+    if model.axisymmetric:
+        _check_on_rings(model, goal, vector)
     base = _base_scene(error)
     match goal:
         case MeanDisplacement():
@@ -51,6 +55,24 @@ def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> 
             return moment(base, goal, vector)
         case Resultant():
             return resultant(base, goal, vector)
+
+
+def _check_on_rings(model: Model, goal: GoalOfPart, vector: np.ndarray) -> None:
+    """Check that a goal exists for an axisymmetric body; collective."""
+    if isinstance(goal, Moment | Rotation):
+        raise InputError(
+            f"{goal!r}: rings have no moments and no rotations, which hoop stresses balance; ask"
+            " for a Resultant or a MeanDisplacement."
+        )
+    if isinstance(goal, MeanDisplacement) or vector[0] == 0.0:
+        return
+    corners = model.facet_corners(model.domain.facets(goal.part))
+    meets_axis = not vertices_off_axis(model, corners).all()
+    if model.comm.allreduce(meets_axis, MPI.LOR):
+        raise InputError(
+            f"{goal!r}: a part that meets the axis cannot move radially, so that its radial"
+            " force has no interval; give direction=(0.0, 1.0)."
+        )
 
 
 def _base_scene(error: ConstitutiveError) -> BaseScene:
