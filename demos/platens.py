@@ -46,7 +46,7 @@ ENERGY = 2 * 1.6560952e-4
 # support.
 
 
-def pressed(friction, accuracy=0.003):
+def pressed(friction, accuracy=0.001):
     """The upper half between the platens."""
     domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.25)
     rollers = ec.Displacement("bottom", (None, 0.0))
@@ -81,10 +81,15 @@ energy = ec.potential_energy(bonded)
 
 if rough.error.domain.comm.rank == 0:
     for friction, found, wanted in zip(FRICTIONS, force, FORCE, strict=True):
-        print(f"friction {friction}: force {found:.7f}, {found / wanted - 1:+.4%};", end=" ")
+        print(
+            f"friction {friction}: force {found:.7f}, {found / wanted - 1:+.4%};",
+            end=" ",
+        )
         print(f"modulus {found / FORCE[0]:.4f} E")
     print(f"friction 0.3 sticks up to {stick:.4f} to {slips:.4f} for {C}")
-    print(f"bonded: energy of both halves {2 * energy.low} to {2 * energy.high}, proved")
+    print(
+        f"bonded: energy of both halves {2 * energy.low} to {2 * energy.high}, proved"
+    )
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
     for friction, profile in zip(FRICTIONS, profiles, strict=False):
         order = np.argsort(profile["x"])
@@ -95,7 +100,9 @@ if rough.error.domain.comm.rank == 0:
     order = np.argsort(profiles[2]["x"])
     right.plot(profiles[2]["x"][order], shear[order], "C2", lw=1, label="shear")
     bound = 0.3 * profiles[2]["pressure"][order] / DOWN
-    right.plot(profiles[2]["x"][order], bound, "k--", lw=1, label=r"0.3 $\times$ pressure")
+    right.plot(
+        profiles[2]["x"][order], bound, "k--", lw=1, label=r"0.3 $\times$ pressure"
+    )
     right.axvline(C, color="0.7", lw=0.8, zorder=0)
     right.set(xlabel="$r$", ylabel="shear over $E/100$", ylim=(0, 0.4))
     left.legend(frameon=False)

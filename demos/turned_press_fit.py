@@ -109,8 +109,8 @@ if history.error.domain.comm.rank == 0:
     figure.savefig(FOLDER / "fit.png", dpi=150)
 
 # %%
-# What must hold: Lame's numbers without friction, with the energy in its interval, which
-# is proved; with friction the force within 0.05% and the stick zone within 3%.
+# What must hold: Lame's numbers without friction, with the energy in its proved
+# interval; with friction the force within 0.05% and the stick zone within 3%.
 
 assert history.reached
 assert smooth.reached
