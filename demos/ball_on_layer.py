@@ -106,9 +106,8 @@ if history.error.domain.comm.rank == 0:
     print(f"force {force:.3f} for {FORCE:.3f}: {force / FORCE - 1:+.3%}, {axial}")
     print(f"radius {radius:.4f} for {A:.4f}: {radius / A - 1:+.2%}")
     print(f"pressures {pressures / P - 1}, energy {energy} for {ENERGY:.6f}")
-    print(
-        f"friction: force {force_2 / FORCE_2 - 1:+.3%}, radius {radius_2 / A_2 - 1:+.2%}"
-    )
+    off = force_2 / FORCE_2 - 1, radius_2 / A_2 - 1
+    print(f"friction: force {off[0]:+.3%}, radius {off[1]:+.2%}")
     print(f"stick up to {stick:.3f} for {C_2}, pressures {pressures_2 / P_2 - 1}")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
     modulus = 1000.0 / (1 - 0.3**2)

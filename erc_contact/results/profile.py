@@ -53,7 +53,7 @@ def traction_through(pair: Admissible, tie: ContactOnMesh) -> ContactTraction:
 
 
 def contact_per_area(pair: Admissible, name: str) -> ContactTraction:
-    """Return :func:`contact_of` per area, as :attr:`Admissible.tractions_per_area` is."""
+    """Return :func:`contact_of` per area, for pictures [force/area]."""
     model = pair.model
     traction = contact_of(pair, name)
     if traction.contact in model.contacts:
