@@ -25,6 +25,7 @@ from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
+from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
 from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
@@ -70,6 +71,7 @@ class Model(Space):
             support.
         contacts: The scene's contacts.
         ties: The scene's tied joints.
+        preloads: Its preloads, each one of the joints.
         connections: The nodes that contacts between bodies connect.
         bodies: Number of the body of each node of this rank, and number of bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
@@ -98,17 +100,18 @@ class Model(Space):
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters)
-        self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
-        self.constitution = Constitution(scene.material, self.parameters, self.mesh, self.strains)
+        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
+        self.preloads = bind_preloads(self, scene.ties, self.ties)
+        self.bind_strains(scene)
         self.springs = bind_springs(self, scene.springs, self.modulus)
         self.bind_supports_and_loads(scene)
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
         self.gap_limits: dict[ContactOnMesh, np.ndarray] = {}
-        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.bind_connections()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
+        check_beside_cuts(self, self.preloads, self._held_facets(), self.contacts)
         self.bodies = bodies_of_nodes(self)
         self.free_motions = free_motions(
             self, self.bodies, self.held, self.springs, self.contacts, self.loose_faces
@@ -125,6 +128,26 @@ class Model(Space):
         self.loose_faces = supports.loose_faces
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
+
+    def bind_strains(self, scene: Scene) -> None:
+        """Put the strains and the preloads of a scene on the mesh; collective."""
+        shifts = shifts_of(scene.ties)
+        of_preloads = [preload.strain(shifts[preload.name]) for preload in self.preloads]
+        self.strains = bind_strains(
+            self, scene.strains, scene.material, self.parameters, of_preloads
+        )
+        self.constitution = Constitution(scene.material, self.parameters, self.mesh, self.strains)
+
+    def _held_facets(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
+        """Return name, facets and held components of each support and spring."""
+        held = []
+        for support, (facets, components) in zip(
+            self.scene.supports, self.fixed_facets, strict=True
+        ):
+            held.append((support.facets, facets, components))
+        for spring in self.springs:
+            held.append((spring.name, spring.side.facets, np.ones(self.d, dtype=bool)))
+        return held
 
     def bind_connections(self) -> None:
         """Find the nodes that contacts connect, given supports; collective."""
@@ -238,6 +261,15 @@ class Model(Space):
     def stiffest(self) -> float:
         """Return the greatest modulus at middles of cells [force/area]; collective."""
         return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
+
+    def jumps_at(self, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return what shifts of preloads add to the displacement [length], (n, d).
+
+        Args:
+            cell: A cell of this rank for each point, shape (n,).
+            x: The points [length], shape (n, d).
+        """
+        return jumps_at(self.preloads, shifts_of(self.scene.ties), cell, x, self.cell_corners())
 
     # -- data on contacts
 

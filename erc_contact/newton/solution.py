@@ -287,7 +287,7 @@ class Solution:
             # DOLFINx does not evaluate at no points.
             u = np.zeros((0, d))
             if len(x):
-                u = self.u.eval(in_space(x), cell).reshape(-1, d)
+                u = self.u.eval(in_space(x), cell).reshape(-1, d) + model.jumps_at(cell, x)
             stress = elastic_stress_at(model, self.u, cell, x)
             return np.hstack([u, stress.reshape(-1, d * d)])
 

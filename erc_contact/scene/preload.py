@@ -1,0 +1,87 @@
+"""Declare preloads: cuts through a body whose sides are drawn together, as in a bolt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
+from typing import Any
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.scene.tied import Tied
+
+GIVEN = ("force", "shortening", "locked")
+"""Names of the arguments of which a preload has one."""
+
+
+@dataclass(frozen=True)
+class Preload(Tied):
+    """Declare that the sides of a cut through a body are drawn together.
+
+    The sides move by a shift q along the axis d of the cut, its mean normal out of the
+    first side, and are one beyond it:
+
+        u_1 - u_2 = q d,    sigma n equal on both sides.
+
+    So a bolt whose shank is cut is shortened by q, and carries the force F along d.
+    Either is given. The parts are a pair of :meth:`Domain.split` or
+    :meth:`Domain.joined` that goes through the whole section. The cells of the first
+    side that touch the cut must be free of contacts with friction, and of supports and
+    springs that hold them along d.
+
+    Args:
+        facets: Name of the first side of the cut.
+        against: Name of the other side.
+        force: F [force], in tension > 0; q follows from it, to eight digits of F on
+            each mesh.
+        shortening: q [length]; > 0 draws the sides together.
+        locked: Whether q is that of the last step of a history, as in a bolt that is
+            tightened.
+
+    Raises:
+        InputError: If not one of force, shortening and locked is given, a number is not
+            finite, or these are no two names.
+
+    Source: the jump q d is a given strain in the cells of the first side beside the
+    cut. So e (16) is the error of the body with this shift, as with any given strain.
+
+    Example:
+        >>> ec.Preload("upper bottom", "lower top", force=20e3)
+        Preload(facets='upper bottom', against='lower top', force=20000.0, ...)
+    """
+
+    force: float | None = None
+    shortening: float | None = None
+    locked: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        super().__post_init__()
+        if not isinstance(self.locked, bool):
+            raise InputError(f"{self._what}: locked is {self.locked!r}; give True or False.")
+        values = {name: getattr(self, name) for name in GIVEN}
+        # A force of 0.0 is given, though it equals False.
+        given = [name for name, value in values.items() if value is not None and value is not False]
+        if len(given) != 1:
+            told = " and ".join(given) or "none of them"
+            raise InputError(
+                f"{self._what} has {told}; give one of force=, shortening= and, in a step of a"
+                " history after another one, locked=True."
+            )
+        for name in ("force", "shortening"):
+            self._check_number(name, getattr(self, name))
+
+    @property
+    def _what(self) -> str:
+        """Return the preload in words for messages."""
+        return f"Preload({self.facets!r})"
+
+    def _check_number(self, name: str, value: Any) -> None:
+        """Check that an argument is a finite number, or None."""
+        if value is None:
+            return
+        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+            raise InputError(
+                f"{self._what}: {name} is {value!r}; give a finite number. In a history the scene"
+                " is a function of time, and so is it."
+            )
