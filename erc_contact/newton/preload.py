@@ -130,7 +130,8 @@ def solved_with_forces(
     steps = solution.newton_steps
     forces = _bolt_forces(solution, names)
     scale = max(abs(wanted).max(), abs(forces).max())
-    slopes = _first_slopes(forces, shifts, shank_stiffness(solution.model, names))
+    shanks = shank_stiffness(solution.model, names)
+    slopes = _first_slopes(forces, shifts, shanks)
     for _ in range(SOLVES):
         log_of(solution.model.comm).debug("Preloads %s: shifts %s", forces, shifts)
         left = wanted - forces
@@ -146,9 +147,13 @@ def solved_with_forces(
         shifts = shifts + change
         forces_before = forces
         forces = _bolt_forces(solution, names)
-        # Broyden's update: the slopes explain the last change, and are the same across.
-        unexplained = forces - forces_before - slopes @ change
-        slopes += np.outer(unexplained, change) / (change @ change)
+        # Broyden's update: the slopes explain the last change, and stay across it.
+        gained = forces - forces_before
+        slopes += np.outer(gained - slopes @ change, change) / (change @ change)
+        if abs(gained).max() <= SLACK * shanks.min() * abs(change).max():
+            _check_slack(names, forces, wanted)
+        if (slopes.diagonal() <= SLACK * shanks).any():
+            slopes = np.diag(shanks)
     told = [
         f"{name!r} {force:.6g} of {given:.6g}"
         for name, force, given in zip(names, forces, wanted, strict=True)
@@ -202,6 +207,22 @@ def _bolt_forces(solution: Solution, names: Sequence[str]) -> np.ndarray:
     """Return the forces of bolts along their axes [force]; collective."""
     axes = {preload.name: preload.axis for preload in solution.model.preloads}
     return np.array([float(solution.force(name).force @ axes[name]) for name in names])
+
+
+def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -> None:
+    """Check that bolts whose forces do not change with their shifts are slack.
+
+    Raises:
+        NotConverged: If one has more force than is wanted.
+    """
+    for name, force, given in zip(names, forces, wanted, strict=True):
+        if abs(force) > abs(given):
+            raise NotConverged(
+                f"No shift gives Preload({name!r}) the force {given:.6g}: it stays at {force:.6g}"
+                " however far the sides of the cut are let apart, because the loads pull as much."
+                " Give more force, or tighten before the loads come, in a history.",
+                (),
+            )
 
 
 def _first_slopes(forces: np.ndarray, shifts: np.ndarray, shanks: np.ndarray) -> np.ndarray:
