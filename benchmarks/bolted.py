@@ -35,8 +35,12 @@ def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         model = gmsh.model
         occ = model.occ
-        upper, _ = occ.fuse([_block(d, SHANK, CUT, UPPER)], [_block(d, HEAD, UPPER, UPPER + HEIGHT)])
-        lower, _ = occ.fuse([_block(d, SHANK, LOWER, CUT)], [_block(d, HEAD, LOWER - HEIGHT, LOWER)])
+        upper, _ = occ.fuse(
+            [_block(d, SHANK, CUT, UPPER)], [_block(d, HEAD, UPPER, UPPER + HEIGHT)]
+        )
+        lower, _ = occ.fuse(
+            [_block(d, SHANK, LOWER, CUT)], [_block(d, HEAD, LOWER - HEIGHT, LOWER)]
+        )
         plates = []
         for ends in ((0.0, UPPER), (LOWER, 0.0)):
             plate, _ = occ.cut([_block(d, WIDTH, *ends)], [_block(d, HOLE, *ends)])
@@ -56,7 +60,9 @@ def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
     if model is not None:
         gmsh.finalize()
     domain = domain.split(dict(zip(SIDES, ("above", "below"), strict=True)))
-    for names, regions in zip(SEATS, (("above", "upper"), ("below", "lower"), ("upper", "lower")), strict=True):
+    for names, regions in zip(
+        SEATS, (("above", "upper"), ("below", "lower"), ("upper", "lower")), strict=True
+    ):
         domain = domain.split(dict(zip(names, regions, strict=True)))
     return domain
 

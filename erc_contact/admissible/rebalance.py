@@ -26,6 +26,7 @@ from erc_contact.admissible.springs import (
     spring_tractions,
 )
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
+from erc_contact.model.bolt_halves import motions_of_halves
 from erc_contact.model.held_motions import unsupported_motions
 from erc_contact.model.model import Model
 from erc_contact.model.motions import greatest_of_bodies
@@ -94,7 +95,8 @@ def other_forces(
 ) -> OtherForces:
     """Compute what contact tractions have to balance on rigid motions; collective.
 
-    These are the loads, and on motions that springs alone hold their pull at u, too. It
+    These are the loads, the forces of preloads on halves of bolts, and on motions that
+    springs alone hold their pull at u, too. It
     is in balance with the method's own contact forces. If r^ has another resultant or
     moment, the springs have to take up the difference. It is small, but costs soft
     springs much.
@@ -113,7 +115,8 @@ def other_forces(
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
         motions = unsupported_motions(model, model.bodies, model.held, model.loose_faces)
-    if not motions:
+    of_halves, works_on_halves = motions_of_halves(model)
+    if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
     if with_springs:
         # On motions that no support holds, loads on supports do no work.
@@ -124,9 +127,12 @@ def other_forces(
     works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])
     total = model.comm.allreduce(local, MPI.SUM)
+    motions = [*motions, *of_halves]
+    works = [*total[:-1], *works_on_halves]
+    size = float(total[-1]) + float(np.sum(np.abs(works_on_halves)))
     stiffness = spring_stiffness(model, motions)
     free = motions_off_springs(model, motions)
-    return OtherForces(motions, total[:-1], stiffness, free, float(total[-1]))
+    return OtherForces(motions, np.array(works), stiffness, free, size)
 
 
 @dataclass(frozen=True, eq=False)

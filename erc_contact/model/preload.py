@@ -26,8 +26,8 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import barycentric
 from erc_contact.mesh.sides import inner_facets
+from erc_contact.mesh.simplex import barycentric
 from erc_contact.mesh.tags import listed
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.space import Space
@@ -49,6 +49,7 @@ class PreloadOnMesh:
         name: Name of the first side.
         against: Name of the other side.
         axis: d, unit vector out of the first side [-], shape (d,).
+        on_cut: Which nodes of this rank are on the cut, shape (nodes,).
         weights: chi at the vertices of each cell of this rank, zero in cells that are
             not of the first side [-], shape (cells, d+1).
         gradient: Gradient of chi in these cells [1/length], a DG0 Function.
@@ -57,6 +58,7 @@ class PreloadOnMesh:
     name: str
     against: str
     axis: np.ndarray
+    on_cut: np.ndarray
     weights: np.ndarray
     gradient: fem.Function
 
@@ -193,7 +195,7 @@ def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
     slopes = np.linalg.inv(corners[:, 1:] - corners[:, :1])
     rises = weights[touching, 1:] - weights[touching, :1]
     of_cells[touching] = np.einsum("nji,ni->nj", slopes, rises)
-    return PreloadOnMesh(*joint.side_names, axis, weights, gradient)
+    return PreloadOnMesh(*joint.side_names, axis, on_cut, weights, gradient)
 
 
 def _axis(space: Space, joint: ContactOnMesh) -> np.ndarray:
@@ -238,7 +240,9 @@ def _check_whole(
     other &= (cells < space.domain.owned_cells).any(axis=1)
     pairs = cells[other]
     # The vertices of a facet are those that both of its cells have.
-    shared = (space.vertices[pairs[:, 0]][:, :, None] == space.vertices[pairs[:, 1]][:, None]).any(2)
+    shared = (space.vertices[pairs[:, 0]][:, :, None] == space.vertices[pairs[:, 1]][:, None]).any(
+        2
+    )
     torn = bool((shared & on_cut[space.vertices[pairs[:, 0]]]).any())
     error = None
     if space.comm.allreduce(int(torn)):

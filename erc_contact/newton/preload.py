@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -63,8 +64,9 @@ def with_locked_shifts(scene: Scene, after: Solution | None) -> Scene:
 
 
 def with_forces(scene: Scene) -> list[Preload]:
-    """Return the preloads whose forces are given."""
-    return [preload for preload in _preloads(scene) if preload.force is not None]
+    """Return the preloads whose forces alone are given."""
+    preloads = _preloads(scene)
+    return [preload for preload in preloads if not preload.locked and preload.shortening is None]
 
 
 def shifts_in(scene: Scene) -> dict[str, float]:
@@ -78,11 +80,12 @@ def shifts_in(scene: Scene) -> dict[str, float]:
 
 def with_shifts(scene: Scene, shifts: dict[str, float]) -> Scene:
     """Return a scene in which preloads have given shifts [length]."""
-    ties = []
+    ties: list[Any] = []
     for tie in scene.ties:
-        if tie.facets in shifts:
-            tie = Preload(tie.facets, tie.against, shortening=shifts[tie.facets])
-        ties.append(tie)
+        if isinstance(tie, Preload) and tie.facets in shifts:
+            ties.append(replace(tie, locked=False, shortening=shifts[tie.facets]))
+        else:
+            ties.append(tie)
     return replace(scene, ties=ties)
 
 
@@ -194,7 +197,7 @@ def _changed(
     near: SolveNear,
     solution: Solution,
 ) -> tuple[np.ndarray, Solution]:
-    """Solve with changed shifts, or with a part of the change; return this part, too."""
+    """Solve with changed shifts, or with a part of the change, which is returned, too."""
     for _ in range(HALVINGS):
         try:
             return change, near(at(shifts + change), solution)

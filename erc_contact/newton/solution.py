@@ -11,10 +11,12 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.tags import listed
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import ContactOnMesh
@@ -40,6 +42,7 @@ from erc_contact.newton.rest import (
     displacement_at_rest,
     displacement_back_at_rest,
 )
+from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
 
 
@@ -214,6 +217,26 @@ class Solution:
             InputError: If no rigid face has this name.
         """
         return motion_of(self.model, self.scene.supports, part, self.u)
+
+    def shortening(self, part: str) -> float:
+        """Return the shift of a preload, > 0 where its sides are drawn together [length].
+
+        Args:
+            part: Name of either side of its cut.
+
+        Raises:
+            InputError: If no preload has this part.
+        """
+        shifts = {}
+        for tie in self.scene.ties:
+            if isinstance(tie, Preload):
+                assert tie.shortening is not None
+                shifts |= dict.fromkeys(tie.sides, float(tie.shortening))
+        if part not in shifts:
+            raise InputError(
+                f"No preload has the part {part!r}; this scene has {listed(list(shifts))}."
+            )
+        return shifts[part]
 
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.

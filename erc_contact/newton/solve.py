@@ -212,7 +212,7 @@ def _solved_with_forces(
     """Solve a scene in which forces of preloads are given; collective."""
     began = perf_counter()
     names = [preload.facets for preload in with_forces(scene)]
-    known = {}
+    known: dict[str, float] = {}
     for solution in (after, start):
         if solution is not None:
             known |= shifts_in(solution.scene)

@@ -10,9 +10,6 @@ from typing import Any
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.tied import Tied
 
-GIVEN = ("force", "shortening", "locked")
-"""Names of the arguments of which a preload has one."""
-
 
 @dataclass(frozen=True)
 class Preload(Tied):
@@ -32,18 +29,21 @@ class Preload(Tied):
     Args:
         facets: Name of the first side of the cut.
         against: Name of the other side.
-        force: F [force], in tension > 0; q follows from it, to eight digits of F on
-            each mesh.
-        shortening: q [length]; > 0 draws the sides together.
+        force: F [force], in tension > 0.
+        shortening: q [length]; > 0 draws the sides together. With a force alone it is
+            found, to eight digits of F on each mesh, and the scene of the solution has
+            both.
         locked: Whether q is that of the last step of a history, as in a bolt that is
             tightened.
 
     Raises:
-        InputError: If not one of force, shortening and locked is given, a number is not
-            finite, or these are no two names.
+        InputError: If neither a number is given nor locked, or both are, a number is
+            not finite, or these are no two names.
 
     Source: the jump q d is a given strain in the cells of the first side beside the
     cut. So e (16) is the error of the body with this shift, as with any given strain.
+    Where sigma^ has the resultant F it bounds the error of the body with this force,
+    too: then ``(F - F^) (q* - q)``, which would be added with its shift q*, is zero.
 
     Example:
         >>> ec.Preload("upper bottom", "lower top", force=20e3)
@@ -59,14 +59,14 @@ class Preload(Tied):
         super().__post_init__()
         if not isinstance(self.locked, bool):
             raise InputError(f"{self._what}: locked is {self.locked!r}; give True or False.")
-        values = {name: getattr(self, name) for name in GIVEN}
-        # A force of 0.0 is given, though it equals False.
-        given = [name for name, value in values.items() if value is not None and value is not False]
-        if len(given) != 1:
-            told = " and ".join(given) or "none of them"
+        is_given = self.force is not None or self.shortening is not None
+        if is_given == self.locked:
+            told = (
+                "both locked=True and a number" if self.locked else "nothing that tells its shift"
+            )
             raise InputError(
-                f"{self._what} has {told}; give one of force=, shortening= and, in a step of a"
-                " history after another one, locked=True."
+                f"{self._what} has {told}; give force= or shortening=, or in a step of a history"
+                " after another one locked=True."
             )
         for name in ("force", "shortening"):
             self._check_number(name, getattr(self, name))
