@@ -13,6 +13,8 @@ SIDES = ("upper end", "lower end")
 """Names of the sides of the cut through the shank."""
 SEATS = (("head", "upper seat"), ("nut", "lower seat"), ("joint", "joint below"))
 """Names of the sides of the contacts."""
+REGIONS = (("above", "below"), ("above", "upper"), ("below", "lower"), ("upper", "lower"))
+"""Regions on both sides of the cut and of the contacts."""
 SHANK, HEAD, HOLE, WIDTH = 1.0, 2.0, 1.25, 5.0
 UPPER, LOWER, HEIGHT, CUT = 2.0, -1.5, 1.0, 0.5
 
@@ -35,12 +37,10 @@ def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         model = gmsh.model
         occ = model.occ
-        upper, _ = occ.fuse(
-            [_block(d, SHANK, CUT, UPPER)], [_block(d, HEAD, UPPER, UPPER + HEIGHT)]
-        )
-        lower, _ = occ.fuse(
-            [_block(d, SHANK, LOWER, CUT)], [_block(d, HEAD, LOWER - HEIGHT, LOWER)]
-        )
+        head = _block(d, HEAD, UPPER, UPPER + HEIGHT)
+        nut = _block(d, HEAD, LOWER - HEIGHT, LOWER)
+        upper, _ = occ.fuse([_block(d, SHANK, CUT, UPPER)], [head])
+        lower, _ = occ.fuse([_block(d, SHANK, LOWER, CUT)], [nut])
         plates = []
         for ends in ((0.0, UPPER), (LOWER, 0.0)):
             plate, _ = occ.cut([_block(d, WIDTH, *ends)], [_block(d, HOLE, *ends)])
@@ -49,20 +49,17 @@ def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
         occ.synchronize()
         for name, of_name in zip(("above", "below", "upper", "lower"), pieces, strict=True):
             model.addPhysicalGroup(d, [tag for _, tag in of_name], name=name)
-    axis = "xyz"[d - 1]
-    parts = {
-        **{f"symmetry {name}": ec.where(**{name: 0.0}) for name in "xy"[: d - 1]},
-        "top": ec.where(**{axis: UPPER}, x=(HEAD, None)),
-        "bottom": ec.where(**{axis: LOWER}, x=(HEAD, None)),
-        "outer": ec.where(x=WIDTH),
-    }
+    parts = {"symmetry x": ec.where(x=0.0), "outer": ec.where(x=WIDTH)}
+    free = (HEAD, None)
+    if d == 2:
+        parts |= {"top": ec.where(x=free, y=UPPER), "bottom": ec.where(x=free, y=LOWER)}
+    else:
+        parts["symmetry y"] = ec.where(y=0.0)
+        parts |= {"top": ec.where(x=free, z=UPPER), "bottom": ec.where(x=free, z=LOWER)}
     domain = ec.from_gmsh(model, parts=parts)
     if model is not None:
         gmsh.finalize()
-    domain = domain.split(dict(zip(SIDES, ("above", "below"), strict=True)))
-    for names, regions in zip(
-        SEATS, (("above", "upper"), ("below", "lower"), ("upper", "lower")), strict=True
-    ):
+    for names, regions in zip((SIDES, *SEATS), REGIONS, strict=True):
         domain = domain.split(dict(zip(names, regions, strict=True)))
     return domain
 

@@ -66,6 +66,10 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     elastic_strain = fine_strain
     if model.strains is not None:
         elastic_strain = fine_strain - given_strains(model, cells, points, n)
+    if model.preloads:
+        # Their strains depend on the mesh: the elastic strains are compared.
+        of_coarse = given_strains(pair.model, coarse, points, len(coarse.nodes))[parent[::q], 0]
+        du = elastic_strain - (strain.reshape(n, q, -1) - of_coarse[:, None])
     ds = elastic_strain @ C - stress.reshape(n, q, -1)
     squares = [
         volume * np.einsum("nqa,ab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))

@@ -30,8 +30,8 @@ def motions_of_halves(model: Any) -> tuple[list[fem.Function], list[float]]:
         model: The scene on a mesh.
 
     Returns:
-        Translations of each half that contacts alone hold, along its axis out of it [-];
-        and the work of loads and the force of the cut on them [force].
+        Translations of halves that contacts alone hold, along the axis out of them [-].
+        The work of the loads and of the force of the cut on them [force].
     """
     forces = {tie.facets: getattr(tie, "force", None) for tie in model.scene.ties}
     motions = []

@@ -195,7 +195,8 @@ def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
     slopes = np.linalg.inv(corners[:, 1:] - corners[:, :1])
     rises = weights[touching, 1:] - weights[touching, :1]
     of_cells[touching] = np.einsum("nji,ni->nj", slopes, rises)
-    return PreloadOnMesh(*joint.side_names, axis, on_cut, weights, gradient)
+    assert joint.against is not None
+    return PreloadOnMesh(joint.name, joint.against, axis, on_cut, weights, gradient)
 
 
 def _axis(space: Space, joint: ContactOnMesh) -> np.ndarray:
@@ -238,12 +239,10 @@ def _check_whole(
     other = is_first[cells[:, 0]] != is_first[cells[:, 1]]
     other &= ~np.isin(facets, space.facet_numbers(joint.trace.here.facets))
     other &= (cells < space.domain.owned_cells).any(axis=1)
-    pairs = cells[other]
+    first, second = space.vertices[cells[other]].swapaxes(0, 1)
     # The vertices of a facet are those that both of its cells have.
-    shared = (space.vertices[pairs[:, 0]][:, :, None] == space.vertices[pairs[:, 1]][:, None]).any(
-        2
-    )
-    torn = bool((shared & on_cut[space.vertices[pairs[:, 0]]]).any())
+    shared = (first[:, :, None] == second[:, None]).any(axis=2)
+    torn = bool((shared & on_cut[first]).any())
     error = None
     if space.comm.allreduce(int(torn)):
         error = InputError(

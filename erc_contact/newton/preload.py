@@ -197,7 +197,7 @@ def _changed(
     near: SolveNear,
     solution: Solution,
 ) -> tuple[np.ndarray, Solution]:
-    """Solve with changed shifts, or with a part of the change, which is returned, too."""
+    """Solve with changed shifts, or with a part of the change; return the part, too."""
     for _ in range(HALVINGS):
         try:
             return change, near(at(shifts + change), solution)

@@ -219,7 +219,7 @@ class Solution:
         return motion_of(self.model, self.scene.supports, part, self.u)
 
     def shortening(self, part: str) -> float:
-        """Return the shift of a preload, > 0 where its sides are drawn together [length].
+        """Return the shift of a preload [length], > 0 where it draws sides together.
 
         Args:
             part: Name of either side of its cut.
@@ -227,7 +227,7 @@ class Solution:
         Raises:
             InputError: If no preload has this part.
         """
-        shifts = {}
+        shifts: dict[str, float] = {}
         for tie in self.scene.ties:
             if isinstance(tie, Preload):
                 assert tie.shortening is not None

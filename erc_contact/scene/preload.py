@@ -1,4 +1,4 @@
-"""Declare preloads: cuts through a body whose sides are drawn together, as in a bolt."""
+"""Declare preloads: cuts whose sides are drawn together, as in a bolt."""
 
 from __future__ import annotations
 
