@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
@@ -19,8 +17,7 @@ SHANK, HEAD, HOLE, WIDTH = 1.0, 2.0, 1.25, 5.0
 UPPER, LOWER, HEIGHT, CUT = 2.0, -1.5, 1.0, 0.5
 
 
-@cache
-def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
+def bolted_plates(d: int, size: float, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     """Make one half of the joint, in space a quarter, with square sections; collective.
 
     The planes of symmetry are x = 0, and y = 0 in space. The plates reach from z = -1.5
@@ -29,9 +26,10 @@ def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
     Args:
         d: Dimension.
         size: Size of the cells [length].
+        comm: Communicator that shares the mesh.
     """
     model = None
-    if MPI.COMM_WORLD.rank == 0:
+    if comm.rank == 0:
         gmsh.initialize()
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
@@ -56,7 +54,7 @@ def bolted_plates(d: int, size: float = 1.0) -> ec.Domain:
     else:
         parts["symmetry y"] = ec.where(y=0.0)
         parts |= {"top": ec.where(x=free, z=UPPER), "bottom": ec.where(x=free, z=LOWER)}
-    domain = ec.from_gmsh(model, parts=parts)
+    domain = ec.from_gmsh(model, comm, parts=parts)
     if model is not None:
         gmsh.finalize()
     for names, regions in zip((SIDES, *SEATS), REGIONS, strict=True):

@@ -46,7 +46,9 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tig
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced, NotHeldError
 from erc_contact.model.model import Model
+from erc_contact.newton.preload import bolt_forces
 from erc_contact.newton.solution import Solution
+from erc_contact.scene.preload import Preload
 
 
 def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
@@ -100,8 +102,16 @@ def equilibrated(
     loads = load_moments(model, cells)
     fixed = supported(model, cells)
     data = _Data(solution, cells, force, loads, fixed)
-    others = other_forces(model, cells, loads, fixed, force, solution.u)
-    pair, balanced, bulk = _make_pair(data, others, tighten, near)
+    bolts = _forces_of_bolts(solution)
+    others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
+    try:
+        pair, balanced, bulk = _make_pair(data, others, tighten, near)
+    except NotHeldError:
+        if not bolts:
+            raise
+        # The law may leave too little for the forces of bolts.
+        others = other_forces(model, cells, loads, fixed, force, solution.u, {})
+        pair, balanced, bulk = _make_pair(data, others, tighten, near)
     kept = None
     if is_own and bulk is not None:
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
@@ -112,6 +122,19 @@ def equilibrated(
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
+
+
+def _forces_of_bolts(solution: Solution) -> dict[str, float]:
+    """Return the forces of preloads that sigma^ should have [force]; collective.
+
+    They are the given ones, else the forces of the solution. So sigma^ tells how the
+    force of a locked bolt changes, which is little of what r^ leaves open.
+    """
+    forces = bolt_forces(solution)
+    for tie in solution.scene.ties:
+        if isinstance(tie, Preload) and tie.force is not None:
+            forces[tie.facets] = float(tie.force)
+    return forces
 
 
 def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:

@@ -9,6 +9,7 @@ polynomial of degree k-1 in a cell.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +93,7 @@ def other_forces(
     fixed: np.ndarray,
     force: np.ndarray | None,
     u: fem.Function,
+    bolts: Mapping[str, float],
 ) -> OtherForces:
     """Compute what contact tractions have to balance on rigid motions; collective.
 
@@ -110,12 +112,13 @@ def other_forces(
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
             None.
         u: Displacement of the contact solve [length].
+        bolts: Forces that sigma^ has in bolts, by the names of preloads [force].
     """
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
         motions = unsupported_motions(model, model.bodies, model.held, model.loose_faces)
-    of_halves, works_on_halves = motions_of_halves(model)
+    of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
     if with_springs:

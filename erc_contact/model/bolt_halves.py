@@ -10,6 +10,7 @@ so that the traction r of contacts tells the force of the cut, and the other way
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,30 +22,27 @@ from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.preload import PreloadOnMesh
 
 
-def motions_of_halves(model: Any) -> tuple[list[fem.Function], list[float]]:
-    """Return motions of halves of bolts with given forces, and works on them.
-
-    Collective.
+def motions_of_halves(
+    model: Any, forces: Mapping[str, float]
+) -> tuple[list[fem.Function], list[float]]:
+    """Return motions of halves of bolts, and works on them; collective.
 
     Args:
         model: The scene on a mesh.
+        forces: The force of each bolt by the name of its preload [force].
 
     Returns:
         Translations of halves that contacts alone hold, along the axis out of them [-].
         The work of the loads and of the force of the cut on them [force].
     """
-    forces = {tie.facets: getattr(tie, "force", None) for tie in model.scene.ties}
     motions = []
     works = []
     for preload in model.preloads:
-        force = forces[preload.name]
-        if force is None:
-            continue
-        half = _free_half(model, preload)
+        half = _free_half(model, preload) if preload.name in forces else None
         if half is not None:
             motion, work = half
             motions.append(motion)
-            works.append(work + force)
+            works.append(work + forces[preload.name])
     return motions, works
 
 

@@ -45,22 +45,26 @@ def with_locked_shifts(scene: Scene, after: Solution | None) -> Scene:
     Raises:
         InputError: If there is no last step, or no shift in it.
     """
-    locked = [preload.facets for preload in _preloads(scene) if preload.locked]
-    if not locked:
-        return scene
-    if after is None:
-        raise InputError(
-            f"Preload({locked[0]!r}) is locked in a step that has none before it; give its force"
-            " or shortening first."
-        )
-    before = shifts_in(after.scene)
-    for name in locked:
-        if name not in before:
+    before = {} if after is None else {last.facets: last for last in _preloads(after.scene)}
+    ties: list[Any] = []
+    for tie in scene.ties:
+        if not isinstance(tie, Preload) or not tie.locked or tie.shortening is not None:
+            ties.append(tie)
+            continue
+        if after is None:
             raise InputError(
-                f"Preload({name!r}) is locked, and in the last step this joint was Tied; give it a"
-                " Preload there, with shortening=0.0 if it was not tightened."
+                f"Preload({tie.facets!r}) is locked in a step that has none before it; give its"
+                " force or shortening first."
             )
-    return with_shifts(scene, {name: before[name] for name in locked})
+        if tie.facets not in before:
+            raise InputError(
+                f"Preload({tie.facets!r}) is locked, and in the last step this joint was Tied; give"
+                " it a Preload there, with shortening=0.0 if it was not tightened."
+            )
+        last = before[tie.facets]
+        by_force = last.force is not None or last.locked
+        ties.append(replace(tie, shortening=last.shortening, locked=by_force))
+    return replace(scene, ties=ties)
 
 
 def with_forces(scene: Scene) -> list[Preload]:
@@ -83,10 +87,18 @@ def with_shifts(scene: Scene, shifts: dict[str, float]) -> Scene:
     ties: list[Any] = []
     for tie in scene.ties:
         if isinstance(tie, Preload) and tie.facets in shifts:
-            ties.append(replace(tie, locked=False, shortening=shifts[tie.facets]))
+            ties.append(replace(tie, shortening=shifts[tie.facets]))
         else:
             ties.append(tie)
     return replace(scene, ties=ties)
+
+
+def bolt_forces(solution: Solution) -> dict[str, float]:
+    """Return the forces of all preloads along their axes [force]; collective."""
+    forces = {}
+    for preload in solution.model.preloads:
+        forces[preload.name] = float(solution.force(preload.name).force @ preload.axis)
+    return forces
 
 
 def shank_stiffness(model: Model, names: Sequence[str]) -> np.ndarray:
@@ -131,7 +143,7 @@ def solved_with_forces(
     shifts, solution = _first(shifts, at, solve)
     owner = solution.stiffness
     steps = solution.newton_steps
-    forces = _bolt_forces(solution, names)
+    forces = _in_order(bolt_forces(solution), names)
     scale = max(abs(wanted).max(), abs(forces).max())
     shanks = shank_stiffness(solution.model, names)
     slopes = _first_slopes(forces, shifts, shanks)
@@ -149,7 +161,7 @@ def solved_with_forces(
         steps += solution.newton_steps
         shifts = shifts + change
         forces_before = forces
-        forces = _bolt_forces(solution, names)
+        forces = _in_order(bolt_forces(solution), names)
         # Broyden's update: the slopes explain the last change, and stay across it.
         gained = forces - forces_before
         slopes += np.outer(gained - slopes @ change, change) / (change @ change)
@@ -206,10 +218,9 @@ def _changed(
     return change, near(at(shifts + change), solution)
 
 
-def _bolt_forces(solution: Solution, names: Sequence[str]) -> np.ndarray:
-    """Return the forces of bolts along their axes [force]; collective."""
-    axes = {preload.name: preload.axis for preload in solution.model.preloads}
-    return np.array([float(solution.force(name).force @ axes[name]) for name in names])
+def _in_order(forces: dict[str, float], names: Sequence[str]) -> np.ndarray:
+    """Return the forces of preloads in the order of names."""
+    return np.array([forces[name] for name in names])
 
 
 def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -> None:

@@ -32,7 +32,7 @@ from erc_contact.newton.after import last_step
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
-from erc_contact.newton.preload import shifts_in, with_shifts
+from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
 from erc_contact.output.files import gathered, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
@@ -235,7 +235,7 @@ class Restored:
         about = self.about
         last = None if after is None else last_step(after)
         # Forces of preloads have become shifts; older files have none.
-        scene = with_shifts(scene, about.get("shifts", {}))
+        scene = with_locked_shifts(with_shifts(scene, about.get("shifts", {})), after)
         model = bind(scene, self.domain, about["degree"], last)
         u = self._function(model, "u")
         multipliers = []
