@@ -108,7 +108,7 @@ def yoke():
 
 def test_bolt_and_sleeve_in_parallel():
     """The bolt feels k_b/(k_b + k_s) of a pull until the sleeve is free, then all of it."""
-    E = {"above": 100.0, "below": 100.0, "sleeve": 150.0, "yoke": 1e11}
+    E = {"above": 100.0, "below": 100.0, "sleeve": 150.0, "yoke": 1e9}  # gives by 4e-6
     bolt, sleeve = 100.0, 300.0
     held = [ec.Displacement("foot", (None, 0.0)), ec.Displacement("sides", (0.0, None))]
     domain = yoke()
@@ -123,12 +123,13 @@ def test_bolt_and_sleeve_in_parallel():
     evolution = ec.evolve(at, domain, range(5), accuracy=1e-3)
     shift = FORCE / bolt + FORCE / sleeve
     shifts = [error.solution.shortening("upper end") for error in evolution.errors]
-    assert shifts == pytest.approx([shift] * 5, rel=1e-6)
+    assert shifts == pytest.approx([shift] * 5, rel=1e-5)
     opens = FORCE * (bolt + sleeve) / sleeve
     closed = FORCE + pulls * bolt / (bolt + sleeve)
     expected = np.where(pulls < opens, closed, pulls)
-    assert -evolution.force("upper end")[:, 1] == pytest.approx(expected, rel=1e-6)
-    assert evolution.force("seat")[:, 1] == pytest.approx(expected - pulls, rel=1e-5)
+    assert -evolution.force("upper end")[:, 1] == pytest.approx(expected, rel=1e-5)
+    of_seat = expected - pulls
+    assert evolution.force("seat")[:, 1] == pytest.approx(of_seat, rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.on_ranks("2-method0", "3-method1")
@@ -251,7 +252,7 @@ def test_two_bolts():
 def test_bad_input():
     pair = NAMES
     refused(lambda: ec.Preload(*pair), "nothing that tells its shift", "force=")
-    refused(lambda: ec.Preload(*pair, force=1.0, locked=True), "locked=True and a number")
+    refused(lambda: ec.Preload(*pair, force=1.0, locked=True), "locked=True and a force")
     refused(lambda: ec.Preload(*pair, force=float("nan")), "finite")
     refused(lambda: ec.Preload(*pair, shortening="0.1"), "finite")
     refused(lambda: ec.Preload(*pair, locked=1), "True or False")

@@ -46,7 +46,6 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments, tig
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced, NotHeldError
 from erc_contact.model.model import Model
-from erc_contact.newton.preload import bolt_forces
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.preload import Preload
 
@@ -127,13 +126,19 @@ def equilibrated(
 def _forces_of_bolts(solution: Solution) -> dict[str, float]:
     """Return the forces of preloads that sigma^ should have [force]; collective.
 
-    They are the given ones, else the forces of the solution. So sigma^ tells how the
-    force of a locked bolt changes, which is little of what r^ leaves open.
+    They are the given ones, and in a bolt that is locked after them the forces of the
+    solution: the shift was found by the stiffness of this mesh, so that its force with
+    the exact stiffness is another one. Where the shift itself is given it tells the
+    force, and sigma^ is free to come nearer.
     """
-    forces = bolt_forces(solution)
+    forces = {}
     for tie in solution.scene.ties:
-        if isinstance(tie, Preload) and tie.force is not None:
+        if not isinstance(tie, Preload):
+            continue
+        if tie.force is not None:
             forces[tie.facets] = float(tie.force)
+        elif tie.locked:
+            forces[tie.facets] = solution.bolt_force(tie.facets)
     return forces
 
 

@@ -30,8 +30,8 @@ from erc_contact.mesh.sides import inner_facets
 from erc_contact.mesh.simplex import barycentric
 from erc_contact.mesh.tags import listed
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.joint_sides import indicators
 from erc_contact.model.space import Space
-from erc_contact.model.ties import indicators
 from erc_contact.scene.preload import Preload
 from erc_contact.scene.tied import Tied
 
@@ -178,8 +178,9 @@ def _touched(preload: PreloadOnMesh, facets: np.ndarray) -> np.ndarray:
 
 def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
     """Put a preload on a mesh, given its cut as a tied joint; collective."""
+    assert joint.against is not None
     axis = _axis(space, joint)
-    first, _ = indicators(space, joint)
+    first, _ = indicators(space, (joint.name, joint.against))
     is_first = first.x.array > 0.5
     marks = space.function()
     marks.x.array.reshape(-1, space.d)[joint.trace.here.nodes] = 1.0
@@ -195,7 +196,6 @@ def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
     slopes = np.linalg.inv(corners[:, 1:] - corners[:, :1])
     rises = weights[touching, 1:] - weights[touching, :1]
     of_cells[touching] = np.einsum("nji,ni->nj", slopes, rises)
-    assert joint.against is not None
     return PreloadOnMesh(joint.name, joint.against, axis, on_cut, weights, gradient)
 
 

@@ -93,14 +93,6 @@ def with_shifts(scene: Scene, shifts: dict[str, float]) -> Scene:
     return replace(scene, ties=ties)
 
 
-def bolt_forces(solution: Solution) -> dict[str, float]:
-    """Return the forces of all preloads along their axes [force]; collective."""
-    forces = {}
-    for preload in solution.model.preloads:
-        forces[preload.name] = float(solution.force(preload.name).force @ preload.axis)
-    return forces
-
-
 def shank_stiffness(model: Model, names: Sequence[str]) -> np.ndarray:
     """Estimate ``E A/L`` of bolts as long as the body [force/length]; collective."""
     local = []
@@ -143,7 +135,7 @@ def solved_with_forces(
     shifts, solution = _first(shifts, at, solve)
     owner = solution.stiffness
     steps = solution.newton_steps
-    forces = _in_order(bolt_forces(solution), names)
+    forces = _bolt_forces(solution, names)
     scale = max(abs(wanted).max(), abs(forces).max())
     shanks = shank_stiffness(solution.model, names)
     slopes = _first_slopes(forces, shifts, shanks)
@@ -161,7 +153,7 @@ def solved_with_forces(
         steps += solution.newton_steps
         shifts = shifts + change
         forces_before = forces
-        forces = _in_order(bolt_forces(solution), names)
+        forces = _bolt_forces(solution, names)
         # Broyden's update: the slopes explain the last change, and stay across it.
         gained = forces - forces_before
         slopes += np.outer(gained - slopes @ change, change) / (change @ change)
@@ -218,9 +210,9 @@ def _changed(
     return change, near(at(shifts + change), solution)
 
 
-def _in_order(forces: dict[str, float], names: Sequence[str]) -> np.ndarray:
-    """Return the forces of preloads in the order of names."""
-    return np.array([forces[name] for name in names])
+def _bolt_forces(solution: Solution, names: Sequence[str]) -> np.ndarray:
+    """Return the forces of bolts [force]; collective."""
+    return np.array([solution.bolt_force(name) for name in names])
 
 
 def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -> None:

@@ -227,16 +227,37 @@ class Solution:
         Raises:
             InputError: If no preload has this part.
         """
-        shifts: dict[str, float] = {}
+        shift = self._preload(part).shortening
+        assert shift is not None
+        return float(shift)
+
+    def bolt_force(self, part: str) -> float:
+        """Return the force of a preload along its axis, in tension > 0; collective.
+
+        It is the force of u [force], which in the steps of a history changes with the
+        load. ``force(part)`` has all its components.
+
+        Args:
+            part: Name of either side of its cut.
+
+        Raises:
+            InputError: If no preload has this part.
+        """
+        first = self._preload(part).facets
+        axes = {preload.name: preload.axis for preload in self.model.preloads}
+        return float(self.force(first).force @ axes[first])
+
+    def _preload(self, part: str) -> Preload:
+        """Return the preload that has a part."""
+        preloads: dict[str, Preload] = {}
         for tie in self.scene.ties:
             if isinstance(tie, Preload):
-                assert tie.shortening is not None
-                shifts |= dict.fromkeys(tie.sides, float(tie.shortening))
-        if part not in shifts:
+                preloads |= dict.fromkeys(tie.sides, tie)
+        if part not in preloads:
             raise InputError(
-                f"No preload has the part {part!r}; this scene has {listed(list(shifts))}."
+                f"No preload has the part {part!r}; this scene has {listed(list(preloads))}."
             )
-        return shifts[part]
+        return preloads[part]
 
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.

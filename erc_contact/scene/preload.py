@@ -30,14 +30,13 @@ class Preload(Tied):
         facets: Name of the first side of the cut.
         against: Name of the other side.
         force: F [force], in tension > 0.
-        shortening: q [length]; > 0 draws the sides together. With a force alone it is
-            found, to eight digits of F on each mesh, and the scene of the solution has
-            both.
-        locked: Whether q is that of the last step of a history, as in a bolt that is
-            tightened.
+        shortening: q [length]; > 0 draws the sides together. If it is not given, it is
+            found, to eight digits of F on each mesh. The scene of the solution has it.
+        locked: Whether q is the shift of the last step of a history, as in a bolt that
+            is tightened.
 
     Raises:
-        InputError: If neither a number is given nor locked, or both are, a number is
+        InputError: If nothing tells the shift, or a force and locked do, a number is
             not finite, or these are no two names.
 
     Source: the jump q d is a given strain in the cells of the first side beside the
@@ -59,11 +58,8 @@ class Preload(Tied):
         super().__post_init__()
         if not isinstance(self.locked, bool):
             raise InputError(f"{self._what}: locked is {self.locked!r}; give True or False.")
-        is_given = self.force is not None or self.shortening is not None
-        if is_given == self.locked:
-            told = (
-                "both locked=True and a number" if self.locked else "nothing that tells its shift"
-            )
+        if self.locked == (self.force is not None) and self.shortening is None:
+            told = "locked=True and a force" if self.locked else "nothing that tells its shift"
             raise InputError(
                 f"{self._what} has {told}; give force= or shortening=, or in a step of a history"
                 " after another one locked=True."
