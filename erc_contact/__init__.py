@@ -63,6 +63,7 @@ from erc_contact.scene.goal import Energy, Functional, MeanDisplacement, Moment,
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.preload import Preload
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.spring import Spring
@@ -105,6 +106,7 @@ __all__ = [
     "NotConverged",
     "NotHeldError",
     "Oscillations",
+    "Preload",
     "Resultant",
     "Rigid",
     "Rotation",

@@ -146,11 +146,9 @@ class Elements:
         body = self.force[:owned, :, None]
         sigma = np.empty((owned, VERTICES, len(nodes(2, self.cells.degree)), 4))
         for chunk in self._chunks(owned):
-            total = 0.0
+            sigma[chunk] = 0.0
             for of, amounts in zip(self._maps(chunk), (forces, y, body), strict=True):
-                flat = of.reshape(len(of), -1, of.shape[-1])
-                total = total + np.matmul(flat, amounts[chunk])
-            sigma[chunk] = total.reshape(sigma[chunk].shape)
+                sigma[chunk] += _times(of, amounts[chunk])[..., 0]
         return sigma
 
     @staticmethod
