@@ -17,6 +17,8 @@ from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import pattern_of
 from erc_contact.newton.contact_nodes import Reading
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.interior_forms import InteriorForms
+from erc_contact.newton.interior_point import CentralPath
 
 
 class Assembly:
@@ -33,6 +35,7 @@ class Assembly:
 
     Attributes:
         fields: For each field its degrees of freedom that are in z, and their places.
+        path: The central path where the forms have weights and offsets; None elsewhere.
         positions: Rows in u_A and columns in z of the entries of the tangent, on rank
             0; None elsewhere.
     """
@@ -45,6 +48,7 @@ class Assembly:
         size: int,
     ) -> None:
         self._forms = forms
+        self.path = CentralPath(forms) if isinstance(forms, InteriorForms) else None
         self._comm = forms.model.comm
         self._size = size
         self._residual = forms.model.function()
@@ -112,6 +116,10 @@ class Assembly:
         """Return the status open (0), slip (1) or stick (2) at points of all facets."""
         parts = gathered(self._comm, self._forms.status())
         return None if parts is None else np.concatenate(parts)
+
+    def along_path(self, name: str) -> Any:
+        """Call a method of the central path of interior point steps by its name."""
+        return getattr(self.path, name)()
 
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps [-]."""

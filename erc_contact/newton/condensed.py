@@ -36,6 +36,8 @@ from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.interior_point import follow
+from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.one_sided_tangent import contact_normals
 from erc_contact.newton.shared_laws import laws_of
@@ -163,6 +165,31 @@ class Condensed:
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps on all ranks [-]."""
         self._on_all_ranks("set_shares", friction, gap)
+
+    def follow_path(self, u_A: np.ndarray) -> tuple[np.ndarray, int, bool]:
+        """Make interior point steps from u_A, on rank 0.
+
+        Returns:
+            As :func:`.interior_point.follow`.
+        """
+        factor: PETSc.KSP | None = None
+        force, change = self._derivative.createVecRight(), self._derivative.createVecRight()
+
+        def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:
+            nonlocal factor
+            if renew:
+                factor = dense_factor(self.tangent(u), "lu")
+            assert factor is not None
+            force.array[:] = self.residual(u)
+            factor.solve(force, change)
+            solution = u - change.array_r
+            self._move(solution)
+            return solution
+
+        def call(name: str) -> Any:
+            return self._on_all_ranks("along_path", name)
+
+        return follow(call, solve, u_A)
 
     def hold(self, weight: float, u_A: np.ndarray) -> None:
         """Hold the motions that no support holds where they are at u_A, on rank 0.

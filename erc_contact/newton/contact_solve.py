@@ -120,6 +120,7 @@ class ContactSolve:
             slides=loose and _friction_grows(self.model),
             fallback=self.fallback,
             nodal_first=nodal_first,
+            convex=not _friction_grows(self.model),
         ):
             if attempt.start not in states:
                 continue

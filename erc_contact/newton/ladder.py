@@ -3,7 +3,7 @@
 An attempt is a start of Newton's method, a contact method and a line search.
 
 A start is a displacement of the contact nodes. "glued" is the solution with the contact
-glued, "warm" a solution on another mesh, "nodal" a solution of the augmented
+glued, "interior" the state to which interior point steps lead, "warm" a solution on another mesh, "nodal" a solution of the augmented
 Lagrangian, and "stiffer" one of the same method with a larger gamma.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Container, Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
+from erc_contact.newton.methods import OURS, AugmentedLagrangian, Method, Nitsche
 
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
@@ -96,6 +96,8 @@ class Attempt:
         proximal: Whether springs hold the motions that no support holds meanwhile.
         final: Whether its solution solves the scene; otherwise it is the start of
             another attempt.
+        interior: Whether it makes interior point steps, which lead near a solution.
+        hurried: Whether it ends where many points change their status step by step.
     """
 
     method: Method
@@ -105,6 +107,8 @@ class Attempt:
     gap_shares: tuple[float, ...] = (1.0,)
     proximal: bool = False
     final: bool = True
+    interior: bool = False
+    hurried: bool = False
 
     def problems(self) -> Generator[Shares, float | None, None]:
         """Generate the problems of the sequence; the last problem is the scene's.
@@ -125,9 +129,13 @@ class Attempt:
     @property
     def gives(self) -> str:
         """Return the name of the start that its solution is for other attempts."""
+        if self.interior:
+            return "interior"
         return "nodal" if self.method.multiplier else "stiffer"
 
     def __str__(self) -> str:
+        if self.interior:
+            return f"{self.start} start, {self.method}, interior point steps"
         steps = ""
         if len(self.friction_shares) > 1:
             steps = f", friction in {len(self.friction_shares)} steps"
@@ -148,6 +156,7 @@ def attempts(
     slides: bool,
     fallback: bool,
     nodal_first: bool,
+    convex: bool,
 ) -> Iterator[Attempt]:
     """Generate the attempts, cheapest first.
 
@@ -168,14 +177,21 @@ def attempts(
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian.
+        convex: Whether no friction bound grows with the pressure, so that interior
+            point steps lead to the solution.
     """
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
     method_first = not (is_nodal or nodal_first)
     if method_first:
-        yield Attempt(method, first)
-    yield Attempt(nodal, first, final=is_nodal)
+        yield Attempt(method, first, hurried=convex)
+        yield from _interior(method, nodal)
+    yield Attempt(nodal, first, final=is_nodal, hurried=is_nodal and convex)
+    if not method_first:
+        yield from _interior(method, nodal)
+        if is_nodal and convex:
+            yield Attempt(nodal, first)
     if not is_nodal:
         yield Attempt(method, "nodal")
     if first == "warm" or not (is_nodal or method_first):
@@ -206,6 +222,21 @@ def attempts(
             yield Attempt(last_method, "glued", friction_shares=shares)
         for line_search in LINE_SEARCHES:
             yield Attempt(last_method, "glued", line_search)
+
+
+def _interior(method: Method, nodal: Method) -> Iterator[Attempt]:
+    """Generate the attempts by interior point steps.
+
+    Args:
+        method: The method whose solution is wanted.
+        nodal: The augmented Lagrangian.
+    """
+    is_ours = type(method) in OURS
+    by = method if is_ours else nodal
+    yield Attempt(by, "glued", interior=True, final=False)
+    yield Attempt(by, "interior", final=is_ours)
+    if not is_ours:
+        yield Attempt(method, "nodal")
 
 
 def _proximal(

@@ -8,10 +8,11 @@ units.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.base.progress import at
@@ -41,6 +42,13 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
+CRAWL_STEPS = 5
+"""Steps in which changes of the status are counted, to compare with as many before.
+
+So an attempt takes ten steps at least.
+"""
+CRAWL = 0.9
+"""Share of the changes before from which they do not become fewer [-]."""
 ASTRAY = 1e8
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
@@ -104,6 +112,20 @@ class DiscreteSolution:
     carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 
 
+class Status(NamedTuple):
+    """Tell the contact status of all points.
+
+    Attributes:
+        key: The same on all ranks, another one for another status.
+        counts: Numbers of open, slipping and sticking points.
+        points: Open (0), slip (1) or stick (2) at the points of this rank.
+    """
+
+    key: bytes
+    counts: tuple[int, int, int]
+    points: np.ndarray
+
+
 class Equations(Protocol):
     """Represent a contact problem ``F(x) = R(u)/force`` with ``u = length x``.
 
@@ -134,15 +156,17 @@ class Equations(Protocol):
         Both are energy norms [sqrt(force length)].
         """
 
-    def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
-        """Return a key of the contact status of all points, and numbers of points.
-
-        Open, slipping and sticking points are counted, in this order.
-        """
+    def status(self, x: PETSc.Vec) -> Status:
+        """Return the contact status of all points."""
 
 
 def attempt(
-    problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float | None = None
+    problem: Equations,
+    x: PETSc.Vec,
+    line_search: str,
+    tolerance: float | None = None,
+    *,
+    hurried: bool = False,
 ) -> Outcome:
     """Make one attempt from x, which becomes the last state, in place.
 
@@ -152,6 +176,7 @@ def attempt(
         line_search: Name of PETSc's line search.
         tolerance: It may stop when :meth:`Equations.accurate` holds for it [sqrt(force
             length)]; None for round-off.
+        hurried: Whether it ends where many points change their status step by step.
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(SNES_PREFIX)
@@ -161,7 +186,7 @@ def attempt(
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=NEWTON_STEPS)
     problem.prepare(snes)
     snes.getLineSearch().setType(line_search)
-    test = _StoppingTest(problem, tolerance)
+    test = _StoppingTest(problem, tolerance, hurried=hurried)
     snes.setConvergenceTest(test)
     snes.setFromOptions()
     try:
@@ -176,7 +201,7 @@ def attempt(
         code = -1
         norm = np.inf
         reason = "singular tangent"
-    _, counts = problem.status(x)
+    counts = problem.status(x).counts
     outcome = Outcome(
         converged=test.is_solved and code > 0 and bool(np.isfinite(norm)),
         reason=reason,
@@ -201,11 +226,16 @@ class _StoppingTest:
             their own.
     """
 
-    def __init__(self, problem: Equations, tolerance: float | None) -> None:
+    def __init__(self, problem: Equations, tolerance: float | None, *, hurried: bool) -> None:
         self.problem = problem
         self.tolerance = tolerance
         self.reason = ""
         self.is_solved = False
+        self._hurried = hurried
+        self._points: np.ndarray | None = None
+        """The last status of the points of this rank."""
+        self._changes: list[int] = []
+        """Numbers of points that changed their status in each step."""
         self._first = np.inf
         """Residual at the first step."""
         self._before: dict[bytes, tuple[int, float]] = {}
@@ -250,8 +280,29 @@ class _StoppingTest:
             self._first = norm
         if norm > ASTRAY * self._first:
             return "residual grows without end"
-        key, _ = self.problem.status(x)
-        return self._repeats(key, step, norm) or self._stands_still(key, step, norm)
+        status = self.problem.status(x)
+        if self._hurried:
+            self._count_changes(status.points, lasting(x.comm.tompi4py()))
+        return (
+            self._repeats(status.key, step, norm)
+            or self._stands_still(status.key, step, norm)
+            or self._crawls()
+        )
+
+    def _count_changes(self, points: np.ndarray, comm: MPI.Comm) -> None:
+        """Count the points that changed their status in the last step."""
+        if self._points is not None:
+            changed = int(np.count_nonzero(points != self._points))
+            self._changes.append(comm.allreduce(changed))
+        self._points = points.copy()
+
+    def _crawls(self) -> str:
+        """Say that as many points change their status as some steps before, or ""."""
+        if len(self._changes) < 2 * CRAWL_STEPS or self._changes[-1] == 0:
+            return ""
+        last = sum(self._changes[-CRAWL_STEPS:])
+        before = sum(self._changes[-2 * CRAWL_STEPS : -CRAWL_STEPS])
+        return "states keep changing" if last > CRAWL * before else ""
 
     def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
