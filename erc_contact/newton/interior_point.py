@@ -53,8 +53,8 @@ INSIDE = 0.9
 """Share of the friction bound below which a path begins [-]."""
 BACK = 0.995
 """Share of the way to the next bound that a step goes [-]."""
-KNOWN = 10.0
-"""Ratio of y and v from which the state of a point is known [-]."""
+KNOWN = 1e-5
+"""Sum of all v y over the sum of |r|^2 from which states are known [-]."""
 LEFT = 1e-3
 """What may be left of equilibrium at the end, over the first solution [-]."""
 
@@ -202,10 +202,9 @@ class CentralPath:
         self._left *= 1.0 - share
         self._follow_pressure()
         self._mu = self._mean(self._y * self._v)
-        ratio = self._y / np.where(self._used, self._v, 1.0)
-        unknown = self._used & (ratio > 1 / KNOWN) & (ratio < KNOWN)
-        is_known = self._left <= LEFT and self._sum(unknown) == 0.0
-        return share, is_known
+        products = self._sum(np.where(self._used, self._y * self._v, 0.0))
+        is_known = products <= KNOWN * self._sum(self._r**2)
+        return share, is_known and self._left <= LEFT
 
     def _aim(self, products: np.ndarray) -> None:
         """Set t, and with it weights and offsets."""

@@ -42,13 +42,13 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
-CRAWL_STEPS = 5
-"""Steps in which changes of the status are counted, to compare with as many before.
+CRAWLING = ((3, 0.5, 0.5), (5, 0.9, 0.0))
+"""When changes of the status count as a crawl.
 
-So an attempt takes ten steps at least.
+In so many steps there are more than this share of the changes in as many steps before,
+and more than this share of the closed points. So an attempt takes six steps at least,
+and ten where few points change.
 """
-CRAWL = 0.9
-"""Share of the changes before from which they do not become fewer [-]."""
 ASTRAY = 1e8
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
@@ -282,27 +282,32 @@ class _StoppingTest:
             return "residual grows without end"
         status = self.problem.status(x)
         if self._hurried:
-            self._count_changes(status.points, lasting(x.comm.tompi4py()))
+            self._count_changes(status, lasting(x.comm.tompi4py()))
         return (
             self._repeats(status.key, step, norm)
             or self._stands_still(status.key, step, norm)
-            or self._crawls()
+            or self._crawls(status.counts)
         )
 
-    def _count_changes(self, points: np.ndarray, comm: MPI.Comm) -> None:
+    def _count_changes(self, status: Status, comm: MPI.Comm) -> None:
         """Count the points that changed their status in the last step."""
         if self._points is not None:
-            changed = int(np.count_nonzero(points != self._points))
+            changed = int(np.count_nonzero(status.points != self._points))
             self._changes.append(comm.allreduce(changed))
-        self._points = points.copy()
+        self._points = status.points.copy()
 
-    def _crawls(self) -> str:
-        """Say that as many points change their status as some steps before, or ""."""
-        if len(self._changes) < 2 * CRAWL_STEPS or self._changes[-1] == 0:
-            return ""
-        last = sum(self._changes[-CRAWL_STEPS:])
-        before = sum(self._changes[-2 * CRAWL_STEPS : -CRAWL_STEPS])
-        return "states keep changing" if last > CRAWL * before else ""
+    def _crawls(self, counts: tuple[int, int, int]) -> str:
+        """Say that the changes of the status do not become few, or ""."""
+        changes = self._changes
+        _, *closed = counts
+        for steps, fall, share in CRAWLING:
+            if len(changes) < 2 * steps or changes[-1] == 0:
+                continue
+            last = sum(changes[-steps:])
+            before = sum(changes[-2 * steps : -steps])
+            if last > fall * before and last > share * sum(closed):
+                return "states keep changing"
+        return ""
 
     def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
