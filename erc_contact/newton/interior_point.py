@@ -53,7 +53,7 @@ INSIDE = 0.9
 """Share of the friction bound below which a path begins [-]."""
 BACK = 0.995
 """Share of the way to the next bound that a step goes [-]."""
-KNOWN = 1e-5
+KNOWN = 1e-4
 """Sum of all v y over the sum of |r|^2 from which states are known [-]."""
 LEFT = 1e-3
 """What may be left of equilibrium at the end, over the first solution [-]."""

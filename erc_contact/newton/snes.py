@@ -42,7 +42,7 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
-CRAWLING = ((3, 0.5, 0.5), (5, 0.9, 0.0))
+CRAWLING = ((3, 0.5, 0.5), (5, 0.5, 0.3), (5, 0.9, 0.0))
 """When changes of the status count as a crawl.
 
 In so many steps there are more than this share of the changes in as many steps before,
