@@ -124,7 +124,9 @@ def main(seed: int = 0, count: int = 200) -> None:
         seconds.append(process_time() - began)
         print(f"{number}: {stack.name}: {steps[-1]} steps, {seconds[-1]:.2f} s", flush=True)
     most = np.percentile(steps, [50, 90, 100]).astype(int)
-    print(f"{count} scenes, {failed} failed; steps: median {most[0]}, 90% {most[1]}, worst {most[2]}")
+    print(
+        f"{count} scenes, {failed} failed; steps: median {most[0]}, 90% {most[1]}, worst {most[2]}"
+    )
     print(f"seconds: median {np.median(seconds):.2f}, worst {max(seconds):.2f}")
 
 

@@ -3,8 +3,14 @@
 An attempt is a start of Newton's method, a contact method and a line search.
 
 A start is a displacement of the contact nodes. "glued" is the solution with the contact
-glued, "interior" the state to which interior point steps lead, "warm" a solution on another mesh, "nodal" a solution of the augmented
-Lagrangian, and "stiffer" one of the same method with a larger gamma.
+glued, "interior" the state to which interior point steps lead, "warm" a solution on
+another mesh, "nodal" a solution of the augmented Lagrangian, and "stiffer" one of the
+same method with a larger gamma.
+
+Contact without friction, or with given friction, is a quadratic programme. Where many
+points change their status step by step, Newton's method is ended early, and interior
+point steps (:mod:`erc_contact.newton.interior_point`) find the states; from there it
+ends in one or two steps. With Coulomb friction they are a start where it failed.
 """
 
 from __future__ import annotations
@@ -186,18 +192,22 @@ def attempts(
     method_first = not (is_nodal or nodal_first)
     if method_first:
         yield Attempt(method, first, hurried=convex)
-        yield from _interior(method, nodal)
-    yield Attempt(nodal, first, final=is_nodal, hurried=is_nodal and convex)
-    if not method_first:
-        yield from _interior(method, nodal)
-        if is_nodal and convex:
-            yield Attempt(nodal, first)
-    if not is_nodal:
-        yield Attempt(method, "nodal")
+    elif is_nodal:
+        yield Attempt(nodal, first, hurried=convex)
+    if is_nodal or method_first:
+        yield from _interior(method, nodal, known)
+    if "nodal" not in known and (convex or not is_nodal):
+        yield Attempt(nodal, first, final=is_nodal)
+        if not is_nodal:
+            yield Attempt(method, "nodal")
+    if not (is_nodal or method_first):
+        yield from _interior(method, nodal, known)
     if first == "warm" or not (is_nodal or method_first):
         yield Attempt(method, "glued")
     if loose:
-        yield from _proximal(method, nodal, first, known)
+        # Springs take many steps, and a solution that is accepted may be there.
+        if not (fallback and "nodal" in known):
+            yield from _proximal(method, nodal, first, known)
         yield from _lowered(method, nodal, known) if slides else ()
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
@@ -224,18 +234,20 @@ def attempts(
             yield Attempt(last_method, "glued", line_search)
 
 
-def _interior(method: Method, nodal: Method) -> Iterator[Attempt]:
+def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:
     """Generate the attempts by interior point steps.
 
     Args:
         method: The method whose solution is wanted.
         nodal: The augmented Lagrangian.
+        known: Names of the starts that are known.
     """
-    is_ours = type(method) in OURS
-    by = method if is_ours else nodal
-    yield Attempt(by, "glued", interior=True, final=False)
-    yield Attempt(by, "interior", final=is_ours)
-    if not is_ours:
+    if type(method) in OURS:
+        yield Attempt(method, "glued", interior=True, final=False)
+        yield Attempt(method, "interior")
+    if nodal != method and "nodal" not in known:
+        yield Attempt(nodal, "glued", interior=True, final=False)
+        yield Attempt(nodal, "interior", final=False)
         yield Attempt(method, "nodal")
 
 
