@@ -55,7 +55,7 @@ def random_stack(rng: np.random.Generator) -> Stack:
     bodies = {}
     lengths = []
     for number in range(count):
-        cells = max(int(round(along * (1 - shortening * number))), 4)
+        cells = max(round(along * (1 - shortening * number)), 4)
         lengths.append(cells * length / along)
         low = (0.0, number * THICKNESS)
         high = (lengths[-1], (number + 1) * THICKNESS)

@@ -62,8 +62,8 @@ class ContactOnMesh:
             the gap is what the scene gives.
         moved: Displacement of the foundation at the nodes of the contact, zero off it
             [length]; None without a motion. ``gap`` and the trace contain it.
-        projection: Stands in for the projection of a trial traction, UFL in, UFL out, in
-            the equations of a solver; None for the projection of the law.
+        projection: Stands in for the projection of a trial traction in the equations of
+            a solver, UFL in, UFL out; None for the projection of the law.
     """
 
     name: str

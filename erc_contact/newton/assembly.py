@@ -17,8 +17,6 @@ from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import pattern_of
 from erc_contact.newton.contact_nodes import Reading
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import CentralPath
 
 
 class Assembly:
@@ -32,10 +30,11 @@ class Assembly:
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         size: Number of unknowns u_A.
+        path: The central path of interior point steps, see :mod:`.interior_point`; None
+            where there is none.
 
     Attributes:
         fields: For each field its degrees of freedom that are in z, and their places.
-        path: The central path where the forms have weights and offsets; None elsewhere.
         positions: Rows in u_A and columns in z of the entries of the tangent, on rank
             0; None elsewhere.
     """
@@ -46,9 +45,10 @@ class Assembly:
         readings: list[Reading],
         columns: list[np.ndarray],
         size: int,
+        path: Any,
     ) -> None:
         self._forms = forms
-        self.path = CentralPath(forms) if isinstance(forms, InteriorForms) else None
+        self._path = path
         self._comm = forms.model.comm
         self._size = size
         self._residual = forms.model.function()
@@ -119,7 +119,7 @@ class Assembly:
 
     def along_path(self, name: str) -> Any:
         """Call a method of the central path of interior point steps by its name."""
-        return getattr(self.path, name)()
+        return getattr(self._path, name)()
 
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps [-]."""

@@ -36,7 +36,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.interior_point import follow
+from erc_contact.newton.interior_point import CentralPath, follow
 from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.one_sided_tangent import contact_normals
@@ -56,6 +56,7 @@ class Condensed:
         forms: The equations of a method.
         stiffness: The condensed elastic stiffness.
         w: Its glued displacement under the loads [length].
+        path: The central path that :meth:`follow_path` follows.
 
     Attributes:
         forms: The equations of the method, with the share of friction that
@@ -78,7 +79,12 @@ class Condensed:
     """
 
     def __init__(
-        self, model: Model, forms: ContactForms, stiffness: Stiffness, w: fem.Function
+        self,
+        model: Model,
+        forms: ContactForms,
+        stiffness: Stiffness,
+        w: fem.Function,
+        path: CentralPath | None = None,
     ) -> None:
         self.model = model
         self.stiffness = stiffness
@@ -109,7 +115,7 @@ class Condensed:
         w_A = self.w[: self.size]
         fields = FieldMap(self.forms, stiffness, self.size, w_A, self.matrix, self.loads)
         self._fields = fields
-        self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size)
+        self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size, path)
         together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:

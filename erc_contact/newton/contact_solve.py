@@ -22,7 +22,7 @@ from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import ROUND_OFF_HIDES, DiscreteSolution, Outcome
+from erc_contact.newton.snes import CRAWLS, ROUND_OFF_HIDES, DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
 SLOW_ATTEMPTS = 5
@@ -140,6 +140,8 @@ class ContactSolve:
             elif outcome.friction > 1.0 and not gap:
                 # Across gaps it may end for other reasons than friction.
                 raise NotConverged(self._sliding(outcome.friction), tuple(self.rungs))
+            if outcome.reason == CRAWLS:
+                states["crawling"] = state
             slow += outcome.reason == "diverged_linear_solve"
             # Other attempts end in the same round-off.
             if slow == SLOW_ATTEMPTS or outcome.reason == ROUND_OFF_HIDES:

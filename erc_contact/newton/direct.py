@@ -18,12 +18,12 @@ from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import interior_outcome
+from erc_contact.newton.interior_point import CentralPath
 from erc_contact.newton.ladder import Attempt, Shares, following
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome
+from erc_contact.newton.snes import DiscreteSolution, Outcome, outcome_of_path
 
 
 class Direct:
@@ -135,7 +135,8 @@ class Direct:
 
     def _condensed(self, forms: ContactForms) -> Condensed:
         """Return the contact problem of some forms, condensed on the contact."""
-        return Condensed(self.carried.model, forms, self.elastic, self.guess)
+        path = CentralPath(forms) if isinstance(forms, InteriorForms) else None
+        return Condensed(self.carried.model, forms, self.elastic, self.guess, path)
 
     def _interior(self, method: Method, state: Any) -> tuple[Outcome, Any]:
         """Make interior point steps; return their outcome and last state."""
@@ -143,7 +144,7 @@ class Direct:
 
         def work() -> tuple[Outcome, Any]:
             u_A, steps, is_known = problem.follow_path(problem.from_contact(state))
-            return interior_outcome(steps, is_known), u_A[: self.elastic.contact_size]
+            return outcome_of_path(steps, is_known), u_A[: self.elastic.contact_size]
 
         outcome, last = problem.run(work)
         return outcome, last

@@ -29,10 +29,10 @@ from petsc4py import PETSc
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.linear.loose_energies import imbalance, rough_energy
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath, follow
 from erc_contact.newton.linear.krylov import fgmres
+from erc_contact.newton.linear.loose_energies import imbalance, rough_energy
 from erc_contact.newton.linear.multigrid import ROUGH, Multigrid
 from erc_contact.newton.one_sided_tangent import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
@@ -252,8 +252,8 @@ class FullSpace:
         path = CentralPath(self.forms)
         state, residual, change = self.vector(), self.vector(), self.vector()
 
-        def solve(start: np.ndarray, *, renew: bool) -> np.ndarray:
-            state.array[:] = start
+        def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:
+            state.array[:] = u
             if renew:
                 self._renew(None, state)
                 change.set(0.0)

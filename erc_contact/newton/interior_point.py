@@ -29,11 +29,12 @@ from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
+from petsc4py import PETSc
 
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.snes import Outcome
+from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 STEPS = 40
 """Limit of interior point steps of one attempt."""
@@ -51,23 +52,17 @@ Steps are short where it is too small; where it is too large there are more step
 """
 INSIDE = 0.9
 """Share of the friction bound below which a path begins [-]."""
+SHORT = 0.01
+"""Length of a step that leads nowhere [-].
+
+Where there is no solution, tractions grow for ever and steps end at their bounds.
+"""
 BACK = 0.995
 """Share of the way to the next bound that a step goes [-]."""
 KNOWN = 1e-4
 """Sum of all v y over the sum of |r|^2 from which states are known [-]."""
 LEFT = 1e-3
 """What may be left of equilibrium at the end, over the first solution [-]."""
-
-
-def interior_outcome(steps: int, is_known: bool) -> Outcome:  # noqa: FBT001
-    """Tell how interior point steps ended.
-
-    Args:
-        steps: Their number.
-        is_known: Whether the states of all points are known.
-    """
-    reason = "states are known" if is_known else "states are not known"
-    return Outcome(is_known, reason, steps, np.inf, (0, 0, 0))
 
 
 class LinearStep(Protocol):
@@ -95,19 +90,26 @@ def follow(
     Returns:
         The last unknowns, the number of steps, and whether the states are known.
     """
-    call("soften")
-    u = solve(u, renew=True)
-    call("begin")
-    for count in range(1, STEPS + 1):
-        call("linearise")
-        solve(u, renew=True)
-        call("predict")
-        solution = solve(u, renew=False)
-        share, is_known = call("advance")
-        u = u + share * (solution - u)
-        if is_known or share == 0.0:
-            return u, count, is_known
-    return u, STEPS, False
+    count = 0
+    is_known = False
+    share = 1.0
+    try:
+        call("soften")
+        u = solve(u, renew=True)
+        call("begin")
+        while not is_known and share > SHORT and count < STEPS:
+            call("linearise")
+            solve(u, renew=True)
+            call("predict")
+            solution = solve(u, renew=False)
+            share, is_known = call("advance")
+            u = u + share * (solution - u)
+            count += 1
+    except PETSc.Error as failure:
+        # Nothing holds a motion: the tangent is singular.
+        if failure.ierr not in (ZERO_PIVOT, LIBRARY):
+            raise
+    return u, count, is_known
 
 
 class CentralPath:

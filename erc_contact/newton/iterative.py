@@ -19,12 +19,11 @@ from erc_contact.newton.carried import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import interior_outcome
 from erc_contact.newton.ladder import Attempt, Shares, following
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt
+from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt, outcome_of_path
 
 
 class Iterative:
@@ -146,7 +145,7 @@ class Iterative:
         last, _ = problem.fields(x)
         x.destroy()
         problem.free()
-        return interior_outcome(steps, is_known), last
+        return outcome_of_path(steps, is_known), last
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""

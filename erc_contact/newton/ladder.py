@@ -174,7 +174,7 @@ def attempts(
     Args:
         method: The method whose solution is wanted.
         known: Names of the starts that are known; the caller adds to them between two
-            attempts.
+            attempts, "crawling" where an attempt has ended because it crawls.
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
         loose: Whether supports leave a body rigid motions.
@@ -189,21 +189,7 @@ def attempts(
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
-    method_first = not (is_nodal or nodal_first)
-    if method_first:
-        yield Attempt(method, first, hurried=convex)
-    elif is_nodal:
-        yield Attempt(nodal, first, hurried=convex)
-    if is_nodal or method_first:
-        yield from _interior(method, nodal, known)
-    if "nodal" not in known and (convex or not is_nodal):
-        yield Attempt(nodal, first, final=is_nodal)
-        if not is_nodal:
-            yield Attempt(method, "nodal")
-    if not (is_nodal or method_first):
-        yield from _interior(method, nodal, known)
-    if first == "warm" or not (is_nodal or method_first):
-        yield Attempt(method, "glued")
+    yield from _first(method, nodal, first, known, convex=convex, nodal_first=nodal_first)
     if loose:
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
@@ -232,6 +218,49 @@ def attempts(
             yield Attempt(last_method, "glued", friction_shares=shares)
         for line_search in LINE_SEARCHES:
             yield Attempt(last_method, "glued", line_search)
+
+
+def _first(
+    method: Method,
+    nodal: Method,
+    first: str,
+    known: Container[str],
+    *,
+    convex: bool,
+    nodal_first: bool,
+) -> Iterator[Attempt]:
+    """Generate the first attempts, of which one mostly leads to a solution.
+
+    Args:
+        method: The method whose solution is wanted.
+        nodal: The augmented Lagrangian.
+        first: Name of the first start.
+        known: Names of the starts that are known.
+        convex: As in :func:`attempts`.
+        nodal_first: As in :func:`attempts`.
+    """
+    is_nodal = nodal == method
+    if nodal_first and not is_nodal:
+        yield from _by_nodal(method, nodal, first)
+        yield from _interior(method, nodal, known)
+        yield Attempt(method, "glued")
+    else:
+        yield Attempt(method, first, hurried=convex)
+        if "crawling" in known:
+            yield from _interior(method, nodal, known)
+            yield Attempt(method, first)
+        if not is_nodal and "nodal" not in known:
+            yield from _by_nodal(method, nodal, first)
+        if "crawling" not in known:
+            yield from _interior(method, nodal, known)
+        if first == "warm":
+            yield Attempt(method, "glued")
+
+
+def _by_nodal(method: Method, nodal: Method, first: str) -> Iterator[Attempt]:
+    """Generate the attempts by a solution of the augmented Lagrangian."""
+    yield Attempt(nodal, first, final=False)
+    yield Attempt(method, "nodal")
 
 
 def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:

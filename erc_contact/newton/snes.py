@@ -49,6 +49,10 @@ In so many steps there are more than this share of the changes in as many steps 
 and more than this share of the closed points. So an attempt takes six steps at least,
 and ten where few points change.
 """
+FEW = 3
+"""Changes in a step that are no crawl: so many points soon know their states."""
+CRAWLS = "states keep changing"
+"""Reason of an attempt that crawls."""
 ASTRAY = 1e8
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
@@ -214,6 +218,17 @@ def attempt(
     return outcome
 
 
+def outcome_of_path(steps: int, is_known: bool) -> Outcome:
+    """Tell how interior point steps ended.
+
+    Args:
+        steps: Their number.
+        is_known: Whether the states of all points are known.
+    """
+    reason = "states are known" if is_known else "states are not known"
+    return Outcome(is_known, reason, steps, np.inf, (0, 0, 0))
+
+
 class _StoppingTest:
     """Test the convergence of one attempt, for SNES.
 
@@ -305,8 +320,8 @@ class _StoppingTest:
                 continue
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
-            if last > fall * before and last > share * sum(closed):
-                return "states keep changing"
+            if last > max(fall * before, share * sum(closed), FEW * steps):
+                return CRAWLS
         return ""
 
     def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
