@@ -36,8 +36,6 @@ from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.interior_point import CentralPath, follow
-from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.one_sided_tangent import contact_normals
 from erc_contact.newton.shared_laws import laws_of
@@ -56,7 +54,7 @@ class Condensed:
         forms: The equations of a method.
         stiffness: The condensed elastic stiffness.
         w: Its glued displacement under the loads [length].
-        path: The central path that :meth:`follow_path` follows.
+        path: The central path of interior point steps; None without.
 
     Attributes:
         forms: The equations of the method, with the share of friction that
@@ -84,7 +82,7 @@ class Condensed:
         forms: ContactForms,
         stiffness: Stiffness,
         w: fem.Function,
-        path: CentralPath | None = None,
+        path: Any = None,
     ) -> None:
         self.model = model
         self.stiffness = stiffness
@@ -144,7 +142,7 @@ class Condensed:
 
     def residual(self, u_A: np.ndarray) -> np.ndarray:
         """Return the residual R(u_A) [force], on rank 0."""
-        self._move(u_A)
+        self.move(u_A)
         equations = self._on_all_ranks("residual")
         if not self.multipliers:
             equations += self.matrix @ u_A - self.loads
@@ -152,7 +150,7 @@ class Condensed:
 
     def tangent(self, u_A: np.ndarray) -> np.ndarray:
         """Return dR/du_A at u_A [force/length], (A, A) in Fortran order, on rank 0."""
-        self._move(u_A)
+        self.move(u_A)
         self._sparse.setValuesCOO(self._on_all_ranks("tangent"))
         self._sparse.matMult(self._derivative, self._product)
         dense = self._product.getDenseArray(readonly=True).copy(order="F")
@@ -165,37 +163,16 @@ class Condensed:
 
         There is one at each point of all contact facets.
         """
-        self._move(u_A)
+        self.move(u_A)
         return self._on_all_ranks("status")
 
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps on all ranks [-]."""
         self._on_all_ranks("set_shares", friction, gap)
 
-    def follow_path(self, u_A: np.ndarray) -> tuple[np.ndarray, int, bool]:
-        """Make interior point steps from u_A, on rank 0.
-
-        Returns:
-            As :func:`.interior_point.follow`.
-        """
-        factor: PETSc.KSP | None = None
-        force, change = self._derivative.createVecRight(), self._derivative.createVecRight()
-
-        def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:
-            nonlocal factor
-            if renew:
-                factor = dense_factor(self.tangent(u), "lu")
-            assert factor is not None
-            force.array[:] = self.residual(u)
-            factor.solve(force, change)
-            solution = u - change.array_r
-            self._move(solution)
-            return solution
-
-        def call(name: str) -> Any:
-            return self._on_all_ranks("along_path", name)
-
-        return follow(call, solve, u_A)
+    def along_path(self, name: str) -> Any:
+        """Call a method of the central path on all ranks, from rank 0."""
+        return self._on_all_ranks("along_path", name)
 
     def hold(self, weight: float, u_A: np.ndarray) -> None:
         """Hold the motions that no support holds where they are at u_A, on rank 0.
@@ -263,7 +240,7 @@ class Condensed:
         """Return z for u_A, on rank 0."""
         return self._fields.affine[:, :-1] @ u_A + self._fields.affine[:, -1]
 
-    def _move(self, u_A: np.ndarray) -> None:
+    def move(self, u_A: np.ndarray) -> None:
         """Set the fields of all ranks to u_A, on rank 0; nothing if they are there."""
         if self._last_u_A is None or not np.array_equal(self._last_u_A, u_A):
             self._on_all_ranks("set_fields", self._fields_at(u_A))

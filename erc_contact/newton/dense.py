@@ -12,6 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.interior_point import follow
 from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.one_sided_tangent import PRESSING
 from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, Status, attempt
@@ -35,6 +36,36 @@ class State:
 
     displacement: np.ndarray
     residual: np.ndarray
+
+
+def follow_path(problem: Condensed, start: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    """Make interior point steps on rank 0, within :meth:`Condensed.run`.
+
+    Args:
+        problem: The condensed problem, with a central path.
+        start: The displacement u_A from which they start [length].
+
+    Returns:
+        As :func:`.interior_point.follow`.
+    """
+    factor: PETSc.KSP | None = None
+    force = PETSc.Vec().createSeq(problem.size, comm=PETSc.COMM_SELF)
+    change = force.duplicate()
+
+    def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:
+        nonlocal factor
+        if renew:
+            if factor is not None:
+                factor.destroy()
+            factor = dense_factor(problem.tangent(u), "lu")
+        assert factor is not None
+        force.array[:] = problem.residual(u)
+        factor.solve(force, change)
+        solution = u - change.array_r
+        problem.move(solution)
+        return solution
+
+    return follow(problem.along_path, solve, start)
 
 
 class Dense:

@@ -15,7 +15,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.carried import Carried
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.dense import Dense
+from erc_contact.newton.dense import Dense, follow_path
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath
@@ -143,7 +143,7 @@ class Direct:
         problem = self._condensed(InteriorForms(self.carried.model, method))
 
         def work() -> tuple[Outcome, Any]:
-            u_A, steps, is_known = problem.follow_path(problem.from_contact(state))
+            u_A, steps, is_known = follow_path(problem, problem.from_contact(state))
             return outcome_of_path(steps, is_known), u_A[: self.elastic.contact_size]
 
         outcome, last = problem.run(work)
