@@ -72,7 +72,8 @@ class InteriorForms(ContactForms):
         for interpolation, weight, offset in zip(
             self._interpolations, weights, offsets, strict=True
         ):
-            flat = weight.reshape(*offset.shape[:2], -1)
+            facets, points, d = offset.shape
+            flat = weight.reshape(facets, points, d * d)
             interpolation.set(np.concatenate([flat, offset], axis=2))
 
     @property
