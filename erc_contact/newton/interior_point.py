@@ -60,7 +60,10 @@ Where there is no solution, tractions grow for ever and steps end at their bound
 BACK = 0.995
 """Share of the way to the next bound that a step goes [-]."""
 KNOWN = 1e-4
-"""Sum of all v y over the sum of |r|^2 from which states are known [-]."""
+"""Sum of all v y over the sum of |r|^2 from which states are known [-].
+
+So they are where all y are as small over v: nothing touches.
+"""
 LEFT = 1e-3
 """What may be left of equilibrium at the end, over the first solution [-]."""
 
@@ -205,7 +208,9 @@ class CentralPath:
         self._follow_pressure()
         self._mu = self._mean(self._y * self._v)
         products = self._sum(np.where(self._used, self._y * self._v, 0.0))
-        is_known = products <= KNOWN * self._sum(self._r**2)
+        # Where nothing touches, tractions fall to zero with mu.
+        touches = self._sum(self._used & (self._y > KNOWN * self._v)) > 0
+        is_known = not touches or products <= KNOWN * self._sum(self._r**2)
         return share, is_known and self._left <= LEFT
 
     def _aim(self, products: np.ndarray) -> None:
