@@ -60,10 +60,9 @@ Where there is no solution, tractions grow for ever and steps end at their bound
 BACK = 0.995
 """Share of the way to the next bound that a step goes [-]."""
 KNOWN = 1e-4
-"""Sum of all v y over the sum of |r|^2 from which states are known [-].
-
-So they are where all y are as small over v: nothing touches.
-"""
+"""Sum of all v y over the sum of |r|^2 from which states are known [-]."""
+APART = 1e-12
+"""Pressure over opening, times gamma, at all points where nothing touches [-]."""
 LEFT = 1e-3
 """What may be left of equilibrium at the end, over the first solution [-]."""
 
@@ -209,7 +208,8 @@ class CentralPath:
         self._mu = self._mean(self._y * self._v)
         products = self._sum(np.where(self._used, self._y * self._v, 0.0))
         # Where nothing touches, tractions fall to zero with mu.
-        touches = self._sum(self._used & (self._y > KNOWN * self._v)) > 0
+        presses = ~self._used[:, 0] | (self._y[:, 0] > APART * self._v[:, 0])
+        touches = self._sum(presses) > 0
         is_known = not touches or products <= KNOWN * self._sum(self._r**2)
         return share, is_known and self._left <= LEFT
 
