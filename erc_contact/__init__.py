@@ -31,6 +31,7 @@ from erc_contact.base.exceptions import (
     NotConverged,
     NotHeldError,
 )
+from erc_contact.base.keywords import name_nearest
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
@@ -149,6 +150,8 @@ __all__ = [
     "where",
     "work_of_loads",
 ]
+
+name_nearest(__name__, __all__)
 
 
 def __dir__() -> list[str]:

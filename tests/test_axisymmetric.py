@@ -183,6 +183,7 @@ def test_goals():
     scene, domain = pressed(0.0, (6, 6), friction=0.0)
     error = certified(scene, domain, degree=2)
     force = ec.interval(error, ec.Resultant("bottom", (0.0, 1.0)))
+    assert force.guaranteed
     fine = certified(*pressed(0.0, (24, 24), friction=0.0), degree=2)
     assert force.low <= fine.force("bottom").force[1] <= force.high
     bounds = ec.resultant(error, "bottom", (0.0, 1.0))

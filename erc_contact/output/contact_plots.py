@@ -91,7 +91,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
             f"plot_contact: no contact is called {name!r}; the scene has "
             f"{', '.join(names) or 'none'}."
         )
-    surface = whole_contact(admissible, contact_of(admissible, name))
+    surface = whole_contact(admissible, admissible.per_area(contact_of(admissible, name)))
     # Only rank 0 knows all facets, and all ranks raise.
     has_facets = model.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:
