@@ -178,6 +178,25 @@ def test_heat():
         certified(in_plane, domain)
 
 
+def test_ties_and_bolts():
+    """Rods that are tied are one; a level cut that is drawn together pulls."""
+    whole = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(5, 5))
+    halves = {"lower": ec.where(y=(0.0, 0.4)), "upper": ec.where(y=(0.4, 1.0))}
+    cut = whole.named({}, regions=halves).split({"end": "lower", "start": "upper"})
+    contact = ec.Contact("bottom", friction=0.3)
+    punch = ec.Displacement("top", (0.0, -0.01))
+    one = certified(ec.Scene(RINGS, punch, contacts=contact), whole)
+    tied = certified(ec.Scene(RINGS, punch, contacts=contact, ties=ec.Tied("end", "start")), cut)
+    assert tied.relative == pytest.approx(one.relative, rel=1e-8)
+    assert tied.force("bottom").force == pytest.approx(one.force("bottom").force, rel=1e-9)
+    ends = [ec.Displacement(end, (None, 0.0)) for end in ("bottom", "top")]
+    bolt = ec.Scene(RINGS, ends, ties=ec.Preload("end", "start", force=3.0))
+    error = certified(bolt, cut)
+    assert error.relative < 1e-9
+    assert error.solution.shortening("end") == pytest.approx(3.0 / (np.pi * E), rel=1e-8)
+    assert abs(error.force("top").force[1]) == pytest.approx(3.0, rel=1e-8)
+
+
 def test_goals():
     """The axial force has an interval, moments and rotations do not exist."""
     scene, domain = pressed(0.0, (6, 6), friction=0.0)
