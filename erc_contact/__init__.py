@@ -31,6 +31,7 @@ from erc_contact.base.exceptions import (
     NotConverged,
     NotHeldError,
 )
+from erc_contact.base.keywords import name_nearest
 from erc_contact.base.logs import log_to_console
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
@@ -63,6 +64,7 @@ from erc_contact.scene.goal import Energy, Functional, MeanDisplacement, Moment,
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.preload import Preload
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.spring import Spring
@@ -105,6 +107,7 @@ __all__ = [
     "NotConverged",
     "NotHeldError",
     "Oscillations",
+    "Preload",
     "Resultant",
     "Rigid",
     "Rotation",
@@ -147,6 +150,8 @@ __all__ = [
     "where",
     "work_of_loads",
 ]
+
+name_nearest(__name__, __all__)
 
 
 def __dir__() -> list[str]:

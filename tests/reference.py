@@ -59,16 +59,21 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     strain = np.einsum("nb,nbs->ns", lower, strains(coarse, pair.displacement)[parent])
     n, q = len(cells.nodes), len(weights)
     fine_strain = np.matmul(bernstein(d, model.degree - 1, points), strains(cells, fine.u))
-    C = moduli(model, cells, points, n)[0, 0]
-    S = moduli(model, cells, points, n, inverse=True)[0, 0]
+    # Moduli may differ from cell to cell, and do not vary inside.
+    C, S = (moduli(model, cells, points, n, inverse=i)[:, 0] for i in (False, True))
+    C, S = (np.broadcast_to(matrix, (n, *matrix.shape[1:])) for matrix in (C, S))
     volume = cells.volume[:, None] * weights
     du = fine_strain - strain.reshape(n, q, -1)
     elastic_strain = fine_strain
     if model.strains is not None:
         elastic_strain = fine_strain - given_strains(model, cells, points, n)
-    ds = elastic_strain @ C - stress.reshape(n, q, -1)
+    if model.preloads:
+        # Their strains depend on the mesh: the elastic strains are compared.
+        of_coarse = given_strains(pair.model, coarse, points, len(coarse.nodes))[parent[::q], 0]
+        du = elastic_strain - (strain.reshape(n, q, -1) - of_coarse[:, None])
+    ds = np.matmul(elastic_strain, C) - stress.reshape(n, q, -1)
     squares = [
-        volume * np.einsum("nqa,ab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))
+        volume * np.einsum("nqa,nab,nqb->nq", rest, M, rest) for rest, M in ((du, C), (ds, S))
     ]
     of_cells = np.sqrt(
         [np.bincount(parent, square.ravel(), len(pair.stress)) for square in squares]

@@ -5,6 +5,8 @@
 - Intervals print as people write them; parts that are no pair tell how they become one.
 """
 
+import pickle
+
 import numpy as np
 import pytest
 import ufl
@@ -162,3 +164,18 @@ def test_parts_that_lie_against_each_other_tell_the_line():
         names["domain"].facing("a left", "b left")
     with pytest.raises(ec.InputError, match="No boundary part is called 'c'"):
         both.facing("a bottom", "c")
+
+
+@pytest.mark.parametrize(
+    ("call", "nearest"),
+    [
+        (lambda: ec.Contact("bottom", frction=0.3), "friction"),
+        (lambda: ec.Scene(materal=ec.Elastic(1.0, 0.3)), "material"),
+        (lambda: ec.adapt(None, None, acuracy=0.1), "accuracy"),
+        (lambda: ec.rectangle((0.0, 0.0), (1.0, 1.0), siz=0.1), "size"),
+    ],
+)
+def test_misspelt_keywords_name_the_nearest(call, nearest):
+    with pytest.raises(TypeError, match=f"Did you mean '{nearest}'"):
+        call()
+    assert pickle.loads(pickle.dumps(ec.solve)) is ec.solve

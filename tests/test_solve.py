@@ -22,6 +22,7 @@ from scenes import block, common_block, greco, prototype_block, resultant, two_h
 
 import erc_contact as ec
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.newton import ladder
 
 GRECO_X = np.array([0.0, 1.25, 5.0, 7.5, 11.25])  # mm
 GRECO_U = np.array([2.8603, 2.7226, 2.2868, 1.9807, 1.5414]) * 1e-2  # mm, converged
@@ -181,7 +182,7 @@ def test_gap_closes():
 
 def test_options_of_the_user_win_and_ours_are_not_left():
     before = dict(PETSc.Options().getAll())
-    PETSc.Options()["erc_contact_snes_max_it"] = 1
+    PETSc.Options()["erc_contact_snes_max_it"] = 0
     try:
         with pytest.raises(ec.NotConverged, match="steps") as failure:
             ec.solve(common_block(), block(8))
@@ -289,11 +290,13 @@ def test_default_solves_every_friction(name, degree):
         ec.solve(make(friction), domain, degree=degree)
 
 
-def test_default_falls_back_on_the_augmented_lagrangian():
+def test_default_falls_back_on_the_augmented_lagrangian(monkeypatch):
     """A real failure.
 
-    With so few Newton steps only the augmented Lagrangian converges.
+    With so few Newton steps, and without interior points, only the augmented Lagrangian
+    converges.
     """
+    monkeypatch.setattr(ladder, "_interior", lambda *_: iter(()))
     scene, domain = pushed_block(0.206), block(4)
     expected = ec.solve(scene, domain, ec.AugmentedLagrangian())
     PETSc.Options()["erc_contact_snes_max_it"] = 2

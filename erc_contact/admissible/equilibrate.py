@@ -45,6 +45,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced, NotHeldError
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
+from erc_contact.scene.preload import Preload
 
 
 def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
@@ -98,8 +99,16 @@ def equilibrated(
     loads = load_moments(model, cells)
     fixed = supported(model, cells)
     data = _Data(solution, cells, force, loads, fixed)
-    others = other_forces(model, cells, loads, fixed, force, solution.u)
-    pair, balanced, bulk = _make_pair(data, others, tighten, near)
+    bolts = _forces_of_bolts(solution)
+    others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
+    try:
+        pair, balanced, bulk = _make_pair(data, others, tighten, near)
+    except NotHeldError:
+        if not bolts:
+            raise
+        # The law may leave too little for the forces of bolts.
+        others = other_forces(model, cells, loads, fixed, force, solution.u, {})
+        pair, balanced, bulk = _make_pair(data, others, tighten, near)
     kept = None
     if is_own and bulk is not None:
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
@@ -110,6 +119,25 @@ def equilibrated(
             pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
+
+
+def _forces_of_bolts(solution: Solution) -> dict[str, float]:
+    """Return the forces of preloads that sigma^ should have [force]; collective.
+
+    They are the given ones, and in a bolt that is locked after them the forces of the
+    solution: the shift was found by the stiffness of this mesh, so that its force with
+    the exact stiffness is another one. Where the shift itself is given it tells the
+    force, and sigma^ is free to come nearer.
+    """
+    forces = {}
+    for tie in solution.scene.ties:
+        if not isinstance(tie, Preload):
+            continue
+        if tie.force is not None:
+            forces[tie.facets] = float(tie.force)
+        elif tie.locked:
+            forces[tie.facets] = solution.bolt_force(tie.facets)
+    return forces
 
 
 def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:

@@ -110,24 +110,28 @@ class Admissible:
 
     @property
     def tractions_per_area(self) -> list[ContactTraction]:
-        """Return r^ on each contact for pictures and files [force/area].
+        """Return r^ on each contact for pictures and files, see :meth:`per_area`."""
+        return [self.per_area(traction) for traction in self.tractions]
 
-        On rings it interpolates r^ at the nodes of facets, elsewhere it is r^.
+    def per_area(self, traction: ContactTraction) -> ContactTraction:
+        """Return a traction for pictures and files [force/area].
+
+        On rings it interpolates the traction at the nodes of facets, else it is itself.
         """
         model = self.model
         if not model.axisymmetric:
-            return self.tractions
+            return traction
+        corners = traction.contact.trace.here.corners
         to_coefficients = coefficients(model.d - 1, model.degree)
-        tractions = []
-        for traction in self.tractions:
-            corners = traction.contact.trace.here.corners
-            of_area = []
-            for values in (traction.values, traction.friction_bound[..., None]):
-                nodal = per_area(model, corners, values, model.facet_points)
-                of_area.append(np.matmul(to_coefficients, nodal))
-            values, bound = of_area
-            tractions.append(replace(traction, values=values, friction_bound=bound[..., 0]))
-        return tractions
+
+        def shown(values: np.ndarray) -> np.ndarray:
+            nodal = per_area(model, corners, values, model.facet_points)
+            return np.matmul(to_coefficients, nodal)
+
+        bound = traction.friction_bound
+        if np.isfinite(bound).all():
+            bound = shown(bound[..., None])[..., 0]
+        return replace(traction, values=shown(traction.values), friction_bound=bound)
 
     def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
         """Return the measure of the body for forms with sigma^, UFL.

@@ -9,6 +9,7 @@ polynomial of degree k-1 in a cell.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ from erc_contact.admissible.springs import (
     spring_tractions,
 )
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
+from erc_contact.model.bolt_halves import motions_of_halves
 from erc_contact.model.held_motions import unsupported_motions
 from erc_contact.model.model import Model
 from erc_contact.model.motions import greatest_of_bodies
@@ -91,13 +93,14 @@ def other_forces(
     fixed: np.ndarray,
     force: np.ndarray | None,
     u: fem.Function,
+    bolts: Mapping[str, float],
 ) -> OtherForces:
     """Compute what contact tractions have to balance on rigid motions; collective.
 
-    These are the loads, and on motions that springs alone hold their pull at u, too. It
-    is in balance with the method's own contact forces. If r^ has another resultant or
-    moment, the springs have to take up the difference. It is small, but costs soft
-    springs much.
+    These are the loads, the forces of preloads on halves of bolts, and on motions that
+    springs alone hold their pull at u, too. It is in balance with the method's own
+    contact forces. If r^ has another resultant or moment, the springs have to take up
+    the difference. It is small, but costs soft springs much.
 
     Args:
         model: The scene on a mesh.
@@ -108,12 +111,14 @@ def other_forces(
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
             None.
         u: Displacement of the contact solve [length].
+        bolts: Forces that sigma^ has in bolts, by the names of preloads [force].
     """
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
         motions = unsupported_motions(model, model.bodies, model.held, model.loose_faces)
-    if not motions:
+    of_halves, works_on_halves = motions_of_halves(model, bolts)
+    if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
     if with_springs:
         # On motions that no support holds, loads on supports do no work.
@@ -124,9 +129,12 @@ def other_forces(
     works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])
     total = model.comm.allreduce(local, MPI.SUM)
+    motions = [*motions, *of_halves]
+    works = [*total[:-1], *works_on_halves]
+    size = float(total[-1]) + float(np.sum(np.abs(works_on_halves)))
     stiffness = spring_stiffness(model, motions)
     free = motions_off_springs(model, motions)
-    return OtherForces(motions, total[:-1], stiffness, free, float(total[-1]))
+    return OtherForces(motions, np.array(works), stiffness, free, size)
 
 
 @dataclass(frozen=True, eq=False)

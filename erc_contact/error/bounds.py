@@ -78,6 +78,7 @@ from erc_contact.error.works import (
     strain_work,
     stress_work,
 )
+from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
 
 RIGID_ENERGY = 1e-8
@@ -221,6 +222,7 @@ def _raise_if_no_cone(scene: Scene) -> None:
         "a gap": gaps,
         "friction": rough,
         "given strains": strained,
+        "a preload": [tie.facets for tie in scene.ties if isinstance(tie, Preload)],
     }
     for obstacle, parts in obstacles.items():
         if parts:

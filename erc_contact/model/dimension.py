@@ -63,7 +63,7 @@ def check_half_plane(space: Space, scene: Scene) -> None:
             f"An axisymmetric body has points with the radius x[0] = {least:.4g} < 0; draw one "
             "half only, with r = x[0] >= 0 and the axis at x[0] = 0."
         )
-    for owner in (*scene.supports, *scene.springs, *scene.loads, *scene.contacts, *scene.ties):
+    for owner in (*scene.supports, *scene.springs, *scene.loads, *scene.contacts):
         names = getattr(owner, "sides", (owner.facets,))
         for name in names:
             if name is None:

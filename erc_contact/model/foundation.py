@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,6 +62,8 @@ class ContactOnMesh:
             the gap is what the scene gives.
         moved: Displacement of the foundation at the nodes of the contact, zero off it
             [length]; None without a motion. ``gap`` and the trace contain it.
+        projection: Stands in for the projection of a trial traction in the equations of
+            a solver, UFL in, UFL out; None for the projection of the law.
     """
 
     name: str
@@ -82,6 +84,7 @@ class ContactOnMesh:
     gap_share: Ufl | None = None
     gap_vectors: np.ndarray | None = None
     moved: fem.Function | None = None
+    projection: Callable[[Ufl], Ufl] | None = None
 
     @property
     def title(self) -> str:
@@ -232,6 +235,11 @@ class ContactOnMesh:
                     " contact.project(z, gamma) there, with the factor gamma of -jump(u) in z."
                 )
             share = self.stiffness / (self.stiffness + gamma)
+        if self.projection is not None:
+            r = self.projection(z)
+            if share is None:
+                return r
+            return r - (1 - share) * ufl.dot(r, self.normal) * self.normal
         return project(z, self.normal, bound, bilateral=self.bilateral, share=share)
 
     def status(self, r: Ufl) -> Ufl:

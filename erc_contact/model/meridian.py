@@ -156,7 +156,8 @@ def per_area(
         axis it is the limit.
     """
     d, k = space.d, space.degree
-    flat = coefficients.reshape(*coefficients.shape[:2], -1)
+    trailing = coefficients.shape[2:]
+    flat = coefficients.reshape(*coefficients.shape[:2], int(np.prod(trailing)))
     values = np.matmul(bernstein(d - 1, k, points), flat)
     if space.axisymmetric:
         radius = np.matmul(barycentric(points), corners[..., 0, None])
@@ -166,7 +167,7 @@ def per_area(
         radius = np.where(is_on_axis, np.matmul(barycentric(inside), corners[..., 0, None]), radius)
         values = np.where(is_on_axis, np.matmul(bernstein(d - 1, k, inside), flat), values)
         values = values / (2 * pi * radius)
-    return values.reshape(*values.shape[:2], *coefficients.shape[2:])
+    return values.reshape(*values.shape[:2], *trailing)
 
 
 def nodal_shares(space: Space, facets: np.ndarray) -> np.ndarray:

@@ -23,10 +23,11 @@ from erc_contact.model.held_motions import free_motions
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.loads import bind_loads, sum_of
-from erc_contact.model.meridian import in_half_plane, strain_of
+from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
+from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
 from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
@@ -75,6 +76,7 @@ class Model(Space):
             support.
         contacts: The scene's contacts.
         ties: The scene's tied joints.
+        preloads: Its preloads, each one of the joints.
         connections: The nodes that contacts between bodies connect.
         bodies: Number of the body of each node of this rank, and number of bodies.
         free_motions: Rigid motions that no support holds, Functions of V, see
@@ -107,17 +109,18 @@ class Model(Space):
         self.parameters = moduli(self, scene.material)
         if type(scene.material) is not Elastic:
             try_material(self.V, scene.material, self.parameters, partial(strain_of, self))
-        self.strains = bind_strains(self, scene.strains, scene.material, self.parameters)
-        self.constitution = Constitution(self, scene.material, self.parameters, self.strains)
+        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
+        self.preloads = bind_preloads(self, scene.ties, self.ties)
+        self.bind_strains(scene)
         self.springs = bind_springs(self, scene.springs, self.modulus)
         self.bind_supports_and_loads(scene)
         self.contacts = []
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
         self.gap_limits: dict[ContactOnMesh, np.ndarray] = {}
-        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.bind_connections()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
+        check_beside_cuts(self, self.preloads, self._held_facets(), self.contacts)
         self.bodies = bodies_of_nodes(self)
         self.free_motions = free_motions(
             self, self.bodies, self.held, self.springs, self.contacts, self.loose_faces
@@ -137,6 +140,30 @@ class Model(Space):
         self.hoop_load = None
         if self.axisymmetric and self.body_force is not None:
             self.hoop_load = Everywhere(self.x[0] * self.body_force[0], self.mesh)
+
+    def bind_strains(self, scene: Scene) -> None:
+        """Put the strains and the preloads of a scene on the mesh; collective."""
+        shifts = shifts_of(scene.ties)
+        of_preloads = []
+        for preload in self.preloads:
+            strain = preload.strain(shifts[preload.name])
+            # Along the axis of rings a shift has no hoop strain.
+            of_preloads.append(in_space(strain, 0) if self.axisymmetric else strain)
+        self.strains = bind_strains(
+            self, scene.strains, scene.material, self.parameters, of_preloads
+        )
+        self.constitution = Constitution(self, scene.material, self.parameters, self.strains)
+
+    def _held_facets(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
+        """Return name, facets and held components of each support and spring."""
+        held = []
+        for support, (facets, components) in zip(
+            self.scene.supports, self.fixed_facets, strict=True
+        ):
+            held.append((support.facets, facets, components))
+        for spring in self.springs:
+            held.append((spring.name, spring.side.facets, np.ones(self.d, dtype=bool)))
+        return held
 
     def bind_connections(self) -> None:
         """Find the nodes that contacts connect, given supports; collective."""
@@ -257,6 +284,15 @@ class Model(Space):
     def stiffest(self) -> float:
         """Return the greatest modulus at middles of cells [force/area]; collective."""
         return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
+
+    def jumps_at(self, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return what shifts of preloads add to the displacement [length], (n, d).
+
+        Args:
+            cell: A cell of this rank for each point, shape (n,).
+            x: The points [length], shape (n, d).
+        """
+        return jumps_at(self.preloads, shifts_of(self.scene.ties), cell, x, self.cell_corners())
 
     # -- data on contacts
 

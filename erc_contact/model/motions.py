@@ -76,8 +76,13 @@ def greatest_of_bodies(
     return np.asarray(np.max(comm.allgather(greatest), axis=0))
 
 
-def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
+def bodies_of_nodes(space: Space, cut: np.ndarray | None = None) -> tuple[np.ndarray, int]:
     """Number the bodies of the mesh, from 0 over all ranks; collective.
+
+    Args:
+        space: The mesh.
+        cut: Which nodes connect nothing, as at a cut, shape (nodes,); each of them
+            counts as a body. None for none.
 
     Returns:
         The body of each node of this rank, ghosts included, and the number of bodies.
@@ -86,8 +91,13 @@ def bodies_of_nodes(space: Space) -> tuple[np.ndarray, int]:
     cells = space.nodes
     # Each rank joins the nodes of its cells, and numbers its bodies after the bodies of
     # the ranks before it.
+    if cut is not None:
+        # The first node of each cell is one that connects, if any does.
+        cells = np.take_along_axis(cells, np.argsort(cut[cells], axis=1, kind="stable"), axis=1)
     first = np.repeat(cells[:, 0], cells.shape[1] - 1)
     edges = np.column_stack([first, cells[:, 1:].ravel()])
+    if cut is not None:
+        edges = edges[~cut[edges].any(axis=1)]
     bodies_here, label = np.unique(components(space.node_count, edges), return_inverse=True)
     counts = comm.allgather(len(bodies_here))
     label += sum(counts[: comm.rank])

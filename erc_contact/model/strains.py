@@ -74,6 +74,7 @@ def bind_strains(
     strains: Sequence[GivenStrain],
     material: Material,
     parameters: Mapping[str, Ufl],
+    of_preloads: Sequence[Ufl],
 ) -> Strains | None:
     """Put given strains on a mesh; None without any; collective.
 
@@ -82,18 +83,19 @@ def bind_strains(
         strains: The strains of the scene.
         material: Its material.
         parameters: Parameters of the material, UFL.
+        of_preloads: The strains of its preloads, UFL, shape (d, d) each.
 
     Raises:
         InputError: If a strain is no scalar and no tensor of shape (d, d), is not
             finite, its region is unknown, or a scalar strain acts out of plane and the
             material does not tell its stress there.
     """
-    if not strains:
+    if not strains and not of_preloads:
         return None
     d = space.d
     basis = tensor_basis(material, d)
     rows = basis.shape[1]
-    tensor = ufl.zero((rows, rows))
+    tensor = sum(of_preloads, start=ufl.zero((rows, rows)))
     normal = ufl.as_ufl(0.0)
     for strain in strains:
         for expression in _terms(space, strain):

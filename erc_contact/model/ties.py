@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import ufl
-from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.joint_sides import indicators
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 from erc_contact.scene.tied import Tied
@@ -51,23 +51,6 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> ContactOnMesh:
     )
 
 
-def indicators(space: Space, tie: ContactOnMesh) -> list[fem.Function]:
-    """Return the indicators of the regions on both sides of a joint; collective."""
-    domain = space.domain
-    assert domain.seams is not None
-    assert domain.cell_tags is not None
-    result = []
-    for name in (tie.name, tie.against):
-        indicator = domain.function("DG", 0)
-        for interface in domain.seams.interfaces:
-            if name in interface.names:
-                regions = interface.regions[interface.names.index(name)]
-                of_side = np.isin(domain.cell_tags.values, regions)
-                indicator.x.array[domain.cell_tags.indices[of_side]] = 1.0
-        result.append(indicator)
-    return result
-
-
 def tie_forces(
     space: Space,
     tie: ContactOnMesh,
@@ -90,7 +73,8 @@ def tie_forces(
     """
     sides = []
     shared = []
-    for indicator in indicators(space, tie):
+    assert tie.against is not None
+    for indicator in indicators(space, (tie.name, tie.against)):
         sides.append(residual(indicator * ufl.TestFunction(space.V)))
         with_others = np.zeros((space.node_count, 1), dtype=bool)
         for cells, nodes in claims:

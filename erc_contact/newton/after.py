@@ -47,7 +47,8 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
         )
     names = {name for contact in scene.contacts for name in contact.sides}
     names_before = {name for contact in after.scene.contacts for name in contact.sides}
-    if set(scene.ties) != set(after.scene.ties):
+    ties, ties_before = ({tie.sides for tie in entry.ties} for entry in (scene, after.scene))
+    if ties != ties_before:
         raise InputError(
             "The scene has other tied joints than the scene of after. All scenes of a history have "
             "the same tied joints."

@@ -30,6 +30,8 @@ class Assembly:
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         size: Number of unknowns u_A.
+        path: The central path of interior point steps, see :mod:`.interior_point`; None
+            where there is none.
 
     Attributes:
         fields: For each field its degrees of freedom that are in z, and their places.
@@ -43,8 +45,10 @@ class Assembly:
         readings: list[Reading],
         columns: list[np.ndarray],
         size: int,
+        path: Any,
     ) -> None:
         self._forms = forms
+        self._path = path
         self._comm = forms.model.comm
         self._size = size
         self._residual = forms.model.function()
@@ -112,6 +116,10 @@ class Assembly:
         """Return the status open (0), slip (1) or stick (2) at points of all facets."""
         parts = gathered(self._comm, self._forms.status())
         return None if parts is None else np.concatenate(parts)
+
+    def along_path(self, name: str) -> Any:
+        """Call a method of the central path of interior point steps by its name."""
+        return getattr(self._path, name)()
 
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps [-]."""

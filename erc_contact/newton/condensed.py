@@ -54,6 +54,7 @@ class Condensed:
         forms: The equations of a method.
         stiffness: The condensed elastic stiffness.
         w: Its glued displacement under the loads [length].
+        path: The central path of interior point steps; None without.
 
     Attributes:
         forms: The equations of the method, with the share of friction that
@@ -76,7 +77,12 @@ class Condensed:
     """
 
     def __init__(
-        self, model: Model, forms: ContactForms, stiffness: Stiffness, w: fem.Function
+        self,
+        model: Model,
+        forms: ContactForms,
+        stiffness: Stiffness,
+        w: fem.Function,
+        path: Any = None,
     ) -> None:
         self.model = model
         self.stiffness = stiffness
@@ -107,7 +113,7 @@ class Condensed:
         w_A = self.w[: self.size]
         fields = FieldMap(self.forms, stiffness, self.size, w_A, self.matrix, self.loads)
         self._fields = fields
-        self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size)
+        self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size, path)
         together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:
@@ -136,7 +142,7 @@ class Condensed:
 
     def residual(self, u_A: np.ndarray) -> np.ndarray:
         """Return the residual R(u_A) [force], on rank 0."""
-        self._move(u_A)
+        self.move(u_A)
         equations = self._on_all_ranks("residual")
         if not self.multipliers:
             equations += self.matrix @ u_A - self.loads
@@ -144,7 +150,7 @@ class Condensed:
 
     def tangent(self, u_A: np.ndarray) -> np.ndarray:
         """Return dR/du_A at u_A [force/length], (A, A) in Fortran order, on rank 0."""
-        self._move(u_A)
+        self.move(u_A)
         self._sparse.setValuesCOO(self._on_all_ranks("tangent"))
         self._sparse.matMult(self._derivative, self._product)
         dense = self._product.getDenseArray(readonly=True).copy(order="F")
@@ -157,12 +163,16 @@ class Condensed:
 
         There is one at each point of all contact facets.
         """
-        self._move(u_A)
+        self.move(u_A)
         return self._on_all_ranks("status")
 
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps on all ranks [-]."""
         self._on_all_ranks("set_shares", friction, gap)
+
+    def along_path(self, name: str) -> Any:
+        """Call a method of the central path on all ranks, from rank 0."""
+        return self._on_all_ranks("along_path", name)
 
     def hold(self, weight: float, u_A: np.ndarray) -> None:
         """Hold the motions that no support holds where they are at u_A, on rank 0.
@@ -230,7 +240,7 @@ class Condensed:
         """Return z for u_A, on rank 0."""
         return self._fields.affine[:, :-1] @ u_A + self._fields.affine[:, -1]
 
-    def _move(self, u_A: np.ndarray) -> None:
+    def move(self, u_A: np.ndarray) -> None:
         """Set the fields of all ranks to u_A, on rank 0; nothing if they are there."""
         if self._last_u_A is None or not np.array_equal(self._last_u_A, u_A):
             self._on_all_ranks("set_fields", self._fields_at(u_A))

@@ -22,7 +22,7 @@ from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import ROUND_OFF_HIDES, DiscreteSolution, Outcome
+from erc_contact.newton.snes import CRAWLS, ROUND_OFF_HIDES, DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
 SLOW_ATTEMPTS = 5
@@ -120,6 +120,7 @@ class ContactSolve:
             slides=loose and _friction_grows(self.model),
             fallback=self.fallback,
             nodal_first=nodal_first,
+            convex=not _friction_grows(self.model),
         ):
             if attempt.start not in states:
                 continue
@@ -139,6 +140,8 @@ class ContactSolve:
             elif outcome.friction > 1.0 and not gap:
                 # Across gaps it may end for other reasons than friction.
                 raise NotConverged(self._sliding(outcome.friction), tuple(self.rungs))
+            if outcome.reason == CRAWLS:
+                states["crawling"] = state
             slow += outcome.reason == "diverged_linear_solve"
             # Other attempts end in the same round-off.
             if slow == SLOW_ATTEMPTS or outcome.reason == ROUND_OFF_HIDES:
@@ -174,7 +177,9 @@ class ContactSolve:
             "lists them)"
         )
         has_pairs = any(contact.against is not None for contact in self.model.contacts)
-        if all(outcome.open for outcome in self.outcomes):
+        # Interior point steps tell no status.
+        of_newton = [outcome for outcome in self.outcomes if any(outcome.status)]
+        if all(outcome.open for outcome in of_newton):
             apart = "the bodies apart" if has_pairs else "the body from its foundation"
             return (
                 f"{failed}. The contact ends all open in each of them: the loads take {apart}, "

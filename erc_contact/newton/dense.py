@@ -12,9 +12,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.interior_point import follow
 from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.one_sided_tangent import PRESSING
-from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, attempt
+from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, Status, attempt
 
 SOLVED_DENSE = 1e-12
 """Residual at which Newton's method stops, over the forces that cancel in it [-]."""
@@ -37,6 +38,36 @@ class State:
     residual: np.ndarray
 
 
+def follow_path(problem: Condensed, start: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    """Make interior point steps on rank 0, within :meth:`Condensed.run`.
+
+    Args:
+        problem: The condensed problem, with a central path.
+        start: The displacement u_A from which they start [length].
+
+    Returns:
+        As :func:`.interior_point.follow`.
+    """
+    factor: PETSc.KSP | None = None
+    force = PETSc.Vec().createSeq(problem.size, comm=PETSc.COMM_SELF)
+    change = force.duplicate()
+
+    def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:
+        nonlocal factor
+        if renew:
+            if factor is not None:
+                factor.destroy()
+            factor = dense_factor(problem.tangent(u), "lu")
+        assert factor is not None
+        force.array[:] = problem.residual(u)
+        factor.solve(force, change)
+        solution = u - change.array_r
+        problem.move(solution)
+        return solution
+
+    return follow(problem.along_path, solve, start)
+
+
 class Dense:
     """Represent a condensed problem as SNES sees it.
 
@@ -57,16 +88,19 @@ class Dense:
         self.jacobian.setUp()
         self.elastic: PETSc.KSP | None = None
 
-    def solve(self, start: np.ndarray, line_search: str) -> tuple[State, Outcome]:
+    def solve(
+        self, start: np.ndarray, line_search: str, *, hurried: bool = False
+    ) -> tuple[State, Outcome]:
         """Make one attempt; return the last state and how the attempt ended.
 
         Args:
             start: The displacement where Newton's method starts [length].
             line_search: Name of PETSc's line search.
+            hurried: As in :func:`.snes.attempt`.
         """
         x = self.vector()
         x.array[:] = start / self.problem.length
-        outcome = attempt(self, x, line_search, self.tolerance)
+        outcome = attempt(self, x, line_search, self.tolerance, hurried=hurried)
         u = self._displacement(x)
         x.destroy()
         return State(u, self.problem.residual(u)), outcome
@@ -106,14 +140,11 @@ class Dense:
         """Tell whether the distance to the solution is below a tolerance."""
         return self.distance(self.problem.residual(self._displacement(x))) <= tolerance
 
-    def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
-        """Return a key of the contact status of all points, and numbers of points.
-
-        Open, slipping and sticking points are counted, in this order.
-        """
+    def status(self, x: PETSc.Vec) -> Status:
+        """Return the contact status of all points."""
         status = self.problem.status(self._displacement(x))
         open_, slip, stick = (int(count) for count in np.bincount(status, minlength=3))
-        return status.tobytes(), (open_, slip, stick)
+        return Status(status.tobytes(), (open_, slip, stick), status)
 
     def distance(self, residual: np.ndarray) -> float:
         """Return the distance to the solution, ``sqrt(R.K^-1 R)`` [sqrt(force length)].

@@ -15,13 +15,15 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.carried import Carried
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.dense import Dense
+from erc_contact.newton.dense import Dense, follow_path
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.interior_forms import InteriorForms
+from erc_contact.newton.interior_point import CentralPath
 from erc_contact.newton.ladder import Attempt, Shares, following
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome
+from erc_contact.newton.snes import DiscreteSolution, Outcome, outcome_of_path
 
 
 class Direct:
@@ -83,11 +85,12 @@ class Direct:
             that converged.
         """
         method = attempt.method
+        if attempt.interior:
+            return *self._interior(method, state), None
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
-            forms = self._forms[method]
-            self._problems[method] = Condensed(self.carried.model, forms, self.elastic, self.guess)
+            self._problems[method] = self._condensed(self._forms[method])
         problem = self._problems[method]
 
         def work() -> tuple[Outcome, Any, Any]:
@@ -100,7 +103,7 @@ class Direct:
             while shares is not None:
                 problem.set_shares(shares.friction, shares.gap)
                 problem.hold(shares.springs, u_A)
-                last, outcome = dense.solve(u_A, attempt.line_search)
+                last, outcome = dense.solve(u_A, attempt.line_search, hurried=attempt.hurried)
                 steps += outcome.steps
                 pull = None
                 if outcome.converged:
@@ -129,6 +132,22 @@ class Direct:
         multipliers = problem.multipliers_at(u_A)
         solution = DiscreteSolution(u, multipliers, distance, least_singular_value, carried)
         return outcome, state, solution
+
+    def _condensed(self, forms: ContactForms) -> Condensed:
+        """Return the contact problem of some forms, condensed on the contact."""
+        path = CentralPath(forms) if isinstance(forms, InteriorForms) else None
+        return Condensed(self.carried.model, forms, self.elastic, self.guess, path)
+
+    def _interior(self, method: Method, state: Any) -> tuple[Outcome, Any]:
+        """Make interior point steps; return their outcome and last state."""
+        problem = self._condensed(InteriorForms(self.carried.model, method))
+
+        def work() -> tuple[Outcome, Any]:
+            u_A, steps, is_known = follow_path(problem, problem.from_contact(state))
+            return outcome_of_path(steps, is_known), u_A[: self.elastic.contact_size]
+
+        outcome, last = problem.run(work)
+        return outcome, last
 
     def destroy(self) -> None:
         """Free nothing: the factor belongs to the solution."""

@@ -101,7 +101,7 @@ class ContactForms:
         # A method of the user's may make Constants, and may fail on one rank only.
         with compiled.constants_with_ten_digits():
             equations = together(model.comm, self._parts)
-            status = together(model.comm, self._status)
+            looked_at = together(model.comm, self._looked_at)
         coefficients = ufl.algorithms.extract_coefficients
         read = {field for parts in equations for part in parts for field in coefficients(part[1])}
         # Between bodies the equations of a multiplier contain the jump only.
@@ -109,11 +109,11 @@ class ContactForms:
         self.fields = (*self.displacements, *self.multipliers)
         self.equations: list[fem.Form] = []
         readers: dict[fem.Function, Reader] = {}
-        self._status_of_facets = []
-        points, _ = rule(model.d - 1, 2 * model.degree)
+        self._values_of_facets = []
+        points = self._points
         for number, parts in enumerate(equations):
             contact = self.contacts[number]
-            at_points = (status[number], points)
+            at_points = (looked_at[number], points)
             derivatives = [self._derivatives(form) for _, form in parts]
             forms = [form for _, form in parts]
             # One module for each contact: contacts that are alike have the same one.
@@ -127,8 +127,8 @@ class ContactForms:
                 )
                 reader.add(form, by_fields)
             owned = contact.facets[contact.trace.here.owned]
-            compiled_status = compiled.expression(status[number], points, model.comm)
-            self._status_of_facets.append((compiled_status, owned))
+            values = compiled.expression(looked_at[number], points, model.comm)
+            self._values_of_facets.append((values, owned))
         self.readers = list(readers.values())
 
     def _of_solver(self, contact: ContactOnMesh) -> ContactOnMesh:
@@ -193,7 +193,7 @@ class ContactForms:
         They are the points of the contact facets that this rank owns.
         """
         values = []
-        for expression, facets in self._status_of_facets:
+        for expression, facets in self._values_of_facets:
             values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
 
@@ -238,8 +238,14 @@ class ContactForms:
             equations.append(parts)
         return equations
 
-    def _status(self) -> list[Ufl]:
-        """Return the status of each contact, in UFL."""
+    @property
+    def _points(self) -> np.ndarray:
+        """Return reference points of a facet at which :meth:`_looked_at` is known."""
+        points, _ = rule(self.model.d - 1, 2 * self.model.degree)
+        return points
+
+    def _looked_at(self) -> list[Ufl]:
+        """Return what is evaluated on each contact: the status, in UFL."""
         status = []
         for contact, multiplier in self._with_multipliers():
             trial = self.method.projected(self.model, contact, self.u, multiplier)

@@ -29,12 +29,15 @@ from petsc4py import PETSc
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.interior_forms import InteriorForms
+from erc_contact.newton.interior_point import CentralPath, follow
+from erc_contact.newton.linear.krylov import fgmres
 from erc_contact.newton.linear.loose_energies import imbalance, rough_energy
-from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.linear.multigrid import ROUGH, Multigrid
 from erc_contact.newton.one_sided_tangent import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import laws_of
-from erc_contact.newton.snes import IMBALANCE
+from erc_contact.newton.snes import IMBALANCE, Status
 from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
@@ -198,12 +201,12 @@ class FullSpace:
         """
         if all(contact.friction is None for contact in self.model.contacts):
             return 1.0
-        status, _ = self.status(x)
+        status = self.status(x).key
         pressed = x.copy()
         rows = self._rows
         normals = contact_normals(self.model).x.array[: len(rows)]
         pressed.array[rows] += PRESSING * normals[rows]
-        pressed_status, _ = self.status(pressed)
+        pressed_status = self.status(pressed).key
         states = [x]
         if pressed_status != status:
             states.append(pressed)
@@ -217,18 +220,15 @@ class FullSpace:
         u.destroy()
         return min(values)
 
-    def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
-        """Return a key of the contact status of all points, and numbers of points.
-
-        Open, slipping and sticking points are counted, in this order.
-        """
+    def status(self, x: PETSc.Vec) -> Status:
+        """Return the contact status of all points."""
         self._set(x)
         comm = self.model.comm
         status = self.forms.status()
         digests = comm.allgather(sha256(status.tobytes()).digest())
         counts = comm.allreduce(np.bincount(status, minlength=3), MPI.SUM)
         open_, slip, stick = (int(count) for count in counts)
-        return b"".join(digests), (open_, slip, stick)
+        return Status(b"".join(digests), (open_, slip, stick), status)
 
     def _renew(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
         """Assemble the tangent at x, and renew its hierarchy."""
@@ -241,6 +241,32 @@ class FullSpace:
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps [-]."""
         self.forms.set_shares(friction, gap)
+
+    def follow_path(self, x: np.ndarray) -> tuple[np.ndarray, int, bool]:
+        """Make interior point steps from x, the unknowns of this rank.
+
+        Returns:
+            As :func:`.interior_point.follow`.
+        """
+        assert isinstance(self.forms, InteriorForms)
+        path = CentralPath(self.forms)
+        state, residual, change = self.vector(), self.vector(), self.vector()
+
+        def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:
+            state.array[:] = u
+            if renew:
+                self._renew(None, state)
+                change.set(0.0)
+            self.function(None, state, residual)
+            fgmres(self._tangent.mult, self._tangent.precondition, residual, change, ROUGH)
+            state.axpy(-1.0, change)
+            self._set(state)
+            return state.array_r.copy()
+
+        result = follow(lambda name: getattr(path, name)(), solve, x)
+        for vector in (state, residual, change):
+            vector.destroy()
+        return result
 
     def hold(self, weight: float, x: PETSc.Vec) -> None:
         """Hold free motions where they are at x, see :meth:`.tangent.Tangent.hold`."""

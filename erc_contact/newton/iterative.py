@@ -18,11 +18,12 @@ from erc_contact.newton import first_guess
 from erc_contact.newton.carried import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
+from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.ladder import Attempt, Shares, following
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt
+from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt, outcome_of_path
 
 
 class Iterative:
@@ -89,13 +90,12 @@ class Iterative:
             that converged.
         """
         method = step.method
+        if step.interior:
+            return *self._interior(method, state), None
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
-            forms = self._forms[method]
-            self._problems[method] = FullSpace(
-                self.carried.model, forms, self.elastic, self._loads, self._length, self._force
-            )
+            self._problems[method] = self._full(self._forms[method])
         problem = self._problems[method]
         x = problem.vector()
         x.array[:] = self.elastic.start(state) / problem.length
@@ -107,7 +107,7 @@ class Iterative:
             problem.set_shares(shares.friction, shares.gap)
             problem.hold(shares.springs, x)
             before = x.copy()
-            outcome = attempt(problem, x, step.line_search, tolerance)
+            outcome = attempt(problem, x, step.line_search, tolerance, hurried=step.hurried)
             steps += outcome.steps
             pull = None
             if outcome.converged:
@@ -128,6 +128,24 @@ class Iterative:
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
         return replace(outcome, steps=steps, friction=friction), v, solution
+
+    def _full(self, forms: ContactForms) -> FullSpace:
+        """Return the contact problem of some forms for all degrees of freedom."""
+        return FullSpace(
+            self.carried.model, forms, self.elastic, self._loads, self._length, self._force
+        )
+
+    def _interior(self, method: Method, state: fem.Function) -> tuple[Outcome, fem.Function]:
+        """Make interior point steps; return their outcome and last state."""
+        problem = self._full(InteriorForms(self.carried.model, method))
+        start = self.elastic.start(state) / problem.length
+        unknowns, steps, is_known = problem.follow_path(start)
+        x = problem.vector()
+        x.array[:] = unknowns
+        last, _ = problem.fields(x)
+        x.destroy()
+        problem.free()
+        return outcome_of_path(steps, is_known), last
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""

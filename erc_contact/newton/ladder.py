@@ -3,8 +3,14 @@
 An attempt is a start of Newton's method, a contact method and a line search.
 
 A start is a displacement of the contact nodes. "glued" is the solution with the contact
-glued, "warm" a solution on another mesh, "nodal" a solution of the augmented
-Lagrangian, and "stiffer" one of the same method with a larger gamma.
+glued, "interior" the state to which interior point steps lead, "warm" a solution on
+another mesh, "nodal" a solution of the augmented Lagrangian, and "stiffer" one of the
+same method with a larger gamma.
+
+Contact without friction, or with given friction, is a quadratic programme. Where many
+points change their status step by step, Newton's method is ended early, and interior
+point steps (:mod:`erc_contact.newton.interior_point`) find the states; from there it
+ends in one or two steps. With Coulomb friction they are a start where it failed.
 """
 
 from __future__ import annotations
@@ -13,7 +19,7 @@ from collections.abc import Container, Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
+from erc_contact.newton.methods import OURS, AugmentedLagrangian, Method, Nitsche
 
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
@@ -96,6 +102,8 @@ class Attempt:
         proximal: Whether springs hold the motions that no support holds meanwhile.
         final: Whether its solution solves the scene; otherwise it is the start of
             another attempt.
+        interior: Whether it makes interior point steps, which lead near a solution.
+        hurried: Whether it ends where many points change their status step by step.
     """
 
     method: Method
@@ -105,6 +113,8 @@ class Attempt:
     gap_shares: tuple[float, ...] = (1.0,)
     proximal: bool = False
     final: bool = True
+    interior: bool = False
+    hurried: bool = False
 
     def problems(self) -> Generator[Shares, float | None, None]:
         """Generate the problems of the sequence; the last problem is the scene's.
@@ -125,9 +135,13 @@ class Attempt:
     @property
     def gives(self) -> str:
         """Return the name of the start that its solution is for other attempts."""
+        if self.interior:
+            return "interior"
         return "nodal" if self.method.multiplier else "stiffer"
 
     def __str__(self) -> str:
+        if self.interior:
+            return f"{self.start} start, {self.method}, interior point steps"
         steps = ""
         if len(self.friction_shares) > 1:
             steps = f", friction in {len(self.friction_shares)} steps"
@@ -148,6 +162,7 @@ def attempts(
     slides: bool,
     fallback: bool,
     nodal_first: bool,
+    convex: bool,
 ) -> Iterator[Attempt]:
     """Generate the attempts, cheapest first.
 
@@ -159,7 +174,7 @@ def attempts(
     Args:
         method: The method whose solution is wanted.
         known: Names of the starts that are known; the caller adds to them between two
-            attempts.
+            attempts, "crawling" where an attempt has ended because it crawls.
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
         loose: Whether supports leave a body rigid motions.
@@ -168,20 +183,17 @@ def attempts(
         fallback: Whether a solution of the augmented Lagrangian is accepted instead.
         nodal_first: Whether another method starts from the solution of the augmented
             Lagrangian.
+        convex: Whether no friction bound grows with the pressure, so that interior
+            point steps lead to the solution.
     """
     nodal = method if method.multiplier else NODAL
     is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
-    method_first = not (is_nodal or nodal_first)
-    if method_first:
-        yield Attempt(method, first)
-    yield Attempt(nodal, first, final=is_nodal)
-    if not is_nodal:
-        yield Attempt(method, "nodal")
-    if first == "warm" or not (is_nodal or method_first):
-        yield Attempt(method, "glued")
+    yield from _first(method, nodal, first, known, convex=convex, nodal_first=nodal_first)
     if loose:
-        yield from _proximal(method, nodal, first, known)
+        # Springs take many steps, and a solution that is accepted may be there.
+        if not (fallback and "nodal" in known):
+            yield from _proximal(method, nodal, first, known)
         yield from _lowered(method, nodal, known) if slides else ()
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
@@ -206,6 +218,66 @@ def attempts(
             yield Attempt(last_method, "glued", friction_shares=shares)
         for line_search in LINE_SEARCHES:
             yield Attempt(last_method, "glued", line_search)
+
+
+def _first(
+    method: Method,
+    nodal: Method,
+    first: str,
+    known: Container[str],
+    *,
+    convex: bool,
+    nodal_first: bool,
+) -> Iterator[Attempt]:
+    """Generate the first attempts, of which one mostly leads to a solution.
+
+    Args:
+        method: The method whose solution is wanted.
+        nodal: The augmented Lagrangian.
+        first: Name of the first start.
+        known: Names of the starts that are known.
+        convex: As in :func:`attempts`.
+        nodal_first: As in :func:`attempts`.
+    """
+    is_nodal = nodal == method
+    if nodal_first and not is_nodal:
+        yield from _by_nodal(method, nodal, first)
+        yield from _interior(method, nodal, known)
+        yield Attempt(method, "glued")
+    else:
+        yield Attempt(method, first, hurried=convex)
+        if "crawling" in known:
+            yield from _interior(method, nodal, known)
+            yield Attempt(method, first)
+        if not is_nodal and "nodal" not in known:
+            yield from _by_nodal(method, nodal, first)
+        if "crawling" not in known:
+            yield from _interior(method, nodal, known)
+        if first == "warm":
+            yield Attempt(method, "glued")
+
+
+def _by_nodal(method: Method, nodal: Method, first: str) -> Iterator[Attempt]:
+    """Generate the attempts by a solution of the augmented Lagrangian."""
+    yield Attempt(nodal, first, final=False)
+    yield Attempt(method, "nodal")
+
+
+def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:
+    """Generate the attempts by interior point steps.
+
+    Args:
+        method: The method whose solution is wanted.
+        nodal: The augmented Lagrangian.
+        known: Names of the starts that are known.
+    """
+    if type(method) in OURS:
+        yield Attempt(method, "glued", interior=True, final=False)
+        yield Attempt(method, "interior")
+    if nodal != method and "nodal" not in known:
+        yield Attempt(nodal, "glued", interior=True, final=False)
+        yield Attempt(nodal, "interior", final=False)
+        yield Attempt(method, "nodal")
 
 
 def _proximal(

@@ -8,10 +8,11 @@ units.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.base.progress import at
@@ -41,6 +42,17 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
+CRAWLING = ((3, 0.5, 0.5), (5, 0.5, 0.3), (5, 0.9, 0.0))
+"""When changes of the status count as a crawl.
+
+In so many steps there are more than this share of the changes in as many steps before,
+and more than this share of the closed points. So an attempt takes six steps at least,
+and ten where few points change.
+"""
+FEW = 3
+"""Changes in a step that are no crawl: so many points soon know their states."""
+CRAWLS = "states keep changing"
+"""Reason of an attempt that crawls."""
 ASTRAY = 1e8
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
@@ -104,6 +116,20 @@ class DiscreteSolution:
     carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 
 
+class Status(NamedTuple):
+    """Tell the contact status of all points.
+
+    Attributes:
+        key: The same on all ranks, another one for another status.
+        counts: Numbers of open, slipping and sticking points.
+        points: Open (0), slip (1) or stick (2) at the points of this rank.
+    """
+
+    key: bytes
+    counts: tuple[int, int, int]
+    points: np.ndarray
+
+
 class Equations(Protocol):
     """Represent a contact problem ``F(x) = R(u)/force`` with ``u = length x``.
 
@@ -134,15 +160,17 @@ class Equations(Protocol):
         Both are energy norms [sqrt(force length)].
         """
 
-    def status(self, x: PETSc.Vec) -> tuple[bytes, tuple[int, int, int]]:
-        """Return a key of the contact status of all points, and numbers of points.
-
-        Open, slipping and sticking points are counted, in this order.
-        """
+    def status(self, x: PETSc.Vec) -> Status:
+        """Return the contact status of all points."""
 
 
 def attempt(
-    problem: Equations, x: PETSc.Vec, line_search: str, tolerance: float | None = None
+    problem: Equations,
+    x: PETSc.Vec,
+    line_search: str,
+    tolerance: float | None = None,
+    *,
+    hurried: bool = False,
 ) -> Outcome:
     """Make one attempt from x, which becomes the last state, in place.
 
@@ -152,6 +180,7 @@ def attempt(
         line_search: Name of PETSc's line search.
         tolerance: It may stop when :meth:`Equations.accurate` holds for it [sqrt(force
             length)]; None for round-off.
+        hurried: Whether it ends where many points change their status step by step.
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(SNES_PREFIX)
@@ -161,7 +190,7 @@ def attempt(
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=NEWTON_STEPS)
     problem.prepare(snes)
     snes.getLineSearch().setType(line_search)
-    test = _StoppingTest(problem, tolerance)
+    test = _StoppingTest(problem, tolerance, hurried=hurried)
     snes.setConvergenceTest(test)
     snes.setFromOptions()
     try:
@@ -176,7 +205,7 @@ def attempt(
         code = -1
         norm = np.inf
         reason = "singular tangent"
-    _, counts = problem.status(x)
+    counts = problem.status(x).counts
     outcome = Outcome(
         converged=test.is_solved and code > 0 and bool(np.isfinite(norm)),
         reason=reason,
@@ -187,6 +216,17 @@ def attempt(
     snes.destroy()
     f.destroy()
     return outcome
+
+
+def outcome_of_path(steps: int, is_known: bool) -> Outcome:
+    """Tell how interior point steps ended.
+
+    Args:
+        steps: Their number.
+        is_known: Whether the states of all points are known.
+    """
+    reason = "states are known" if is_known else "states are not known"
+    return Outcome(is_known, reason, steps, np.inf, (0, 0, 0))
 
 
 class _StoppingTest:
@@ -201,11 +241,16 @@ class _StoppingTest:
             their own.
     """
 
-    def __init__(self, problem: Equations, tolerance: float | None) -> None:
+    def __init__(self, problem: Equations, tolerance: float | None, *, hurried: bool) -> None:
         self.problem = problem
         self.tolerance = tolerance
         self.reason = ""
         self.is_solved = False
+        self._hurried = hurried
+        self._points: np.ndarray | None = None
+        """The last status of the points of this rank."""
+        self._changes: list[int] = []
+        """Numbers of points that changed their status in each step."""
         self._first = np.inf
         """Residual at the first step."""
         self._before: dict[bytes, tuple[int, float]] = {}
@@ -250,8 +295,34 @@ class _StoppingTest:
             self._first = norm
         if norm > ASTRAY * self._first:
             return "residual grows without end"
-        key, _ = self.problem.status(x)
-        return self._repeats(key, step, norm) or self._stands_still(key, step, norm)
+        status = self.problem.status(x)
+        if self._hurried:
+            self._count_changes(status, lasting(x.comm.tompi4py()))
+        return (
+            self._repeats(status.key, step, norm)
+            or self._stands_still(status.key, step, norm)
+            or self._crawls(status.counts)
+        )
+
+    def _count_changes(self, status: Status, comm: MPI.Comm) -> None:
+        """Count the points that changed their status in the last step."""
+        if self._points is not None:
+            changed = int(np.count_nonzero(status.points != self._points))
+            self._changes.append(comm.allreduce(changed))
+        self._points = status.points.copy()
+
+    def _crawls(self, counts: tuple[int, int, int]) -> str:
+        """Say that the changes of the status do not become few, or ""."""
+        changes = self._changes
+        _, *closed = counts
+        for steps, fall, share in CRAWLING:
+            if len(changes) < 2 * steps or changes[-1] == 0:
+                continue
+            last = sum(changes[-steps:])
+            before = sum(changes[-2 * steps : -steps])
+            if last > max(fall * before, share * sum(closed), FEW * steps):
+                return CRAWLS
+        return ""
 
     def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""

@@ -11,10 +11,12 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import barycentric, in_space
+from erc_contact.mesh.tags import listed
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import ContactOnMesh
@@ -41,6 +43,7 @@ from erc_contact.newton.rest import (
     displacement_at_rest,
     displacement_back_at_rest,
 )
+from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
 
 
@@ -217,6 +220,47 @@ class Solution:
         """
         return motion_of(self.model, self.scene.supports, part, self.u)
 
+    def shortening(self, part: str) -> float:
+        """Return the shift of a preload [length], > 0 where it draws sides together.
+
+        Args:
+            part: Name of either side of its cut.
+
+        Raises:
+            InputError: If no preload has this part.
+        """
+        shift = self._preload(part).shortening
+        assert shift is not None
+        return float(shift)
+
+    def bolt_force(self, part: str) -> float:
+        """Return the force of a preload along its axis, in tension > 0; collective.
+
+        It is the force of u [force], which in the steps of a history changes with the
+        load. ``force(part)`` has all its components.
+
+        Args:
+            part: Name of either side of its cut.
+
+        Raises:
+            InputError: If no preload has this part.
+        """
+        first = self._preload(part).facets
+        axes = {preload.name: preload.axis for preload in self.model.preloads}
+        return float(self.force(first).force @ axes[first])
+
+    def _preload(self, part: str) -> Preload:
+        """Return the preload that has a part."""
+        preloads: dict[str, Preload] = {}
+        for tie in self.scene.ties:
+            if isinstance(tie, Preload):
+                preloads |= dict.fromkeys(tie.sides, tie)
+        if part not in preloads:
+            raise InputError(
+                f"No preload has the part {part!r}; this scene has {listed(list(preloads))}."
+            )
+        return preloads[part]
+
     def profile(self, contact: str) -> np.ndarray:
         """Return gap, slip and tractions of the method along a contact; collective.
 
@@ -288,7 +332,7 @@ class Solution:
             # DOLFINx does not evaluate at no points.
             u = np.zeros((0, d))
             if len(x):
-                u = self.u.eval(in_space(x), cell).reshape(-1, d)
+                u = self.u.eval(in_space(x), cell).reshape(-1, d) + model.jumps_at(cell, x)
             stress = elastic_stress_at(model, self.u, cell, x)
             return np.hstack([u, stress])
 

@@ -38,6 +38,14 @@ from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.newton.model_solve import solution_of
 from erc_contact.newton.plausibility import doubts, tell
+from erc_contact.newton.preload import (
+    shank_stiffness,
+    shifts_in,
+    solved_with_forces,
+    with_forces,
+    with_locked_shifts,
+    with_shifts,
+)
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 
@@ -150,6 +158,11 @@ def solved(
     if tolerance is not None:
         tolerance = checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
     raise_together(domain.comm, None)
+    scene = with_locked_shifts(scene, after)
+    if with_forces(scene):
+        return _solved_with_forces(
+            scene, domain, method, degree=degree, after=after, start=start, solver=solver
+        )
 
     before = None if after is None else last_step(after)
     model = bind(scene, domain, int(degree), before)
@@ -186,6 +199,51 @@ def solved(
     return replace(solution, seconds=seconds)
 
 
+def _solved_with_forces(
+    scene: Scene,
+    domain: Domain,
+    method: Method | None,
+    *,
+    degree: int,
+    after: Solution | None,
+    start: Solution | None,
+    solver: str,
+) -> Solution:
+    """Solve a scene in which forces of preloads are given; collective."""
+    began = perf_counter()
+    names = [preload.facets for preload in with_forces(scene)]
+    known: dict[str, float] = {}
+    for solution in (after, start):
+        if solution is not None:
+            known |= shifts_in(solution.scene)
+    shifts = np.array([known.get(name, 0.0) for name in names])
+    if not shifts.all():
+        unmoved = with_shifts(scene, dict.fromkeys(names, 0.0))
+        before = None if after is None else last_step(after)
+        shanks = shank_stiffness(bind(unmoved, domain, degree, before), names)
+        forces = np.array([preload.force for preload in with_forces(scene)])
+        shifts = np.where(shifts == 0.0, forces / shanks, shifts)
+
+    def solve(scene: Scene) -> Solution:
+        return solved(
+            scene,
+            domain,
+            method,
+            degree=degree,
+            after=after,
+            start=start,
+            tolerance=None,
+            solver=solver,
+        )
+
+    def solve_near(scene: Scene, near: Solution) -> Solution:
+        return Nearby(near, solver, after).solve(scene)
+
+    solution = solved_with_forces(scene, shifts, solve, solve_near)
+    seconds = solution.model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    return replace(solution, seconds=seconds)
+
+
 def large(model: Model) -> bool:
     """Tell whether multigrid is the faster solver for a model, as measured; collective.
 
@@ -212,11 +270,13 @@ class Nearby:
         near: The solution. Its elastic solver should be in memory while these are
             solved.
         solver: As in :func:`erc_contact.newton.solve.solve`.
+        after: The solution of the last step of a history; None without.
     """
 
-    def __init__(self, near: Solution, solver: str) -> None:
+    def __init__(self, near: Solution, solver: str, after: Solution | None = None) -> None:
         self._near = near
         self._solver = solver
+        self._after = after
         self._model = near.model
         # The scene itself was solved with the forms of its contacts.
         self._forms = near.forms
@@ -230,7 +290,8 @@ class Nearby:
         """
         near = self._near
         model = bind_nearby(scene, self._model)
-        if model.contacts != self._model.contacts:
+        # Equations of Nitsche's method have the stress, with the shifts of preloads.
+        if model.contacts != self._model.contacts or model.strains is not self._model.strains:
             self._forms = {}
         self._model = model
         kind = self._kind(model)
@@ -246,7 +307,7 @@ class Nearby:
             near.domain,
             near.method,
             degree=model.degree,
-            after=None,
+            after=self._after,
             start=near,
             tolerance=None,
             solver=self._solver,

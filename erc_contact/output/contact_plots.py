@@ -31,7 +31,7 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS, subdivided
 from erc_contact.output.gathered import AXIS, Surface, whole_contact
 from erc_contact.output.placing import place
-from erc_contact.results.profile import contact_per_area, contact_status
+from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
@@ -91,7 +91,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
             f"plot_contact: no contact is called {name!r}; the scene has "
             f"{', '.join(names) or 'none'}."
         )
-    surface = whole_contact(admissible, contact_per_area(admissible, name))
+    surface = whole_contact(admissible, admissible.per_area(contact_of(admissible, name)))
     # Only rank 0 knows all facets, and all ranks raise.
     has_facets = model.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:

@@ -93,7 +93,7 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
     corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
     nodal = pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
-    u = np.einsum("nv,nvi->ni", lagrange(d, k, local[:, 1:]), nodal)
+    u = np.einsum("nv,nvi->ni", lagrange(d, k, local[:, 1:]), nodal) + model.jumps_at(cell, x)
     sigma = np.zeros((len(cell), pair.stress.shape[3]))
     # The barycentre of the cell replaces a vertex in each sub-simplex. A point is in
     # the one without the vertex of its least coordinate; at a border in several.

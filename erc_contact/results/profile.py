@@ -5,7 +5,6 @@ Symbols: u^ admissible displacement, r^ admissible contact traction.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.sampled import MARGIN
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import per_area
 from erc_contact.model.profile import (
@@ -50,17 +48,6 @@ def traction_through(pair: Admissible, tie: ContactOnMesh) -> ContactTraction:
     # A tied joint carries any shear.
     bound = np.full(values.shape[:2], np.inf)
     return ContactTraction(tie, here.nodes, here.areas, values, bound)
-
-
-def contact_per_area(pair: Admissible, name: str) -> ContactTraction:
-    """Return :func:`contact_of` per area, for pictures [force/area]."""
-    model = pair.model
-    traction = contact_of(pair, name)
-    if traction.contact in model.contacts:
-        return pair.tractions_per_area[model.contacts.index(traction.contact)]
-    corners = traction.contact.trace.here.corners
-    nodal = per_area(model, corners, traction.values, model.facet_points)
-    return replace(traction, values=np.matmul(coefficients(model.d - 1, model.degree), nodal))
 
 
 def profile(result: Any, name: str) -> np.ndarray:

@@ -32,6 +32,7 @@ from erc_contact.newton.after import last_step
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
+from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
 from erc_contact.output.files import gathered, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
@@ -109,6 +110,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "method": repr(solution.method),
         "iterative": solution.stiffness.iterative,
         "solution": {name: getattr(solution, attribute) for name, attribute in STATE.items()},
+        "shifts": shifts_in(solution.scene),
         "error": {name: getattr(error, name) for name in ERROR_NUMBERS},
     }
     if not rows:  # not on rank 0
@@ -232,6 +234,8 @@ class Restored:
         """Return the solution from its displacement and multipliers; collective."""
         about = self.about
         last = None if after is None else last_step(after)
+        # Forces of preloads have become shifts; older files have none.
+        scene = with_locked_shifts(with_shifts(scene, about.get("shifts", {})), after)
         model = bind(scene, self.domain, about["degree"], last)
         u = self._function(model, "u")
         multipliers = []

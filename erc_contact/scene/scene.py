@@ -46,7 +46,7 @@ class Scene:
         contacts: Contacts with rigid foundations, or between bodies.
         strains: Strains of heat and others that no stress causes; they add up.
         springs: Springs on boundary parts.
-        ties: Joints of bodies that are glued to each other.
+        ties: Joints of bodies that are glued to each other, and preloads of bolts.
 
     A single support, load, contact, strain, spring or tie needs no list around it.
 
@@ -93,7 +93,7 @@ class Scene:
         strains_or_own = f"{strains}, and objects with {', '.join(STRAIN_MEMBERS)}"
         self._check_entries("strains", _is_strain, strains, strains_or_own)
         self._check_entries("springs", _is_spring, "Spring", "Spring")
-        self._check_entries("ties", _is_tie, "Tied", "Tied")
+        self._check_entries("ties", _is_tie, "Tied and Preload", "Tied and Preload")
         parts = [support.facets for support in self.supports]
         parts += [spring.facets for spring in self.springs]
         for contact in self.contacts:

@@ -34,11 +34,12 @@ class Tied:
 
     def __post_init__(self) -> None:
         """Check the names."""
-        check_name("Tied", self.facets)
-        check_name(f"Tied({self.facets!r}): against", self.against)
+        kind = type(self).__name__
+        check_name(kind, self.facets)
+        check_name(f"{kind}({self.facets!r}): against", self.against)
         if self.facets == self.against:
             raise InputError(
-                f"Tied({self.facets!r}) is against itself; give the facing part of another body."
+                f"{kind}({self.facets!r}) is against itself; give the facing part of another body."
             )
 
     @property

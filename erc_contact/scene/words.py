@@ -34,7 +34,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
         part = contact_in_words(contact.facets, contact.against)
         rows.append((part, _contact(contact)))
     for tie in scene.ties:
-        rows.append((contact_in_words(tie.facets, tie.against), "tied"))
+        words = "tied" if type(tie).__name__ == "Tied" else _object(tie)
+        rows.append((contact_in_words(tie.facets, tie.against), words))
     return rows
 
 
@@ -55,7 +56,7 @@ def _object(value: Any, *, hypothesis: bool = False) -> str:
     """
     shown = {}
     for name, argument in arguments(value).items():
-        if name not in ("facets", "region", "hypothesis"):
+        if name not in ("facets", "against", "region", "hypothesis"):
             shown[name] = argument
     if hypothesis and hasattr(value, "hypothesis"):
         shown["hypothesis"] = value.hypothesis

@@ -32,6 +32,7 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     if model.hoop_load is not None:
         places = macro_places(model, cells, owned)
         elastic[..., -1] -= model.hoop_load(places, model.owned_cells)
+    energies = elements.energies(elastic)
     to_moments = mass(1, cells.degree, cells.degree)
     iterations = 0
     correction = None
@@ -42,11 +43,11 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
             forces = forces + np.linalg.solve(to_moments, given.correction)
         free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
         forces, iterations, square = tightened(
-            model, elements, forces, free, elastic, given.tighten
+            model, elements, energies, forces, free, given.tighten
         )
         correction = np.matmul(to_moments, forces - first)
     of_cells = signed(cells, forces)[:owned]
-    stress = elements.stresses(of_cells, elastic)
+    stress = elements.stresses(of_cells, energies)
     return BulkStress(
         stress=stress,
         moment=np.matmul(to_moments, forces),

@@ -48,7 +48,7 @@ from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis
 
-CHUNK = 512
+CHUNK = 1024
 """Number of cells whose maps are worked on at once: they stay in the cache."""
 VERTICES = 3
 """Vertices, facets and pieces of a cell."""
@@ -81,11 +81,16 @@ class Energies:
         matrix: A, shape (n, 6 m, 6 m).
         slope: g of the owned cells, shape (owned, 6 m).
         least: e of the owned cells, shape (owned,).
+        inner_of_facets: What the least amounts y of cells have of x: they are
+            ``-inner_of_facets x - inner``, shape (n, amounts, 6 m).
+        inner: Shape (owned, amounts).
     """
 
     matrix: np.ndarray
     slope: np.ndarray
     least: np.ndarray
+    inner_of_facets: np.ndarray
+    inner: np.ndarray
 
 
 class Elements:
@@ -105,6 +110,7 @@ class Elements:
         radius = self.corners[..., 0]
         self.on_axis = abs(radius) <= ON_AXIS * model.domain.extent
         b = len(nodes(2, cells.degree - 1))
+        self._inverse = cells.inverse
         self.force = np.zeros((len(radius), b)) if force is None else force[..., 1]
 
     def energies(self, elastic: np.ndarray) -> Energies:
@@ -115,41 +121,34 @@ class Elements:
                 :func:`.macro.macro_points`, shape (owned, q, 4).
         """
         count = len(self.corners)
-        size = 6 * len(nodes(1, self.cells.degree))
-        matrix = np.empty((count, size, size))
-        slope = np.empty((len(elastic), size))
-        least = np.empty(len(elastic))
+        parts = []
         compliance = macro_moduli(self.model, self.cells, count, inverse=True)
         for chunk in self._chunks(count):
             maps = self._maps(chunk)
             of_owned = slice(chunk.start, min(chunk.stop, len(elastic)))
-            parts = self._parts(chunk, maps, compliance[chunk], elastic[of_owned])
-            matrix[chunk] = parts.matrix
-            slope[of_owned] = parts.slope
-            least[of_owned] = parts.least
-        return Energies(matrix, slope, least)
+            parts.append(self._parts(chunk, maps, compliance[chunk], elastic[of_owned]))
+        return Energies(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
-    def stresses(self, x: np.ndarray, elastic: np.ndarray) -> np.ndarray:
+    def stresses(self, x: np.ndarray, energies: Energies) -> np.ndarray:
         """Return the stresses of the owned cells with the least energies.
 
         Args:
             x: Facet forces of the owned cells [force], shape (owned, 3, m, 2).
-            elastic: S_0, as in :meth:`energies`.
+            energies: The energies.
 
         Returns:
             Coefficients, shape (owned, 3, N_k, 4).
         """
-        owned = len(elastic)
-        compliance = macro_moduli(self.model, self.cells, owned, inverse=True)
+        owned = len(x)
+        forces = x.reshape(owned, -1, 1)
+        inner = energies.inner_of_facets[:owned]
+        y = -np.matmul(inner, forces) - energies.inner[..., None]
+        body = self.force[:owned, :, None]
         sigma = np.empty((owned, VERTICES, len(nodes(2, self.cells.degree)), 4))
         for chunk in self._chunks(owned):
-            maps = self._maps(chunk)
-            parts = self._parts(chunk, maps, compliance[chunk], elastic[chunk])
-            forces = x[chunk].reshape(len(maps.of_facets), -1)
-            y = -np.einsum("nyx,nx->ny", parts.inner_of_facets, forces) - parts.inner
-            sigma[chunk] = np.einsum("npkcx,nx->npkc", maps.of_facets, forces, optimize=True)
-            sigma[chunk] += np.einsum("npkcy,ny->npkc", maps.of_inner, y, optimize=True)
-            sigma[chunk] += np.einsum("npkcb,nb->npkc", maps.of_body, self.force[chunk])
+            sigma[chunk] = 0.0
+            for of, amounts in zip(self._maps(chunk), (forces, y, body), strict=True):
+                sigma[chunk] += _times(of, amounts[chunk])[..., 0]
         return sigma
 
     @staticmethod
@@ -187,10 +186,11 @@ class Elements:
         # An amount that a cell does not have stays zero.
         diagonal = np.einsum("nyy->ny", of_inner)
         diagonal[diagonal == 0.0] = 1.0
-        given = np.einsum("npkcb,nb->npkc", maps.of_body[:owned], self.force[chunk][:owned])
-        offset = _values(near, given[..., None]).reshape(owned, len(weights), 4) - elastic
-        slopes = np.einsum("nqcs,nqc->ns", weighted[:owned], offset, optimize=True)
-        least = np.einsum("nqc,nqcd,nqd->n", offset, metric[:owned], offset, optimize=True)
+        given = _times(maps.of_body[:owned], self.force[chunk][:owned, :, None])
+        offset = _values(near, given).reshape(owned, len(weights), 4) - elastic
+        row = offset.reshape(owned, 1, -1)
+        slopes = np.matmul(row, weighted[:owned].reshape(owned, -1, size))[:, 0]
+        least = (np.matmul(metric[:owned], offset[..., None])[..., 0] * offset).sum(axis=(1, 2))
         slope_x, slope_y = slopes[:, :x], slopes[:, x:]
         inner = np.linalg.solve(of_inner[:owned], slope_y[..., None])[..., 0]
         inner_of_facets = np.linalg.solve(of_inner, mixed)
@@ -212,12 +212,14 @@ class Elements:
         bubble = bubbles(2, k)
         J = cells.J[chunk]
         piola = _piola(J)
-        inverse = cells.inverse[chunk]
         N = table.shape[1]
+        inputs = table.shape[3]
         # The Piola transform maps a stress from the reference cell, and forces to it.
-        from_forces = np.einsum("pksvd,ndj->npksvj", table, inverse, optimize=True)
-        from_forces = np.einsum("nts,npksvj->npktvj", piola, from_forces, optimize=True)
-        of_bubbles = np.einsum("nts,pksy->npkty", piola, bubble, optimize=True)
+        of_vectors = np.matmul(table.reshape(-1, 2), self._inverse[chunk])
+        of_nodes = of_vectors.reshape(n, VERTICES * N, 3, 2 * inputs)
+        from_forces = np.matmul(piola[:, None], of_nodes)
+        from_forces = from_forces.reshape(n, VERTICES, N, 3, inputs, 2)
+        of_bubbles = np.matmul(piola[:, None, None], bubble)
         of_facets = np.zeros((n, VERTICES, N, 4, 6 * m))
         of_facets[..., :3, :] = from_forces[..., : 3 * m, :].reshape(n, VERTICES, N, 3, 6 * m)
         # The radial body force is -tau, with tau |T| by its coefficients.
@@ -228,7 +230,9 @@ class Elements:
         of_inner[..., 3, : 3 * b] = self._hoop_stress(chunk)
         axial = from_forces[..., 3 * m :, 1].reshape(n, VERTICES, N, 3, 3, b)
         of_body = np.zeros((n, VERTICES, N, 4, b))
-        of_body[..., :3, :] = np.einsum("npksic,icb->npksb", axial, on_pieces(k), optimize=True)
+        of_body[..., :3, :] = np.matmul(
+            axial.reshape(*axial.shape[:4], 3 * b), on_pieces(k).reshape(3 * b, b)
+        )
         return self._balanced(chunk, of_facets, of_inner, of_body)
 
     def _hoop_stress(self, chunk: slice) -> np.ndarray:
@@ -237,8 +241,10 @@ class Elements:
         radius = self.corners[chunk, :, 0]
         volume = self.cells.volume[chunk]
         n, b = len(volume), len(nodes(2, k - 1))
-        of_pieces = np.einsum("piv,nv->npi", cell_pieces(2), radius) / volume[:, None, None]
-        products = np.einsum("kic,npi->npkc", times_linear(k), of_pieces)
+        of_pieces = np.matmul(cell_pieces(2), radius[:, None, :, None])[..., 0]
+        of_pieces /= volume[:, None, None]
+        table = times_linear(k)
+        products = np.tensordot(of_pieces, table, axes=(2, 1))
         result = np.zeros((n, VERTICES, products.shape[2], VERTICES, b))
         for piece in range(VERTICES):
             result[:, piece, :, piece] = products[:, piece]
@@ -331,10 +337,7 @@ class Elements:
 
 
 class _Parts(NamedTuple):
-    """Hold what :class:`Energies` has of some cells, and their inner amounts.
-
-    The amounts are ``y = -inner_of_facets x - inner``.
-    """
+    """Hold the :class:`Energies` of some cells."""
 
     matrix: np.ndarray
     slope: np.ndarray
@@ -359,9 +362,10 @@ def _times(maps: np.ndarray, matrix: np.ndarray) -> np.ndarray:
 def _piola(J: np.ndarray) -> np.ndarray:
     """Return the Piola transform of symmetric tensors, Mandel components (n, 3, 3)."""
     basis = mandel_basis(2)
-    images = np.einsum("nij,sjk,nlk->nsil", J, basis, J, optimize=True)
+    images = np.matmul(np.matmul(J[:, None], basis), J.swapaxes(1, 2)[:, None])
     determinant = abs(np.linalg.det(J))
-    return np.einsum("til,nsil->nts", basis, images) / determinant[:, None, None]
+    components = np.matmul(basis.reshape(3, 4), images.reshape(-1, 3, 4).swapaxes(1, 2))
+    return np.asarray(components / determinant[:, None, None])
 
 
 @cache

@@ -37,21 +37,20 @@ from erc_contact.model.space import Space
 def tightened(
     space: Space,
     elements: Elements,
+    energies: Energies,
     forces: np.ndarray,
     free: np.ndarray,
-    elastic: np.ndarray,
     iterations: int,
 ) -> tuple[np.ndarray, int, float]:
     """Tighten facet forces that are in axial equilibrium; collective.
 
     Args:
         space: The mesh.
-        elements: The cells with their body force.
+        elements: The cells.
+        energies: Their energies ``|S - C eps(u^)|^2``.
         forces: Coefficients of ``|F| t`` on the first side of each facet [force], shape
             (F, m, 2).
         free: Coefficients that are not given, shape (F, m, 2).
-        elastic: ``C eps(u^)`` of the owned cells at the points of
-            :func:`.macro.macro_points`, shape (owned, q, 4).
         iterations: Limit of the iterations.
 
     Returns:
@@ -60,7 +59,6 @@ def tightened(
     """
     cells = elements.cells
     shared = SharedMoments(space, cells)
-    energies = elements.energies(elastic)
     energy = _Energy(cells, energies)
     square, slope = energy.start(forces)
     square = space.comm.allreduce(square, MPI.SUM)
@@ -198,6 +196,7 @@ class _Patches:
         amounts = self._along.shape[3]
         size = 1 + f * amounts
         total = np.zeros((patches, size, size))
+        each = np.arange(patches)
         for after in range(f):
             # The cell after a facet of the ring is between it and the next one.
             here = np.where(comes_after[:, after] == 1, 0, 1)
@@ -206,23 +205,26 @@ class _Patches:
             following = (after + 1) % f
             ends = [after, following] if following != after else [after]
             cell, _ = np.divmod(np.maximum(place, 0), 3)
-            to_cell = np.zeros((patches, 3, m, 2, size))
-            for end in ends:
+            # The flux, then the amounts of both facets.
+            to_cell = np.zeros((patches, 3, m, 2, 1 + len(ends) * amounts))
+            columns = [np.zeros(1, dtype=int)]
+            for number, end in enumerate(ends):
                 facet = facets[:, end]
                 local = (cells.facets[cell] == facet[:, None]).argmax(axis=1)
                 is_first = cells.side[0][facet] == 3 * cell + local
                 of_cell = np.where(is_first, 1.0, -1.0)
-                each = np.arange(patches)
-                columns = slice(1 + end * amounts, 1 + (end + 1) * amounts)
-                to_cell[each, local, :, :, columns] = (
+                here_columns = slice(1 + number * amounts, 1 + (number + 1) * amounts)
+                to_cell[each, local, :, :, here_columns] = (
                     of_cell[:, None, None, None] * self._along[facet]
                 )
-                to_cell[each, local, :, 1, 0] = (of_cell * sense[:, end])[:, None] * self._spread[
-                    facet
-                ]
-            flat = to_cell.reshape(patches, 6 * m, size)
+                flux = (of_cell * sense[:, end])[:, None] * self._spread[facet]
+                to_cell[each, local, :, 1, 0] = flux
+                columns.append(1 + end * amounts + np.arange(amounts))
+            flat = to_cell.reshape(patches, 6 * m, -1)
             part = np.matmul(flat.swapaxes(1, 2), np.matmul(matrix[cell], flat))
-            total += np.where(exists, 1.0, 0.0)[:, None, None] * part
+            part *= np.where(exists, 1.0, 0.0)[:, None, None]
+            of_ends = np.concatenate(columns)
+            total[:, of_ends[:, None], of_ends] += part
         diagonal = np.einsum("hss->hs", total)
         is_dead = diagonal == 0.0
         diagonal[is_dead] = 1.0

@@ -146,9 +146,7 @@ class Trials:
         low = max(ends.low for ends in self.tried)
         high = min(ends.high for ends in self.tried)
         resolved = self.perturbation.constant.resolved and all(ends.resolved for ends in self.tried)
-        error = self.error
-        varies = error.model.constitution.varies_in_cells
-        return self._of_number(low, high, error.guaranteed and resolved and not varies)
+        return self._of_number(low, high, self.error.guaranteed and resolved)
 
     def estimate(self, rough: Ends) -> Bounds:
         """Return the interval of the number from a rough interval of Q."""

@@ -92,6 +92,15 @@ class Elastic:
         others._owners = 1
         return others
 
+    def handed_to(self, model: Model) -> Self:
+        """Return the equations of a model that own the factor or hierarchy of these.
+
+        Nobody may solve with these equations any more; see :meth:`of_model`.
+        """
+        others = self.of_model(model)
+        others._owners = 0
+        return others
+
     def load_vector(self) -> fem.Function:
         """Return the nodal forces of loads and given strains [force].
 

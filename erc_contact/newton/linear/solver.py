@@ -113,5 +113,11 @@ class ElasticSolver(Protocol):
         They share the factor or hierarchy, see :meth:`.elastic.Elastic.of_model`.
         """
 
+    def handed_to(self, model: Model) -> Any:
+        """Return the equations of a model that own the factor or hierarchy; collective.
+
+        See :meth:`.elastic.Elastic.handed_to`.
+        """
+
     def in_memory(self) -> AbstractContextManager[None]:
         """Own the factor or hierarchy inside a `with`; collective."""

@@ -1,0 +1,309 @@
+"""Interior point steps for contact without friction, or with given friction.
+
+Such a contact problem is a quadratic programme. Newton's method for ``r = P(z)``, with
+z the trial traction and P the projection of the law, moves the edge of a contact by
+about a node a step where bodies are slender. An interior point method takes 10 to 20
+steps on any mesh.
+
+At a point, the law allows tractions r with ``D^T r <= h``: a pressure >= 0, and in the
+plane two bounds of friction, in space the sides of a polygon. The projection is
+
+    z = r + D v,    y = h - D^T r,    v >= 0,    y >= 0,    v_j y_j = t_j
+
+with t = 0. On the central path all t_j are one mu > 0. A step solves this, linearised,
+with equilibrium. Elimination of v and y leaves an affine map ``r = W z + o``,
+
+    W = (I + D diag(v/y) D^T)^-1,    o = r - W (r + D (t/y)),
+
+in place of P (:mod:`erc_contact.newton.interior_forms`). Each step solves twice with
+one tangent (Mehrotra, SIAM J. Optim. 2 (1992)): the first solution tells how far mu can
+fall, the second one goes there. With Coulomb friction, h follows the pressure.
+
+Symbols: n points of this rank, d dimension, j bounds of a traction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.expressions import evaluate
+from erc_contact.newton.interior_forms import InteriorForms
+from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
+
+STEPS = 40
+"""Limit of interior point steps of one attempt."""
+SIDES = 8
+"""Sides of the polygon of friction in space."""
+SOFT = 1e-4
+"""Stiffness of the springs at the contact in the first solution, over gamma [-].
+
+Bodies that bend open and press by orders more than bodies that are glued.
+"""
+FIRST_MU = 100.0
+"""First mu, over mean pressure times mean opening of the first solution [-].
+
+Steps are short where it is too small; where it is too large there are more steps.
+"""
+INSIDE = 0.9
+"""Share of the friction bound below which a path begins [-]."""
+SHORT = 0.01
+"""Length of a step that leads nowhere [-].
+
+Where there is no solution, tractions grow for ever and steps end at their bounds.
+"""
+BACK = 0.995
+"""Share of the way to the next bound that a step goes [-]."""
+KNOWN = 1e-4
+"""Sum of all v y over the sum of |r|^2 from which states are known [-]."""
+APART = 1e-12
+"""Pressure over opening, times gamma, at all points where nothing touches [-]."""
+LEFT = 1e-3
+"""What may be left of equilibrium at the end, over the first solution [-]."""
+
+
+class LinearStep(Protocol):
+    """Solve the linear equations for the weights and offsets that are set."""
+
+    def __call__(self, u: np.ndarray, *, renew: bool) -> np.ndarray:
+        """Return the solution, to which the forms are moved.
+
+        Args:
+            u: The unknowns of this rank from which it is found; any will do.
+            renew: Whether the tangent has changed.
+        """
+
+
+def follow(
+    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray
+) -> tuple[np.ndarray, int, bool]:
+    """Follow the central path until the states of all points are known; collective.
+
+    Args:
+        call: Calls a method of :class:`CentralPath` by its name on all ranks.
+        solve: Makes the linear solves.
+        u: Unknowns of this rank.
+
+    Returns:
+        The last unknowns, the number of steps, and whether the states are known.
+    """
+    count = 0
+    is_known = False
+    share = 1.0
+    try:
+        call("soften")
+        u = solve(u, renew=True)
+        call("begin")
+        while not is_known and share > SHORT and count < STEPS:
+            call("linearise")
+            solve(u, renew=True)
+            call("predict")
+            solution = solve(u, renew=False)
+            share, is_known = call("advance")
+            u = u + share * (solution - u)
+            count += 1
+    except PETSc.Error as failure:
+        # Nothing holds a motion: the tangent is singular.
+        if failure.ierr not in (ZERO_PIVOT, LIBRARY):
+            raise
+    return u, count, is_known
+
+
+class CentralPath:
+    """Hold tractions and slacks at the points of all contacts; members are collective.
+
+    Args:
+        forms: The equations with weights and offsets.
+    """
+
+    def __init__(self, forms: InteriorForms) -> None:
+        model = forms.model
+        self._forms = forms
+        self._comm = model.comm
+        self._shapes: list[tuple[int, int]] = []
+        self._laws = []
+        axes = []
+        opens = []
+        for contact in model.contacts:
+            owned = contact.trace.here.owned
+            normals = evaluate(contact.normal, model.mesh, forms.points, contact.facets)[owned]
+            self._shapes.append((len(normals), len(forms.points)))
+            axes.append(_frames(normals.reshape(-1, model.d)))
+            opens.append(np.full(len(axes[-1]), not contact.bilateral))
+            parameters = friction_parameters(model, contact, forms.points)
+            of_owned = {name: values[owned] for name, values in parameters.items()}
+            self._laws.append((contact, of_owned))
+        self._axes = np.concatenate(axes)
+        self._opens = np.concatenate(opens)
+        self._sides = _sides(model.d)
+
+    def soften(self) -> None:
+        """Set weights and offsets to soft springs at all points."""
+        n, d, _ = self._axes.shape
+        self._set_affine(np.broadcast_to(SOFT * np.eye(d), (n, d, d)), np.zeros((n, d)))
+
+    def begin(self) -> None:
+        """Begin on the path with the trial tractions that the forms read."""
+        z = self._trials()
+        opens = self._opens
+        z_n = z[opens, 0]
+        count = max(self._sum(opens), 1.0)
+        pressure = self._sum(np.maximum(-z_n, 0.0)) / count
+        opening = self._sum(np.maximum(z_n, 0.0)) / count
+        # Where all points press, or all are apart, the smaller mean tells nothing.
+        least = 0.01 * max(pressure, opening)
+        self._mu = FIRST_MU * max(pressure, least) * max(opening, least)
+        if self._mu == 0.0:
+            self._mu = FIRST_MU * max(self._mean_square(z), np.finfo(float).tiny)
+        self._left = 1.0
+
+        self._r = z.copy()
+        self._r[opens, 0] = 0.5 * (z_n - np.sqrt(z_n**2 + 4 * self._mu))
+        bound = self._friction_bound()
+        slides = bound > 0
+        self._used = np.column_stack([opens, *[slides] * (self._sides.shape[1] - 1)])
+        self._free = np.column_stack([np.ones(len(z), bool), *[slides] * (z.shape[1] - 1)])
+        size = np.linalg.norm(z[:, 1:], axis=1)
+        share = np.where(slides, INSIDE * bound / np.where(slides, bound + size, 1.0), 0.0)
+        self._r[:, 1:] *= share[:, None]
+        self._h = np.where(self._used, bound[:, None], 0.0)
+        self._h[:, 0] = 0.0
+        self._y = np.where(self._used, self._h - self._r @ self._sides, 1.0)
+        self._v = np.where(self._used, self._mu / self._y, 0.0)
+
+    def linearise(self) -> None:
+        """Set weights and offsets for a step to mu = 0."""
+        sides = self._sides
+        compliance = np.einsum("nj,aj,bj->nab", self._v / self._y, sides, sides)
+        weights = np.linalg.inv(compliance + np.eye(len(sides)))
+        both = self._free[:, :, None] & self._free[:, None, :]
+        self._weights = np.where(both, weights, 0.0)
+        self._aim(np.zeros_like(self._y))
+
+    def predict(self) -> None:
+        """Set the offsets for a step to a smaller mu, after the step to mu = 0."""
+        _, dy, dv = self._directions()
+        share = min(1.0, self._longest(dy, dv))
+        mu = self._mean((self._y + share * dy) * (self._v + share * dv))
+        # Round-off may say that a solution has mu < 0.
+        centring = (max(mu, 0.0) / self._mu) ** 3
+        self._aim(np.where(self._used, centring * self._mu - dy * dv, 0.0))
+
+    def advance(self) -> tuple[float, bool]:
+        """Take a step; return its length [-], and whether all states are known."""
+        dr, dy, dv = self._directions()
+        share = min(1.0, BACK * self._longest(dy, dv))
+        if not np.isfinite(self._sum(dr)):
+            return 0.0, False
+        self._r = self._r + share * dr
+        self._y = self._y + share * dy
+        self._v = self._v + share * dv
+        self._left *= 1.0 - share
+        self._follow_pressure()
+        self._mu = self._mean(self._y * self._v)
+        products = self._sum(np.where(self._used, self._y * self._v, 0.0))
+        # Where nothing touches, tractions fall to zero with mu.
+        presses = ~self._used[:, 0] | (self._y[:, 0] > APART * self._v[:, 0])
+        touches = self._sum(presses) > 0
+        is_known = not touches or products <= KNOWN * self._sum(self._r**2)
+        return share, is_known and self._left <= LEFT
+
+    def _aim(self, products: np.ndarray) -> None:
+        """Set t, and with it weights and offsets."""
+        self._t = products
+        moved = self._r + (products / self._y) @ self._sides.T
+        offsets = self._r - np.einsum("nab,nb->na", self._weights, moved)
+        self._offsets = np.where(self._free, offsets, 0.0)
+        self._set_affine(self._weights, self._offsets)
+
+    def _directions(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the directions of r, y and v at the solution that the forms read."""
+        r = np.einsum("nab,nb->na", self._weights, self._trials()) + self._offsets
+        dr = r - self._r
+        dy = np.where(self._used, -dr @ self._sides, 0.0)
+        dv = np.where(self._used, (self._t - self._v * dy) / self._y - self._v, 0.0)
+        return dr, dy, dv
+
+    def _follow_pressure(self) -> None:
+        """Scale tangential tractions by the change of the friction bound."""
+        bound = self._h[:, 1]
+        scale = np.divide(self._friction_bound(), bound, out=np.ones(len(bound)), where=bound > 0)
+        for of_friction in (self._r, self._y, self._h):
+            of_friction[:, 1:] *= scale[:, None]
+
+    def _friction_bound(self) -> np.ndarray:
+        """Return the friction bounds under the pressures of r [force/area], (n,)."""
+        bounds = []
+        pressures = self._of_contacts(np.maximum(-self._r[:, 0], 0.0))
+        for (contact, parameters), pressure in zip(self._laws, pressures, strict=True):
+            bounds.append(contact.friction_bound(pressure, parameters).ravel())
+        return np.concatenate(bounds)
+
+    def _trials(self) -> np.ndarray:
+        """Return the trial tractions that the forms read along the axes, (n, d)."""
+        trials = [values.reshape(-1, values.shape[-1]) for values in self._forms.trials()]
+        return np.einsum("nab,nb->na", self._axes, np.concatenate(trials))
+
+    def _set_affine(self, weights: np.ndarray, offsets: np.ndarray) -> None:
+        """Set weights (n, d, d) and offsets (n, d) along the axes."""
+        axes = self._axes
+        of_space = np.matmul(axes.swapaxes(1, 2), np.matmul(weights, axes))
+        vectors = np.einsum("nab,na->nb", axes, offsets)
+        self._forms.set_affine(self._of_contacts(of_space), self._of_contacts(vectors))
+
+    def _of_contacts(self, values: np.ndarray) -> list[np.ndarray]:
+        """Split values at all points (n, ...) by contacts, each (f, q, ...)."""
+        ends = np.cumsum([facets * points for facets, points in self._shapes])[:-1]
+        parts = np.split(values, ends)
+        return [
+            part.reshape(*shape, *part.shape[1:])
+            for part, shape in zip(parts, self._shapes, strict=True)
+        ]
+
+    def _longest(self, dy: np.ndarray, dv: np.ndarray) -> float:
+        """Return the length of a step at which the first y or v is zero [-]."""
+        longest = np.inf
+        for x, dx in ((self._y, dy), (self._v, dv)):
+            falls = self._used & (dx < 0)
+            longest = min(longest, float((x[falls] / -dx[falls]).min(initial=np.inf)))
+        return float(self._comm.allreduce(longest, MPI.MIN))
+
+    def _mean(self, products: np.ndarray) -> float:
+        """Return the mean over all bounds."""
+        return self._sum(np.where(self._used, products, 0.0)) / max(self._sum(self._used), 1.0)
+
+    def _mean_square(self, z: np.ndarray) -> float:
+        """Return the mean square of the trial tractions."""
+        return self._sum(z**2) / max(self._sum(np.ones(len(z))), 1.0)
+
+    def _sum(self, values: np.ndarray) -> float:
+        """Return the sum over all ranks."""
+        return float(self._comm.allreduce(float(values.sum()), MPI.SUM))
+
+
+def _frames(normals: np.ndarray) -> np.ndarray:
+    """Return orthonormal axes as rows, normals (n, d) first, shape (n, d, d)."""
+    if normals.shape[1] == 2:
+        tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
+        return np.stack([normals, tangents], axis=1)
+    least = np.eye(3)[abs(normals).argmin(axis=1)]
+    first = np.cross(normals, least)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([normals, first, np.cross(normals, first)], axis=1)
+
+
+def _sides(d: int) -> np.ndarray:
+    """Return D, first the bound of the normal traction, shape (d, j)."""
+    tangential = np.array([[1.0, -1.0]])
+    if d == 3:
+        angles = 2 * np.pi * np.arange(SIDES) / SIDES
+        tangential = np.array([np.cos(angles), np.sin(angles)])
+    sides = np.zeros((d, 1 + tangential.shape[1]))
+    sides[0, 0] = 1.0
+    sides[1:, 1:] = tangential
+    return sides

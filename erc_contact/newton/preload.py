@@ -1,0 +1,246 @@
+"""Find the shifts of preloads whose forces are given.
+
+A scene is solved with shifts q, so that each bolt is one body. The force of a bolt
+grows with its shift, linearly as long as the contacts do not change. In a scene that
+its bolts alone load, without gaps, it is proportional to the shift, so that the second
+solve has the force to round-off. Otherwise Broyden's method follows it. All solves
+share one factor or hierarchy, and start from each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError, NotConverged
+from erc_contact.base.logs import log_of
+from erc_contact.model.model import Model
+from erc_contact.newton.solution import Solution
+from erc_contact.scene.preload import Preload
+from erc_contact.scene.scene import Scene
+
+SAME_FORCE = 1e-8
+"""Difference of the force of a bolt from the given one, over the greatest [-]."""
+SOLVES = 30
+"""Greatest number of shifts that are tried."""
+HALVINGS = 6
+"""Greatest number of times that a change of the shifts is halved."""
+DOUBLINGS = 6
+"""Greatest number of times that the first shifts are doubled."""
+SLACK = 0.01
+"""Force over shift and stiffness of the shank below which a bolt is slack [-]."""
+
+Solve = Callable[[Scene], Solution]
+"""Solves a scene with given shifts."""
+SolveNear = Callable[[Scene, Solution], Solution]
+"""Solves one with the factor or hierarchy of a solution near by."""
+
+
+def with_locked_shifts(scene: Scene, after: Solution | None) -> Scene:
+    """Return a scene whose locked preloads have the shifts of the last step.
+
+    Raises:
+        InputError: If there is no last step, or no shift in it.
+    """
+    before = {} if after is None else {last.facets: last for last in _preloads(after.scene)}
+    ties: list[Any] = []
+    for tie in scene.ties:
+        if not isinstance(tie, Preload) or not tie.locked or tie.shortening is not None:
+            ties.append(tie)
+            continue
+        if after is None:
+            raise InputError(
+                f"Preload({tie.facets!r}) is locked in a step that has none before it; give its"
+                " force or shortening first."
+            )
+        if tie.facets not in before:
+            raise InputError(
+                f"Preload({tie.facets!r}) is locked, and in the last step this joint was Tied; give"
+                " it a Preload there, with shortening=0.0 if it was not tightened."
+            )
+        last = before[tie.facets]
+        by_force = last.force is not None or last.locked
+        ties.append(replace(tie, shortening=last.shortening, locked=by_force))
+    return replace(scene, ties=ties)
+
+
+def with_forces(scene: Scene) -> list[Preload]:
+    """Return the preloads whose forces alone are given."""
+    preloads = _preloads(scene)
+    return [preload for preload in preloads if not preload.locked and preload.shortening is None]
+
+
+def shifts_in(scene: Scene) -> dict[str, float]:
+    """Return the shifts that a scene gives, by the names of the preloads [length]."""
+    shifts = {}
+    for preload in _preloads(scene):
+        if preload.shortening is not None:
+            shifts[preload.facets] = float(preload.shortening)
+    return shifts
+
+
+def with_shifts(scene: Scene, shifts: dict[str, float]) -> Scene:
+    """Return a scene in which preloads have given shifts [length]."""
+    ties: list[Any] = []
+    for tie in scene.ties:
+        if isinstance(tie, Preload) and tie.facets in shifts:
+            ties.append(replace(tie, shortening=shifts[tie.facets]))
+        else:
+            ties.append(tie)
+    return replace(scene, ties=ties)
+
+
+def shank_stiffness(model: Model, names: Sequence[str]) -> np.ndarray:
+    """Estimate ``E A/L`` of bolts as long as the body [force/length]; collective."""
+    local = []
+    for name in names:
+        side = model.contact(name).trace.here
+        local.append(float(side.owned_areas @ side.modulus))
+    return np.asarray(model.comm.allreduce(np.array(local)) / model.domain.extent)
+
+
+def solved_with_forces(
+    scene: Scene, shifts: np.ndarray, solve: Solve, solve_near: SolveNear
+) -> Solution:
+    """Solve a scene in which forces of preloads are given; collective.
+
+    Args:
+        scene: The scene.
+        shifts: Shifts to begin with, in the order of :func:`with_forces` [length].
+        solve: Solves a scene with shifts.
+        solve_near: Solves one with the factor or hierarchy of a solution near by.
+
+    Returns:
+        The solution of the scene with the shifts that were found.
+
+    Raises:
+        NotConverged: If no shifts give these forces.
+    """
+    preloads = with_forces(scene)
+    names = [preload.facets for preload in preloads]
+    wanted = np.array([preload.force for preload in preloads], dtype=float)
+
+    def at(shifts: np.ndarray) -> Scene:
+        return with_shifts(scene, dict(zip(names, shifts.tolist(), strict=True)))
+
+    def near(scene: Scene, solution: Solution) -> Solution:
+        try:
+            return solve_near(scene, solution)
+        except NotConverged:
+            return solve(scene)
+
+    shifts, solution = _first(shifts, at, solve)
+    owner = solution.stiffness
+    steps = solution.newton_steps
+    forces = _bolt_forces(solution, names)
+    scale = max(abs(wanted).max(), abs(forces).max())
+    shanks = shank_stiffness(solution.model, names)
+    slopes = _first_slopes(forces, shifts, shanks)
+    for _ in range(SOLVES):
+        log_of(solution.model.comm).debug("Preloads %s: shifts %s", forces, shifts)
+        left = wanted - forces
+        if abs(left).max() <= SAME_FORCE * scale:
+            if solution.stiffness.iterative == owner.iterative:
+                owner = owner.handed_to(solution.model)
+            else:
+                owner = solution.stiffness
+            return replace(solution, newton_steps=steps, stiffness=owner)
+        change = np.linalg.lstsq(slopes, left, rcond=None)[0]
+        change, solution = _changed(shifts, change, at, near, solution)
+        steps += solution.newton_steps
+        shifts = shifts + change
+        forces_before = forces
+        forces = _bolt_forces(solution, names)
+        # Broyden's update: the slopes explain the last change, and stay across it.
+        gained = forces - forces_before
+        slopes += np.outer(gained - slopes @ change, change) / (change @ change)
+        if abs(gained).max() <= SLACK * shanks.min() * abs(change).max():
+            _check_slack(names, forces, wanted)
+        if (slopes.diagonal() <= SLACK * shanks).any():
+            slopes = np.diag(shanks)
+    told = [
+        f"{name!r} {force:.6g} of {given:.6g}"
+        for name, force, given in zip(names, forces, wanted, strict=True)
+    ]
+    raise NotConverged(
+        f"No shifts were found that give the forces of the preloads, in {SOLVES} solves; the last"
+        f" forces are {', '.join(told)}. Look whether contacts carry what the bolts draw together.",
+        (),
+    )
+
+
+def _preloads(scene: Scene) -> list[Preload]:
+    """Return the preloads of a scene."""
+    return [tie for tie in scene.ties if isinstance(tie, Preload)]
+
+
+def _first(
+    shifts: np.ndarray, at: Callable[[np.ndarray], Scene], solve: Solve
+) -> tuple[np.ndarray, Solution]:
+    """Solve with the first shifts, or with larger ones where there is no solution.
+
+    Bodies that only the bolts hold need a certain force.
+    """
+    for _ in range(DOUBLINGS):
+        try:
+            return shifts, solve(at(shifts))
+        except NotConverged:
+            if not shifts.any():
+                raise
+            shifts = 2.0 * shifts
+    return shifts, solve(at(shifts))
+
+
+def _changed(
+    shifts: np.ndarray,
+    change: np.ndarray,
+    at: Callable[[np.ndarray], Scene],
+    near: SolveNear,
+    solution: Solution,
+) -> tuple[np.ndarray, Solution]:
+    """Solve with changed shifts, or with a part of the change; return the part, too."""
+    for _ in range(HALVINGS):
+        try:
+            return change, near(at(shifts + change), solution)
+        except NotConverged:
+            change = 0.5 * change
+    return change, near(at(shifts + change), solution)
+
+
+def _bolt_forces(solution: Solution, names: Sequence[str]) -> np.ndarray:
+    """Return the forces of bolts [force]; collective."""
+    return np.array([solution.bolt_force(name) for name in names])
+
+
+def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -> None:
+    """Check that bolts whose forces do not change with their shifts are slack.
+
+    Raises:
+        NotConverged: If one has more force than is wanted.
+    """
+    for name, force, given in zip(names, forces, wanted, strict=True):
+        if abs(force) > abs(given):
+            raise NotConverged(
+                f"No shift gives Preload({name!r}) the force {given:.6g}: it stays at {force:.6g}"
+                " however far the sides of the cut are let apart, because the loads pull as much."
+                " Give more force, or tighten before the loads come, in a history.",
+                (),
+            )
+
+
+def _first_slopes(forces: np.ndarray, shifts: np.ndarray, shanks: np.ndarray) -> np.ndarray:
+    """Return the slopes of proportional forces, or of the shanks where bolts are slack.
+
+    Args:
+        forces: Forces of the bolts [force], shape (m,).
+        shifts: Their shifts [length].
+        shanks: Stiffnesses of their shanks [force/length].
+
+    Returns:
+        Shape (m, m).
+    """
+    slopes = np.divide(forces, shifts, out=np.zeros_like(forces), where=shifts != 0.0)
+    return np.diag(np.where(slopes > SLACK * shanks, slopes, shanks))
