@@ -94,7 +94,7 @@ radius, pressures = numbers(history, A)
 radius_2, pressures_2 = numbers(rough, A_2)
 force, force_2 = (run.force("bottom").force[1] for run in (history, rough))
 energy = ec.potential_energy(history)
-axial = ec.resultant(history, "bottom", (0.0, 1.0))
+axial = ec.interval(history, ec.Resultant("bottom", (0.0, 1.0)))
 contact, contact_2 = history.profile("bottom"), rough.profile("bottom")
 stick = contact_2["x"][contact_2["status"] == ec.results.STICK].max()
 
