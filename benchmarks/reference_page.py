@@ -55,6 +55,13 @@ SOURCES = """\
   N. Chandrasekaran, W. E. Haisler, R. E. Goforth, Finite Elem. Anal. Des. 3 (1987).
 - Fourier integrals: own computations on infinite layers with the pressure as the unknown.
   L. M. Keer, J. Dundurs, K. C. Tsai, J. Appl. Mech. 39 (1972), treat receding contact so.
+- Hankel integrals: own computations on infinite layers by dual integral equations, to ten
+  digits. Elements of degree 4 to 7: own code, with mesh lines on the rims of contact and
+  stick zone; a second code of our own, of bilinear elements, agrees where both were run. The
+  closed forms of tubes, shells, spinning and heated cylinders are Lame's.
+- SSNV104: code_aster, V6.04.104, validation manual. Its force, 586 081, is Hertz's for
+  half-spaces with the approach of the hemispheres; the force of the hemispheres is 12.6%
+  higher.
 - GetFEM 5 and CalculiX 2.20: [one scene side by side](comparison.md#one-scene-side-by-side).
 - Hertz, Cattaneo, Mindlin, the flat punch: K. L. Johnson, Contact Mechanics, 1985. The beam:
   S. Timoshenko, J. Opt. Soc. Am. 11 (1925).

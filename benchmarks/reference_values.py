@@ -25,6 +25,7 @@ import erc_contact  # noqa: F401 - before numpy, it loads MPI
 import reference_bodies as bodies  # isort: skip
 import reference_cases as cases  # isort: skip
 import reference_punches as punches  # isort: skip
+import reference_turned as turned  # isort: skip
 from reference_numbers import Number, Other, Result  # isort: skip
 from reference_page import page  # isort: skip
 
@@ -57,6 +58,20 @@ CASES: dict[str, Callable[[], Result]] = {
         bodies.bimetal_strip,
         punches.block_in_space,
         punches.cattaneo_mindlin,
+        turned.cylinder_between_platens,
+        turned.thick_tube,
+        turned.thick_shell,
+        turned.spinning_cylinder,
+        turned.column_in_a_tube,
+        turned.fit_in_plane_strain,
+        turned.shrink_fit,
+        turned.ball_on_a_layer,
+        turned.ball_on_a_rough_layer,
+        turned.punch_on_a_layer,
+        turned.receding_disc,
+        turned.rough_platens,
+        turned.rough_fit,
+        turned.two_hemispheres,
     )
 }
 

@@ -422,7 +422,9 @@ def test_axisymmetric_cells_are_told(shared_tmp_path, caplog):
     with caplog.at_level(logging.WARNING, logger="erc_contact"):
         read_text(shared_tmp_path, "round.inp", text)
     if COMM.rank == 0:
-        assert "type CAX4 are round about an axis; here they are plane" in caplog.text
+        assert (
+            "type CAX4 are axisymmetric: give the material hypothesis='axisymmetric'" in caplog.text
+        )
 
 
 def test_a_plane_mesh_in_another_plane_is_told_how_to_swap(shared_tmp_path):

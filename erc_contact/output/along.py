@@ -25,7 +25,7 @@ def along(surface: Surface) -> tuple[np.ndarray, str]:
     s = surface.x[:, :2, :2] @ tangent
     # On a straight contact no facet is shorter along the tangent than it is.
     if np.allclose(np.ptp(s, axis=1), surface.traction.area, rtol=10 * AXIS, atol=0.0):
-        return s, coordinate(tangent)
+        return s, coordinate(tangent, surface.letters)
     return _arc_length(surface)
 
 

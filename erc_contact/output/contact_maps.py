@@ -68,9 +68,10 @@ def contact_maps(surface: Surface, ax: Any = None) -> Any:
     # The eye is in what the body touches, so one of the two axes may be turned round.
     is_turned = np.cross(*plane) @ n < 0
     ylim = ends[1][::-1] if is_turned else ends[1]
+    labels = [coordinate(tangent, surface.letters) for tangent in plane]
     for panel in panels:
-        panel.set(aspect="equal", xlabel=coordinate(plane[0]), xlim=ends[0], ylim=ylim)
-    panels[0].set_ylabel(coordinate(plane[1]))
+        panel.set(aspect="equal", xlabel=labels[0], xlim=ends[0], ylim=ylim)
+    panels[0].set_ylabel(labels[1])
     contact = traction.contact
     seen = "seen from the foundation"
     if surface.partners is not None:

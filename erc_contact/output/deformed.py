@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.admissible.pair import Admissible
 from erc_contact.base.checks import positive
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane
@@ -43,6 +44,7 @@ from erc_contact.output.gathered import (
     body_nodes,
     colours_in_words,
     is_symmetry,
+    letters_of,
     nodal_fields,
     whole_contacts,
 )
@@ -116,16 +118,11 @@ def draw_deformed(
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
     d = model.d
-    owned = model.domain.owned_cells
     body = gathered(model.comm, **body_nodes(model), **nodal_fields(admissible))
-    cells = gathered(
-        model.comm,
-        stress=linear_mises(admissible, stress),
-        volume=admissible.cell_geometry.volume[:owned],
-        vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
-    )
+    cells = gathered_mises(admissible, stress)
     gathered_contacts = whole_contacts(admissible)
     up = upward(admissible)
+    letters = letters_of(model)
     only_round_off = error.scale == 0 or error.solution.at_rest
     part = "" if tells_out_of_plane(model) else " of the plane part"
     kind = "" if stress == "admissible" else f" ({stress})"
@@ -136,18 +133,16 @@ def draw_deformed(
         contacts = gathered_contacts
         times = factor
         if times is None:
-            times = rounded(_greatest_magnification(body, contacts, size))
-        pairs = pairs_of(contacts)
-        if pairs:
-            motions = [foundation_of(pair).motion for pair in pairs]
-            shift = shifts(body, pairs, motions, times, pull or 0.0)
+            times = rounded(greatest_magnification(body, contacts, size))
+        if pairs_of(contacts):
+            shift = shift_of(body, contacts, times, pull or 0.0)
             body["points"] = body["points"] + shift
             contacts = [_shifted(contact, shift) for contact in contacts]
         foundations = _foundations(contacts)
         skin = skin_of(body["points"], body["cells"], d)
         x = skin.points + times * body["u"]
-        scale = _stress_scale(cells, label)
-        colours = _stress_on_skin(skin, cells)
+        scale = mises_scale(cells, label)
+        colours = mises_on_skin(skin, cells)
         # Round-off would else fill the whole range of colours.
         if only_round_off:
             colours = 0 * colours
@@ -157,9 +152,36 @@ def draw_deformed(
         title = _title(contacts, foundations, times, size, pull)
         if closed:
             title += colours_in_words(contacts)
-        return draw_map(ax, skin, x, colours, scale, views_of(d, up), lines, grounds, title)
+        views = views_of(d, up)
+        return draw_map(ax, skin, x, colours, scale, views, lines, grounds, title, letters)
 
     return draw_figure(model.comm, path, ax, draw)
+
+
+def gathered_mises(admissible: Admissible, stress: str = "admissible") -> dict[str, np.ndarray]:
+    """Gather the von Mises stress of all cells on rank 0; collective.
+
+    Returns:
+        "stress" [force/area], see :func:`erc_contact.results.stresses.linear_mises`,
+        "volume" of the cells and the global numbers of their "vertices".
+    """
+    model = admissible.model
+    owned = model.domain.owned_cells
+    return gathered(
+        model.comm,
+        stress=linear_mises(admissible, stress),
+        volume=admissible.cell_geometry.volume[:owned],
+        vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
+    )
+
+
+def shift_of(
+    body: Mapping[str, np.ndarray], contacts: Sequence[Surface], factor: float, pull: float = 0.0
+) -> np.ndarray:
+    """Compute :func:`erc_contact.output.apart.shifts` of all pairs, shape (n, 3)."""
+    pairs = pairs_of(contacts)
+    motions = [foundation_of(pair).motion for pair in pairs]
+    return shifts(body, pairs, motions, factor, pull)
 
 
 def magnification(error: ConstitutiveError) -> float:
@@ -173,11 +195,11 @@ def magnification(error: ConstitutiveError) -> float:
     contacts = whole_contacts(error.admissible)
     factor = np.inf
     if model.comm.rank == 0:
-        factor = _greatest_magnification(body, contacts, size)
+        factor = greatest_magnification(body, contacts, size)
     return model.comm.bcast(factor)
 
 
-def _greatest_magnification(
+def greatest_magnification(
     body: Mapping[str, np.ndarray], contacts: Sequence[Surface], size: float
 ) -> float:
     """Find the greatest magnification of a picture by default [-]; on rank 0.
@@ -217,7 +239,7 @@ def _shifted(contact: Surface, shift: np.ndarray) -> Surface:
     return replace(contact, place=contact.place + of_nodes)
 
 
-def _stress_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
+def mises_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
     """Find the colours of the von Mises stress in all cells."""
     from matplotlib.colors import Normalize  # noqa: PLC0415
 
@@ -226,7 +248,7 @@ def _stress_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
     return Scale(Normalize(0, top or 1.0), "max", label)
 
 
-def _stress_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
+def mises_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the stress as :meth:`Skin.of_parts` takes it [force/area].
 
     It has one value for each cell, or three for each triangle.

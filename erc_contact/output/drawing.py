@@ -161,10 +161,13 @@ def words(vector: np.ndarray, scale: float = 1.0) -> str:
     return f"({', '.join(numbers)})"
 
 
-def coordinate(tangent: np.ndarray) -> str:
-    """Return the label of the axis of a coordinate along a tangent."""
+def coordinate(tangent: np.ndarray, letters: str) -> str:
+    """Return the label of the axis of a coordinate along a tangent.
+
+    ``letters`` are the names of the coordinates.
+    """
     if tangent.max() == 1.0:
-        return f"{'xyz'[tangent.argmax()]} [length]"
+        return f"{letters[tangent.argmax()]} [length]"
     return f"along {words(tangent)} [length]"
 
 

@@ -23,7 +23,7 @@ POINTS_OF_PIXEL = 0.3
 """Width of lines in matplotlib for one pixel of pyvista's [points]."""
 
 
-def draw_flat(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]]) -> None:
+def draw_flat(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]], letters: str = "xyz") -> None:
     """Draw parts of a body in axes of matplotlib.
 
     Args:
@@ -31,12 +31,13 @@ def draw_flat(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]]) -> None:
         parts: Data of pyvista, lines or faces with the same number of corners, and the
             options with which pyvista would draw them: ``color`` or ``scalars``
                 (colours of the faces), ``line_width`` and ``opacity``.
+        letters: Names of the coordinates.
     """
     for data, look in parts:
         add_flat(axes, data, look)
     axes.set_aspect("equal")
     axes.spines[:].set_visible(False)
-    axes.set(xlabel="x [length]", ylabel="y [length]")
+    axes.set(xlabel=f"{letters[0]} [length]", ylabel=f"{letters[1]} [length]")
 
 
 def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:

@@ -45,6 +45,7 @@ class Surface:
             shape (n, m, d).
         partners: Global numbers of the facing nodes of the other body, shape (n, m);
             None on a foundation.
+        letters: Names of the coordinates.
     """
 
     traction: ContactTraction
@@ -55,6 +56,7 @@ class Surface:
     slip: np.ndarray
     place: np.ndarray
     partners: np.ndarray | None = None
+    letters: str = "xyz"
 
     @property
     def d(self) -> int:
@@ -65,6 +67,11 @@ class Surface:
     def degree(self) -> int:
         """Return the degree of r^."""
         return 1 if self.x.shape[1] == self.d else 2
+
+
+def letters_of(model: Model) -> str:
+    """Return the names of the coordinates of a scene."""
+    return "rz" if model.axisymmetric else "xyz"
 
 
 def mean_normal(surface: Surface) -> np.ndarray:
@@ -136,6 +143,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         slip=parts["slip"],
         place=parts["place"],
         partners=None if contact.against is None else parts["partners"],
+        letters=letters_of(model),
     )
 
 

@@ -56,6 +56,7 @@ def draw_map(
     lines: Sequence[Part] = (),
     grounds: Sequence[Part] = (),
     title: str = "",
+    letters: str = "xyz",
 ) -> Any:
     """Draw a body with coloured elements and a colour bar in axes.
 
@@ -71,6 +72,7 @@ def draw_map(
         grounds: Parts of foundations, from :func:`ground`. In 3D only the view from
             above has them, because they hide the contact.
         title: Title of the body, in 3D of both views.
+        letters: Names of the coordinates.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
@@ -97,7 +99,7 @@ def draw_map(
         sizes *= width / sizes[:, 0].sum()
         ax = new_figure(width, width / ratio).subplots(1, len(views))
     panels = np.ravel(ax)
-    show(panels, [(shown[name], view) for name, view in views.items()])
+    show(panels, [(shown[name], view) for name, view in views.items()], letters)
     if not is_flat:
         for panel, name in zip(panels, views, strict=True):
             panel.set_title(name, fontsize=11)

@@ -16,7 +16,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d
 from erc_contact.output.files import gathered
-from erc_contact.output.gathered import body_mesh
+from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import upward, views_of
 
@@ -68,6 +68,7 @@ def draw_cells(
     domain = admissible.domain
     comm = domain.comm
     up = upward(admissible)
+    letters = letters_of(admissible.model)
     body = gathered(comm, **body_mesh(domain))
     cells = gathered(comm, values=values)
 
@@ -75,6 +76,7 @@ def draw_cells(
         only_in_2d("A picture of a body", ax, domain.dim)
         skin = skin_of(**body, d=domain.dim)
         shown = cells["values"]
-        return draw_map(ax, skin, skin.points, shown, scale(shown), views_of(domain.dim, up))
+        views = views_of(domain.dim, up)
+        return draw_map(ax, skin, skin.points, shown, scale(shown), views, letters=letters)
 
     return draw_figure(comm, path, ax, draw)

@@ -136,7 +136,9 @@ def write_report(
         if gallery is not None and (gallery.drawn or gallery.missing):
             sections["Pictures"] = _pictures(gallery)
         if forces:
-            sections["Forces on the body"] = _forces(forces, _facing(run.error))
+            sections["Forces on the body"] = _forces(
+                forces, _facing(run.error), on_rings=_is_of_rings(run.error)
+            )
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}
@@ -218,27 +220,41 @@ def _facing(error: Any) -> dict[str, str]:
     return facing
 
 
-def _forces(forces: Mapping[str, Force], facing: Mapping[str, str]) -> str:
+def _is_of_rings(error: Any) -> bool:
+    """Tell whether an error is of axisymmetric bodies; a folder does not tell."""
+    return isinstance(error, ConstitutiveError) and error.model.axisymmetric
+
+
+def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings: bool) -> str:
     """Return the table of forces by their cause.
 
     Args:
         forces: The forces by their cause.
         facing: The other side of each side of a pair.
+        on_rings: Whether they act on axisymmetric bodies, which have no moments.
     """
     first = next(iter(forces.values()))
-    header = ["cause"]
-    header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
-    # In the plane the moment is that about z.
-    header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
+    if on_rings:
+        header = ["cause", "Fr", "Fz"]
+    else:
+        header = ["cause"]
+        header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
+        # In the plane the moment is that about z.
+        header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
     rows = []
     for cause, force in forces.items():
-        components = (*force.force, *force.moment)
+        components = (*force.force, *force.moment)[: len(header) - 1]
         words = f"{cause} (internal, from {facing[cause]})" if cause in facing else cause
         rows.append([words, *(f"{component:.6g}" for component in components)])
     words = (
         "Resultants and moments about the origin of the admissible stress. The balance is zero "
         "up to round-off."
     )
+    if on_rings:
+        words = (
+            "Axial resultants Fz of the admissible stress on full rings, and sums Fr of radial "
+            "forces around them. The balance is zero up to round-off."
+        )
     if facing:
         words += " Two bodies exert internal forces on each other, which are opposite."
     return _paragraph(words) + _wide(table(rows, header), "numbers")

@@ -188,7 +188,9 @@ def _image(
     return np.array(plotter.screenshot(return_img=True))
 
 
-def show(panels: Any, pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> None:
+def show(
+    panels: Any, pictures: Sequence[tuple[Sequence[Part], np.ndarray]], letters: str = "xyz"
+) -> None:
     """Show parts of a body in axes of matplotlib, with coordinates.
 
     In 3D these stand along three edges of a box around the parts.
@@ -197,11 +199,12 @@ def show(panels: Any, pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> 
         panels: Axes of matplotlib, as many as pictures.
         pictures: Parts and the axes of their view, shape (3, 3), which are the identity
             for a body in the plane.
+        letters: Names of the coordinates.
     """
     if pictures[0][1][2, 2] == 1.0:
         for axes, (parts, view) in zip(panels, pictures, strict=True):
             low, high = seen(parts, view)
-            draw_flat(axes, parts)
+            draw_flat(axes, parts, letters)
             axes.set(**limits(low, high))
         return
     images = rendered(pictures)

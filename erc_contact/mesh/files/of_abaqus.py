@@ -67,7 +67,7 @@ FACES = {
 INNER = re.compile(r"_|internal", re.IGNORECASE)
 """Beginning of names of sets that programs make for their own use."""
 ROUND = re.compile(r"C?G?AX|DCAX")
-"""Pattern of the types of bodies that are round about an axis."""
+"""Pattern of the types of axisymmetric bodies."""
 GENERATORS = ("NGEN", "ELGEN", "NFILL", "NCOPY", "ELCOPY", "NMAP")
 """Keywords that compute a mesh."""
 
@@ -344,7 +344,8 @@ def _file_mesh(mesh: _Mesh) -> FileMesh:
     element_sets, node_sets = _sets(mesh, begins)
     round_ = sorted({part.kind for part in mesh.blocks if ROUND.match(part.kind)})
     notes = [
-        f"cells of type {kind} are round about an axis; here they are plane" for kind in round_
+        f"cells of type {kind} are axisymmetric: give the material hypothesis='axisymmetric'"
+        for kind in round_
     ]
     return FileMesh(
         np.concatenate(mesh.points),
