@@ -101,7 +101,7 @@ def tube_in_hub(size: float, core: float, outer: float, length: float) -> ec.Dom
     return drawn(bricks, parts, size).split({"rim": "shaft", "bore": "hub"})
 
 
-def fit_in_plane_strain() -> Result:
+def fit_in_plane_strain(accuracy: float = 3e-4) -> Result:
     """Press a hollow shaft into a hub between two plates, Lame.
 
     Steel shaft, r from 20 to 40 mm, in an aluminium hub to 70, both 20 long; E =
@@ -112,7 +112,7 @@ def fit_in_plane_strain() -> Result:
     scene = ec.Scene(
         {"shaft": STEEL, "hub": ALUMINIUM}, between_plates("bottom", "top"), contacts=[fit]
     )
-    meshes = Meshes(scene, tube_in_hub(10.0, 20.0, 70.0, 20.0), 3e-4)
+    meshes = Meshes(scene, tube_in_hub(10.0, 20.0, 70.0, 20.0), accuracy)
     energy = exactly(meshes.energy("strain energy", "N mm"), 4279.012115, "Lame")
     force = meshes.goal(ec.Resultant("rim", (-1.0, 0.0)), "N", "radial force")
     return meshes.result(energy, exactly(force, 171160.4846, "Lame"))
@@ -171,7 +171,7 @@ def column_in_a_tube() -> Result:
     return meshes.result(energy, base, exactly(wall, 1077.117481), exactly(moved, -0.02971428571))
 
 
-def shrink_fit() -> Result:
+def shrink_fit(accuracy: float = 3e-4) -> Result:
     """Heat a shaft in a cold ring between two plates.
 
     Steel shaft of radius 40 mm, heated so that it would grow by 1.2e-3, in a cold steel
@@ -184,7 +184,7 @@ def shrink_fit() -> Result:
         contacts=ec.Contact("rim", against="bore"),
         strains=ec.ThermalStrain({"shaft": 12e-6, "hub": 0.0}, 100.0),
     )
-    meshes = Meshes(scene, tube_in_hub(10.0, 0.0, 80.0, 20.0), 3e-4)
+    meshes = Meshes(scene, tube_in_hub(10.0, 0.0, 80.0, 20.0), accuracy)
     energy = exactly(meshes.energy("elastic energy", "N mm"), 36372.10311)
     force = meshes.goal(ec.Resultant("rim", (-1.0, 0.0)), "N", "radial force")
     return meshes.result(energy, exactly(force, 678584.0132))

@@ -65,7 +65,7 @@ def drawn(monkeypatch):
     """What rank 0 would draw: skin, positions of its nodes, lines and foundations."""
     record = []
 
-    def draw_map(ax, skin, x, values, scale, views, lines=(), grounds=(), title=""):
+    def draw_map(ax, skin, x, values, scale, views, lines=(), grounds=(), title="", letters="xyz"):
         from matplotlib.figure import Figure
 
         record.append((skin, x, lines, grounds))
