@@ -298,4 +298,4 @@ def _bulk(
         spring_tractions=of_springs,
     )
     body = body_error(moved)
-    return body._replace(gap=body.gap + spring_error(moved).gap)
+    return LawError(body.gap + spring_error(moved).gap, body.both, body.moduli)
