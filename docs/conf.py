@@ -29,6 +29,7 @@ nitpick_ignore = [
     ("py:class", f"erc_contact.{name}")  # types of members that no page is about
     for name in (
         "admissible.cells.CellGeometry",
+        "admissible.elastic.CellStress",
         "mesh.naming.Rules",
         "mesh.seams.Interface",
         "model.constitution.Constitution",

@@ -63,7 +63,7 @@ class Model(Space):
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
             None.
         hoop_load: The radial body force f_r of an axisymmetric body as the hoop
-            component ``c r f_r`` of a stress (:mod:`erc_contact.model.meridian`), a
+            component ``c r f_r`` of a stress (``erc_contact.model.meridian``), a
             function of points and cells; None without any.
         fixed: Which components are prescribed at each node, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].

@@ -70,7 +70,7 @@ class Space:
         circumference: ``2 pi r`` of the ring through each point of an axisymmetric body
             [length], UFL; None of any other body. Stresses, tractions, loads and
             stiffnesses of axisymmetric bodies are times it, forces per length and per
-            area of the half plane (:mod:`erc_contact.model.meridian`).
+            area of the half plane (``erc_contact.model.meridian``).
         V: Continuous vector P_k space.
         nodes: Block degrees of freedom of each cell, vertices first, ghosts included,
             shape (cells, N).

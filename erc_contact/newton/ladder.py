@@ -9,7 +9,7 @@ same method with a larger gamma.
 
 Contact without friction, or with given friction, is a quadratic programme. Where many
 points change their status step by step, Newton's method is ended early, and interior
-point steps (:mod:`erc_contact.newton.interior_point`) find the states; from there it
+point steps (``erc_contact.newton.interior_point``) find the states; from there it
 ends in one or two steps. With Coulomb friction they are a start where it failed.
 """
 
