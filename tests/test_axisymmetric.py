@@ -164,6 +164,26 @@ def test_springs_and_foundations():
         assert energy == pytest.approx(-0.5 * np.pi * (1 / stiffness + 1 / E), rel=1e-9)
 
 
+def test_springs_at_the_axis_take_one_solve(monkeypatch):
+    """What springs pull at the axis is in the forces of the solver, and not in sigma^."""
+    solves = []
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    springs = ec.Spring("top", normal=70 * E, tangential=E)
+    scene = ec.Scene(
+        RINGS,
+        loads=ec.Traction("right", (1.0, -1.0)),
+        springs=springs,
+        contacts=ec.Contact("bottom"),
+    )
+    solution = ec.solve(scene, domain)
+    kind = type(solution.stiffness)
+    solve = kind.solve
+    monkeypatch.setattr(kind, "solve", lambda *a, **k: solves.append(1) or solve(*a, **k))
+    assert ec.equilibrate(solution).imbalance < 1e-12
+    # One for each of the two pairs from which the better one is taken.
+    assert len(solves) <= 2
+
+
 def test_heat():
     """Free expansion has no stress; a ring on a cold foundation does not slip through."""
     domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
@@ -276,6 +296,18 @@ def test_press_fit_of_two_tubes():
     pressure = 0.01 * E / (1 + NU) / (of_hub - of_shaft)
     assert -error.force("rim").force[0] == pytest.approx(4 * np.pi * pressure, rel=2e-3)
     assert error.force("rim").force == pytest.approx(-error.force("bore").force)
+
+
+def test_a_run_goes_on_from_its_folder(shared_tmp_path):
+    scene, domain = pressed(0.0, (4, 4))
+    whole = ec.adapt(scene, domain, 0.02, max_steps=4)
+    ec.adapt(scene, domain, 0.02, max_steps=2, checkpoint=shared_tmp_path)
+    again = ec.adapt(scene, domain, 0.02, max_steps=4, checkpoint=shared_tmp_path)
+    assert again.error.relative == pytest.approx(whole.error.relative, rel=1e-10)
+    assert again.force("bottom").force == pytest.approx(whole.force("bottom").force, rel=1e-10)
+    plane = ec.Scene(ec.Elastic(E, NU), scene.supports, contacts=scene.contacts)
+    with pytest.raises(ec.InputError, match=r"another run: material\.hypothesis"):
+        ec.adapt(plane, domain, 0.02, checkpoint=shared_tmp_path)
 
 
 @pytest.mark.ranks

@@ -19,7 +19,6 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import add_moments, moments, tractions_of
 from erc_contact.mesh.simplex import bernstein, coefficients, rule
-from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
 from erc_contact.model.motions import kernel
 from erc_contact.model.springs import BoundSpring
@@ -89,7 +88,6 @@ def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
     total = np.zeros((model.facet_count, len(model.facet_points), model.d))
     for spring, t in zip(model.springs, tractions, strict=True):
         moment = moments(spring.side.areas, t, model.degree)
-        moment = moments_off_axis(model, spring.side.facets, moment)
         add_moments(model, total, spring.side.facets, moment)
     return total
 

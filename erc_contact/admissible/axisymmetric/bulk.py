@@ -7,11 +7,12 @@ import numpy as np
 from erc_contact.admissible.axisymmetric.elements import Elements
 from erc_contact.admissible.axisymmetric.missing import missing_forces
 from erc_contact.admissible.axisymmetric.tighten import tightened
-from erc_contact.admissible.cells import signed
+from erc_contact.admissible.cells import CellGeometry, signed
 from erc_contact.admissible.elastic import elastic_coefficients, macro_places
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.mesh.simplex import mass
 from erc_contact.model.meridian import nodes_on_axis, off_axis, without_axis
+from erc_contact.model.model import Model
 
 
 def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
@@ -22,7 +23,7 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     """
     model, cells = given.model, given.cells
     owned = model.domain.owned_cells
-    off = off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], cells.degree)
+    off = _off_axis(model, cells)
     # Nodes on the axis have no radial equilibrium: whatever is left there is free.
     with_axis = given.fixed.copy()
     with_axis[:, 0] |= ~off.any(axis=1)
@@ -56,3 +57,20 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
         square=square,
         missing=missing_forces(elements, stress, of_cells),
     )
+
+
+def boundary_off_axis(model: Model, cells: CellGeometry, boundary: np.ndarray) -> np.ndarray:
+    """Return moments of given tractions that vanish on the axis [force].
+
+    Args:
+        model: The scene on a mesh.
+        cells: Geometry.
+        boundary: Moments of the tractions that are given, shape (facets, m, 2).
+    """
+    to_moments = mass(1, cells.degree, cells.degree)
+    return np.matmul(to_moments, without_axis(boundary, _off_axis(model, cells)))
+
+
+def _off_axis(model: Model, cells: CellGeometry) -> np.ndarray:
+    """Tell which nodes of facets are off the axis, shape (facets, m)."""
+    return off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], cells.degree)
