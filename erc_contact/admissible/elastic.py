@@ -144,16 +144,17 @@ def elastic_coefficients(
     """
     d, k = cells.d, cells.degree
     _, points, _ = macro_points(d, k)
-    stiffness = macro_moduli(model, cells, count)
-    given = None
     if model.axisymmetric:
         strain = strains_at(model, cells, u, points, count)
-    else:
-        strain = strains(cells, u)[:count]
+        places = macro_places(model, cells, count)
+        return model.constitution.stress(strain, places, _numbers(count))
+    stiffness = macro_moduli(model, cells, count)
+    strain = strains(cells, u)[:count]
+    given = None
     if model.strains is not None:
         given = given_strains(model, cells, points, count)
     data_vary = stiffness.shape[1] > 1 or (given is not None and given.shape[1] > 1)
-    if k > 1 and data_vary and not model.axisymmetric:
+    if k > 1 and data_vary:
         strain = np.matmul(bernstein(d, k - 1, points), strain)
     if given is not None:
         strain = strain - given
@@ -277,9 +278,9 @@ def cell_stress(
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
-    stiffness = moduli(model, cells, points, count)
     if model.axisymmetric:
-        return _stress_of_rings(model, cells, u, change, stiffness)
+        return _stress_of_rings(model, cells, u, change)
+    stiffness = moduli(model, cells, points, count)
     strain = strains(cells, u)
     given = None
     if model.strains is not None and not change:
@@ -297,17 +298,17 @@ def cell_stress(
 
 
 def _stress_of_rings(
-    model: Model, cells: CellGeometry, u: fem.Function, change: bool, stiffness: np.ndarray
+    model: Model, cells: CellGeometry, u: fem.Function, change: bool
 ) -> CellStress:
     """Return :func:`cell_stress` of an axisymmetric body, by the rule of the solver."""
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
-    elastic = strains_at(model, cells, u, points, count)
-    if model.strains is not None and not change:
-        elastic = elastic - given_strains(model, cells, points, count)
-    values = act(stiffness, elastic)
+    strain = strains_at(model, cells, u, points, count)
     x = _places(model, cells, points, count, True)
+    law = model.constitution
+    stress = law.stress_change if change else law.stress
+    values = stress(strain, x, _numbers(count))
     if model.hoop_load is not None and not change:
         values[..., -1] -= model.hoop_load(x, _numbers(count))
     # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
