@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import tensors
@@ -63,11 +63,36 @@ class CellStrains:
         Returns:
             Mandel components, shape (n, q, s).
         """
-        strain = np.matmul(polynomials(self.degree - 1, places), self.in_plane[cell])
+        in_plane = polynomials(self.degree - 1, places), self.in_plane[cell]
         if self.radial is None:
-            return strain
-        radial = np.matmul(polynomials(self.degree, places), self.radial[cell][..., None])
-        return np.concatenate([strain, radial / x[..., :1]], axis=-1)
+            return np.matmul(*in_plane)
+        radial = polynomials(self.degree, places), self.radial[cell][..., None]
+        return _with_hoop(in_plane, radial, x)
+
+    def at_points(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the strain at the same points of the first cells [-], as :meth:`at`.
+
+        Args:
+            points: Reference points, shape (q, d).
+            x: The points [length], shape (n, q, d).
+        """
+        count, d = len(x), points.shape[1]
+        in_plane = bernstein(d, self.degree - 1, points), self.in_plane[:count]
+        if self.radial is None:
+            return np.matmul(*in_plane)
+        radial = bernstein(d, self.degree, points), self.radial[:count, :, None]
+        return _with_hoop(in_plane, radial, x)
+
+
+def _with_hoop(
+    in_plane: tuple[np.ndarray, np.ndarray], radial: tuple[np.ndarray, np.ndarray], x: np.ndarray
+) -> np.ndarray:
+    """Return strains of rings at points from polynomials and their coefficients."""
+    strain = np.empty((*x.shape[:2], in_plane[1].shape[2] + 1))
+    np.matmul(*in_plane, out=strain[..., :-1])
+    np.matmul(*radial, out=strain[..., -1:])
+    strain[..., -1] /= x[..., 0]
+    return strain
 
 
 class CellStress(NamedTuple):
@@ -182,15 +207,14 @@ def strains_at(
 
     See :func:`moduli` for the arguments. Shape (count, q, s).
     """
-    places = np.broadcast_to(barycentric(points), (count, len(points), cells.d + 1))
-    x = _places(model, cells, points, count, True)
-    return CellStrains.of(model, cells, u).at(_numbers(count), places, x)
+    x = _places(cells, points, count, True)
+    return CellStrains.of(model, cells, u).at_points(points, x)
 
 
 def macro_places(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the points of :func:`macro_points` in the first cells, (count, q, d)."""
     _, points, _ = macro_points(model.d, model.degree)
-    return _places(model, cells, points, count, True)
+    return _places(cells, points, count, True)
 
 
 def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
@@ -204,7 +228,7 @@ def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: 
     """
     assert model.strains is not None
     varying = model.strains.varies_in_cells
-    return model.strains(_places(model, cells, points, count, varying), _numbers(count))
+    return model.strains(_places(cells, points, count, varying), _numbers(count))
 
 
 def moduli(
@@ -228,20 +252,18 @@ def moduli(
     if matrix.plain is not None:
         return matrix.plain[None, None]
     varying = matrix.varies_in_cells
-    return matrix(_places(model, cells, points, count, varying), _numbers(count))
+    return matrix(_places(cells, points, count, varying), _numbers(count))
 
 
-def _places(
-    model: Model, cells: CellGeometry, points: np.ndarray, count: int, varying: bool
-) -> np.ndarray:
+def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:
     """Return reference points of the cells in space, or only the middle of each cell.
 
     Shape (count, q, d), or (count, 1, d) where data do not vary inside cells.
     """
-    places = np.full((1, model.d + 1), 1 / (model.d + 1))
+    places = np.full((1, cells.d + 1), 1 / (cells.d + 1))
     if varying:
         places = barycentric(points)
-    return np.matmul(places, sorted_corners(model, cells)[:count])
+    return np.matmul(places, cells.corners[:count])
 
 
 def _numbers(count: int) -> np.ndarray:
@@ -305,7 +327,7 @@ def _stress_of_rings(
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
     strain = strains_at(model, cells, u, points, count)
-    x = _places(model, cells, points, count, True)
+    x = _places(cells, points, count, True)
     law = model.constitution
     stress = law.stress_change if change else law.stress
     values = stress(strain, x, _numbers(count))

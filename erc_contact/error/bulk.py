@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import CellStrains, elastic_coefficients, macro_moduli
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
@@ -16,7 +15,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
-from erc_contact.error.rings import far_from_axis, is_rational
+from erc_contact.error.rings import is_rational, squares_of_rings
 from erc_contact.mesh.quadrature import cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.mesh.surface import pairs, swept
@@ -70,15 +69,16 @@ def _adapted_squares(admissible: Admissible) -> LawError:
             sigma[..., -1] += model.hoop_load(x, of_cells[cell])
         return model.constitution.squares(strain.at(cell, places, x), sigma, x, of_cells[cell])
 
-    corners = np.ascontiguousarray(sorted_corners(model, cells)[:owned])
+    corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     value, rest = np.zeros((2, owned, 2))
     is_done = np.zeros(owned, dtype=bool)
     if is_rational(model):
-        value, rest, is_done = far_from_axis(admissible, strain, corners)
-    middles = np.full((owned, 1, model.d + 1), 1 / (model.d + 1))
-    in_middles = squares(np.arange(owned), middles, corners.mean(axis=1, keepdims=True))
-    size = float(volume @ in_middles[:, 0, 1])
+        value, rest, is_done = squares_of_rings(model, cells, admissible.stress, strain)
+    left = np.flatnonzero(~is_done)
+    middles = np.full((len(left), 1, model.d + 1), 1 / (model.d + 1))
+    in_middles = squares(left, middles, corners[left].mean(axis=1, keepdims=True))
+    size = float(value[:, 1].sum() + volume[left] @ in_middles[:, 0, 1])
     # An error that is round-off of the stresses need not be resolved.
     floor = np.array([DATA_ROUND_OFF**2 * model.comm.allreduce(size, MPI.SUM), 0.0])
     total = integrate(

@@ -11,7 +11,6 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import CellStrains, macro_moduli, strains, strains_at
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -106,7 +105,7 @@ def _over_cells(pair: Admissible, density: Integrand) -> BoundedNumber:
     model = pair.model
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
-    corners = sorted_corners(model, cells)[:owned]
+    corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     integral = integrate(model.comm, density, corners, volume, cell_pieces(model.d))
     return BoundedNumber.summed(model.comm, integral)

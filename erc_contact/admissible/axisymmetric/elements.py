@@ -31,8 +31,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erc_contact.admissible.axisymmetric.kernels import ring_kernels
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.mesh.quadrature import cell_pieces
@@ -86,7 +86,7 @@ class Elements:
     def __init__(self, model: Model, cells: CellGeometry, force: np.ndarray | None) -> None:
         self.model = model
         self.cells = cells
-        self.corners = np.ascontiguousarray(sorted_corners(model, cells))
+        self.corners = cells.corners
         self.on_axis = abs(self.corners[..., 0]) <= ON_AXIS * model.domain.extent
         b = len(nodes(2, cells.degree - 1))
         axial = np.zeros((len(self.corners), b)) if force is None else force[..., 1]
@@ -166,6 +166,8 @@ def strides(matrices: np.ndarray) -> tuple[int, int]:
 class _Tables(NamedTuple):
     """Hold stresses of the reference cell for each input, as its two components.
 
+    Rows are filled up with zeros to whole blocks.
+
     Attributes:
         at_points: Stress at the points of :func:`.macro.macro_points`, shape (P, 3, 2,
             inputs).
@@ -185,7 +187,6 @@ def _tables(k: int) -> _Tables:
     """Return the tables of a degree."""
     table = reference_map(2, k, on_pieces=True)
     bubble = bubbles(2, k)
-    N = table.shape[1]
     m, b = len(nodes(1, k)), len(nodes(2, k - 1))
     of_facets = np.repeat(table[..., : 3 * m, :], 2, axis=-2)
     of_pieces = table[..., 3 * m :, :]
@@ -193,7 +194,8 @@ def _tables(k: int) -> _Tables:
     of_bubbles = np.stack([bubble, np.zeros_like(bubble)], axis=-1)
     of_body = np.einsum("pnsbi,bc->pnsci", of_pieces, on_pieces(k).reshape(3 * b, b))
     inputs = np.concatenate([of_pieces, of_bubbles, of_facets, of_body], axis=-2)
-    at_nodes = inputs.swapaxes(-1, -2).reshape(VERTICES, N, 3, 2, -1)
+    to_blocks = [(0, 0)] * 4 + [(0, -inputs.shape[-2] % BLOCK)]
+    at_nodes = np.pad(inputs.swapaxes(-1, -2), to_blocks)
     points, _ = rule(2, 2 * k)
     at_points = np.tensordot(bernstein(2, k, points), at_nodes, axes=(1, 1)).swapaxes(0, 1)
     middles = at_nodes[np.arange(VERTICES), local_facet_nodes(2, k)[:, -1]]

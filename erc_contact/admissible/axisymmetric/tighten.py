@@ -25,7 +25,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.elements import Elements, Energies
-from erc_contact.admissible.axisymmetric.kernels import ring_kernels
+from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.tighten.iteration import SharedMoments, minimise
 from erc_contact.admissible.tighten.rings import rings
@@ -109,7 +109,7 @@ class _Patches:
         self, space: Space, cells: CellGeometry, matrix: np.ndarray, free: np.ndarray
     ) -> None:
         ring, size = rings(space, cells)
-        along, spread = _amounts(free)
+        basis = _amounts(free)
         m = free.shape[1]
         # A flux goes around, or from one free facet of the boundary to another one.
         can_flow = free[..., 1].any(axis=1) | cells.has_second
@@ -119,9 +119,9 @@ class _Patches:
         factor = np.empty(int((unknowns * (unknowns + 1) // 2).sum()))
         of_rings = (m, len(size), ring, size)
         geometry = (cells.facets, cells.side, len(free))
-        ring_kernels()("ring_patches", *of_rings, *geometry, along, spread, flows, matrix, factor)
+        ring_kernels()("ring_patches", *of_rings, *geometry, basis, flows, matrix, factor)
         self._corrections = ring_kernels().bound(
-            "ring_corrections", *of_rings, along, spread, flows, factor
+            "ring_corrections", *of_rings, basis, flows, factor
         )
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
@@ -148,25 +148,25 @@ def _spreads(m: int, marks: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
     return spread, without
 
 
-def _amounts(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the free amounts of each facet as coefficients.
+def _amounts(free: np.ndarray) -> np.ndarray:
+    """Return what acts on each facet as coefficients.
 
     Args:
         free: Coefficients that are not given, shape (F, m, 2).
 
     Returns:
-        Coefficients of the l amounts without axial resultant, shape (F, m, 2, l), and
-        of an axial resultant of 1, shape (F, m).
+        An axial resultant of 1, then the l amounts without axial resultant, then zeros,
+        shape (F, m, 2, BLOCK).
     """
     count, m, _ = free.shape
-    along = np.zeros((count, m, 2, 2 * m - 1))
+    basis = np.zeros((count, m, 2, BLOCK))
     # Each set of free nodes has a number: few of them exist.
     number = free[..., 1] @ (1 << np.arange(m))
-    of_numbers = [
-        _spreads(m, tuple(bool(i >> node & 1) for node in range(m))) for i in range(1 << m)
-    ]
-    spread = np.array([of_set for of_set, _ in of_numbers])[number]
-    along[:, :, 1, : m - 1] = np.array([without for _, without in of_numbers])[number]
+    axial = np.zeros((1 << m, m, m))
+    for of_set in range(1 << m):
+        spread, without = _spreads(m, tuple(bool(of_set >> node & 1) for node in range(m)))
+        axial[of_set] = np.column_stack([spread, without])
+    basis[:, :, 1, :m] = axial[number]
     for node in range(m):
-        along[:, node, 0, m - 1 + node] = free[:, node, 0]
-    return along, spread
+        basis[:, node, 0, m + node] = free[:, node, 0]
+    return basis

@@ -9,6 +9,8 @@ from erc_contact.base.library import Library, library
 
 FOLDER = Path(__file__).parent
 """Where their sources are."""
+BLOCK = 8
+"""Numbers that they work on at once: rows of tables are whole blocks of them."""
 
 
 def ring_kernels() -> Library:

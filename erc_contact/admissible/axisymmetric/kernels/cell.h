@@ -11,7 +11,17 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-enum { WIDTH = 40, CONDITIONS = 3, MOST_INNER = 12 };
+/* Columns of a row, and those that are worked on at once: whole vectors of the processor. What stands behind the last
+   column does not count. */
+enum { WIDTH = 40, BLOCK = 8, CONDITIONS = 3, MOST_INNER = 16 };
+
+typedef double block __attribute__((vector_size(8 * BLOCK), aligned(8), may_alias));
+#define AS_BLOCK(x) (*(block *)(x))
+#define CONST_BLOCK(x) (*(const block *)(x))
+
+INLINE int in_blocks(const int columns) { return (columns + BLOCK - 1) & ~(BLOCK - 1); }
+
+INLINE double total(block x) { return ((x[0] + x[1]) + (x[2] + x[3])) + ((x[4] + x[5]) + (x[6] + x[7])); }
 
 INLINE int facet_nodes(const int k) { return k + 1; }
 INLINE int piece_nodes(const int k) { return (k + 1) * (k + 2) / 2; }
@@ -59,18 +69,16 @@ INLINE void set_factors(const int k, const double (*inverse)[2], double (*factor
   }
 }
 
-/* Row of component a of the stress at a place with such a table (3, 2, inputs): its values for all inputs. */
+/* Row of component a of the stress at a place with such a table (3, 2, inputs, in whole blocks): its values for all inputs. */
 INLINE void stress_row(const int k, const element *it, const double *table, int a, double *row)
 {
-  const int w = inputs(k);
-  for (int j = 0; j < w; ++j)
-    row[j] = 0.0;
-  for (int s = 0; s < 3; ++s)
-    for (int i = 0; i < 2; ++i) {
-      const double *values = table + (2 * s + i) * w;
-      for (int j = 0; j < w; ++j)
-        row[j] += it->piola[a][s] * it->factor[i][j] * values[j];
-    }
+  for (int j = 0; j < inputs(k); j += BLOCK) {
+    block sum = {0};
+    for (int s = 0; s < 3; ++s)
+      for (int i = 0; i < 2; ++i)
+        sum += it->piola[a][s] * CONST_BLOCK(it->factor[i] + j) * CONST_BLOCK(table + (2 * s + i) * in_blocks(inputs(k)) + j);
+    AS_BLOCK(row + j) = sum;
+  }
 }
 
 /* Balance of radial force, and of moment over the size of the cell about its middle. */
@@ -111,14 +119,15 @@ INLINE void set_conditions(const int k, const double *corners, double (*row)[WID
 }
 
 /* Reflect the inner amounts of a row. */
-INLINE void reflected(const int k, const double *v, int from, double *row)
+INLINE void reflected(const int k, const double *v, double *row)
 {
-  const int count = inner(k);
-  double sum = 0.0;
-  for (int j = from; j < count; ++j)
-    sum += row[j] * v[j];
-  for (int j = from; j < count; ++j)
-    row[j] -= sum * v[j];
+  block part = {0};
+  /* Before the first amount and behind the last one v is zero. */
+  for (int j = 0; j < in_blocks(inner(k)); j += BLOCK)
+    part += CONST_BLOCK(row + j) * CONST_BLOCK(v + j);
+  const double sum = total(part);
+  for (int j = 0; j < in_blocks(inner(k)); j += BLOCK)
+    AS_BLOCK(row + j) -= sum * CONST_BLOCK(v + j);
 }
 
 /* Reflections of the inner amounts after which the first ones alone meet the conditions, as functions of the other
@@ -141,7 +150,7 @@ INLINE void set_balance(const int k, double (*row)[WIDTH], element *it)
     for (int j = c; j < first; ++j)
       v[j] *= sqrt(2 / length);
     for (int other = c; other < it->count; ++other)
-      reflected(k, v, c, row[other]);
+      reflected(k, v, row[other]);
     for (int j = first; j < w; ++j) {
       double sum = row[c][j];
       for (int i = 0; i < c; ++i)
@@ -159,7 +168,7 @@ INLINE void set_element(const int k, const double *corners, const _Bool *on_axis
   const double a[2] = {x[2] - x[0], x[3] - x[1]}, b[2] = {x[4] - x[0], x[5] - x[1]};
   const double determinant = a[0] * b[1] - a[1] * b[0];
   const double inverse[2][2] = {{b[1] / determinant, -b[0] / determinant}, {-a[1] / determinant, a[0] / determinant}};
-  double row[CONDITIONS][WIDTH];
+  double row[CONDITIONS][WIDTH] = {{0}};
   for (int v = 0; v < 3; ++v)
     it->radius[v] = x[2 * v];
   it->volume = fabs(determinant) / 2;
@@ -170,7 +179,7 @@ INLINE void set_element(const int k, const double *corners, const _Bool *on_axis
   if (k == 2 && on_axis[0] + on_axis[1] + on_axis[2] == 2) {
     const int facet = !on_axis[0] ? 0 : !on_axis[1] ? 1 : 2, w = inputs(k);
     double largest = 0.0;
-    stress_row(k, it, at_middles + facet * 6 * w, 1, row[2]);
+    stress_row(k, it, at_middles + facet * 6 * in_blocks(w), 1, row[2]);
     for (int j = 0; j < inner(k); ++j)
       largest = fmax(largest, fabs(row[2][j]));
     for (int j = 0; j < w; ++j)

@@ -2,6 +2,9 @@
 #include "kernels.h"
 #include "cell.h"
 
+/* Points that are worked on at once: more of them, and the cache does not suffice. */
+enum { POINTS = 3 };
+
 /* Rows of the four components at a point of a piece, balanced, and what is given there in the place of the body force. */
 INLINE void rows_at(const int k, const element *it, const double *table, int piece, const double *hoop, double radius,
                     const double *force, const double *elastic, double (*row)[WIDTH])
@@ -14,10 +17,12 @@ INLINE void rows_at(const int k, const element *it, const double *table, int pie
     row[3][piece * b + j] = radius / it->volume * hoop[j];
   for (int a = 0; a < 4; ++a) {
     for (int c = 0; c < it->count; ++c)
-      reflected(k, it->reflector[c], c, row[a]);
-    for (int c = 0; c < it->count; ++c)
-      for (int j = first; j < w; ++j)
-        row[a][j] += row[a][c] * it->particular[c][j];
+      reflected(k, it->reflector[c], row[a]);
+    for (int c = 0; c < it->count; ++c) {
+      const double amount = row[a][c];
+      for (int j = first & ~(BLOCK - 1); j < w; j += BLOCK)
+        AS_BLOCK(row[a] + j) += amount * CONST_BLOCK(it->particular[c] + j);
+    }
     double sum = elastic ? -elastic[a] : 0.0;
     for (int j = 0; j < b; ++j)
       sum += row[a][given + j] * force[j];
@@ -25,20 +30,31 @@ INLINE void rows_at(const int k, const element *it, const double *table, int pie
   }
 }
 
-/* energy += rows^T metric rows, of which the upper triangle counts. */
-INLINE void add_products(const int size, int from, const double *compliance, double weight,
-                         const double (*row)[WIDTH], double (*energy)[WIDTH])
+/* The rows times the metric at a point. */
+INLINE void set_dual(const int size, const double *compliance, double weight, const double (*row)[WIDTH],
+                     double (*dual)[WIDTH])
 {
-  double dual[4][WIDTH];
-  for (int a = 0; a < 4; ++a)
-    for (int j = 0; j < size; ++j)
-      dual[a][j] = weight
-                   * (compliance[4 * a] * row[0][j] + compliance[4 * a + 1] * row[1][j]
-                      + compliance[4 * a + 2] * row[2][j] + compliance[4 * a + 3] * row[3][j]);
+  for (int j = 0; j < size; j += BLOCK)
+    for (int a = 0; a < 4; ++a) {
+      block sum = {0};
+      for (int e = 0; e < 4; ++e)
+        sum += weight * compliance[4 * a + e] * CONST_BLOCK(row[e] + j);
+      AS_BLOCK(dual[a] + j) = sum;
+    }
+}
+
+/* energy += rows^T duals of some points, of which the upper triangle counts. */
+INLINE void add_products(const int size, int from, const double (*row)[4][WIDTH], const double (*dual)[4][WIDTH],
+                         double (*energy)[WIDTH])
+{
   for (int i = from; i < size; ++i)
-    /* Whole vectors of the processor. */
-    for (int j = i & ~7; j < size; ++j)
-      energy[i][j] += row[0][i] * dual[0][j] + row[1][i] * dual[1][j] + row[2][i] * dual[2][j] + row[3][i] * dual[3][j];
+    for (int j = i & ~(BLOCK - 1); j < size; j += BLOCK) {
+      block sum = AS_BLOCK(energy[i] + j);
+      for (int at = 0; at < POINTS; ++at)
+        for (int a = 0; a < 4; ++a)
+          sum += row[at][a][i] * CONST_BLOCK(dual[at][a] + j);
+      AS_BLOCK(energy[i] + j) = sum;
+    }
 }
 
 /* Eliminate the inner amounts; their rows, over the diagonal, are written to upper. */
@@ -52,8 +68,8 @@ INLINE void eliminate(const int k, int from, double (*energy)[WIDTH], double *up
     const double share = energy[i][i] > 0 ? 1 / energy[i][i] : 0.0;
     for (int r = i + 1; r < size; ++r) {
       const double times = share * energy[i][r];
-      for (int j = r & ~7; j < size; ++j)
-        energy[r][j] -= times * energy[i][j];
+      for (int j = r & ~(BLOCK - 1); j < size; j += BLOCK)
+        AS_BLOCK(energy[r] + j) -= times * CONST_BLOCK(energy[i] + j);
     }
     for (int j = i + 1; j < size && upper; ++j)
       upper[(i - 2) * size + j] = share * energy[i][j];
@@ -67,18 +83,27 @@ INLINE void energies(const int k, long long cells, long long owned, const double
                      double *slope, double *least, double *upper)
 {
   const int first = inner(k), size = unknowns(k), x = 6 * facet_nodes(k), b = body_forces(k), q = P / 3;
+  double row[POINTS][4][WIDTH] = {{{0}}}, dual[POINTS][4][WIDTH], energy[WIDTH][WIDTH];
   for (long long n = 0; n < cells; ++n) {
-    element it;
-    double energy[WIDTH][WIDTH] = {{0}}, row[4][WIDTH];
+    element it = {0};
+    double radius[POINTS];
     const int is_owned = n < owned;
     set_element(k, corners + 6 * n, on_axis + 3 * n, at_middles, &it);
-    for (int at = 0; at < P; ++at) {
-      const double *place = places + 3 * at;
-      const double radius = place[0] * it.radius[0] + place[1] * it.radius[1] + place[2] * it.radius[2];
-      rows_at(k, &it, at_points + (size_t)at * 6 * inputs(k), at / q, hoop + at % q * b, radius, force + n * b,
-              is_owned ? elastic + (n * P + at) * 4 : NULL, row);
-      add_products(size, it.count, compliance + n * by_cell + at * by_point,
-                   weight[at] * it.volume / (2 * M_PI * radius), (const double(*)[WIDTH])row, energy);
+    for (int i = 0; i < size; ++i)
+      memset(energy[i], 0, in_blocks(size) * sizeof(double));
+    for (int from = 0; from < P; from += POINTS) {
+      /* What was just written number by number cannot be read as a vector at once: all rows come first. */
+      for (int l = 0; l < POINTS; ++l) {
+        const int at = from + l;
+        const double *place = places + 3 * at;
+        radius[l] = place[0] * it.radius[0] + place[1] * it.radius[1] + place[2] * it.radius[2];
+        rows_at(k, &it, at_points + (size_t)at * 6 * in_blocks(inputs(k)), at / q, hoop + at % q * b, radius[l], force + n * b,
+                is_owned ? elastic + (n * P + at) * 4 : NULL, row[l]);
+      }
+      for (int l = 0; l < POINTS; ++l)
+        set_dual(size, compliance + n * by_cell + (from + l) * by_point,
+                 weight[from + l] * it.volume / (2 * M_PI * radius[l]), (const double(*)[WIDTH])row[l], dual[l]);
+      add_products(size, it.count, (const double(*)[4][WIDTH])row, (const double(*)[4][WIDTH])dual, energy);
     }
     eliminate(k, it.count, energy, is_owned ? upper + (size_t)n * (first - 2) * size : NULL);
     for (int i = 0; i < x; ++i)
@@ -111,7 +136,7 @@ INLINE void stresses(const int k, long long owned, const double *corners, const 
   const int first = inner(k), size = unknowns(k), w = inputs(k), N = piece_nodes(k), b = body_forces(k);
   const int forces = 6 * facet_nodes(k), given = size - 1;
   for (long long n = 0; n < owned; ++n) {
-    element it;
+    element it = {0};
     double input[WIDTH] = {0}, reference[2][WIDTH];
     set_element(k, corners + 6 * n, on_axis + 3 * n, at_middles, &it);
     memcpy(input + first, x + n * forces, forces * sizeof(double));
@@ -132,17 +157,20 @@ INLINE void stresses(const int k, long long owned, const double *corners, const 
       input[c] = sum;
     }
     for (int c = it.count - 1; c >= 0; --c)
-      reflected(k, it.reflector[c], c, input);
+      reflected(k, it.reflector[c], input);
     for (int i = 0; i < 2; ++i)
-      for (int j = 0; j < w; ++j)
-        reference[i][j] = it.factor[i][j] * input[j];
+      for (int j = 0; j < w; j += BLOCK)
+        AS_BLOCK(reference[i] + j) = CONST_BLOCK(it.factor[i] + j) * CONST_BLOCK(input + j);
     for (int at = 0; at < 3 * N; ++at) {
-      const double *table = at_nodes + (size_t)at * 6 * w;
-      double value[3] = {0}, *to = stress + (n * 3 * N + at) * 4;
-      for (int s = 0; s < 3; ++s)
+      const double *table = at_nodes + (size_t)at * 6 * in_blocks(w);
+      double value[3], *to = stress + (n * 3 * N + at) * 4;
+      for (int s = 0; s < 3; ++s) {
+        block sum = {0};
         for (int i = 0; i < 2; ++i)
-          for (int j = 0; j < w; ++j)
-            value[s] += table[(2 * s + i) * w + j] * reference[i][j];
+          for (int j = 0; j < w; j += BLOCK)
+            sum += CONST_BLOCK(table + (2 * s + i) * in_blocks(w) + j) * CONST_BLOCK(reference[i] + j);
+        value[s] = total(sum);
+      }
       for (int a = 0; a < 3; ++a)
         to[a] = it.piola[a][0] * value[0] + it.piola[a][1] * value[1] + it.piola[a][2] * value[2];
       const int piece = at / N;

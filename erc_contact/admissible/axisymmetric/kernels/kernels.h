@@ -27,16 +27,16 @@ double ring_energy(int k, long long owned, const int *facets, const long long *s
 
 /* axisymmetric/tighten.py: factors of the patches, one after the other; flows tells which of them have a flux. */
 int ring_patches(int m, long long patches, const int *ring, const int *size, const int *facets,
-                 const long long *side, long long F, const double *along, const double *spread,
-                 const _Bool *flows, const double *matrix, double *factor);
+                 const long long *side, long long F, const double *basis, const _Bool *flows,
+                 const double *matrix, double *factor);
 
 /* axisymmetric/tighten.py: adds to z (F, m, 2) the corrections of the patches for the residual r. */
-int ring_corrections(int m, long long patches, const int *ring, const int *size, const double *along,
-                     const double *spread, const _Bool *flows, const double *factor, const double *r, double *z);
+int ring_corrections(int m, long long patches, const int *ring, const int *size, const double *basis,
+                     const _Bool *flows, const double *factor, const double *r, double *z);
 
-/* error/rings.py: |S - C eps|^2 and |S + C eps|^2 of some cells, by a rule with q points in each piece. */
+/* error/rings.py: |S - C eps|^2 and |S + C eps|^2 of some pieces, by a rule with q points in barycentric coordinates;
+   number is 3 cell + piece. */
 void ring_squares(int k, long long count, const long long *number, const double *corners, const double *volume,
-                  int q, const double *places, const double *weight, const double *of_piece,
-                  const double *of_strain, const double *of_radial, long long by_cell, const double *stiffness,
-                  const double *compliance, const double *stress, const double *strain, const double *radial,
-                  double *square);
+                  int q, const double *points, const double *weight, long long by_cell,
+                  const double *stiffness, const double *compliance, const double *stress,
+                  const double *strain, const double *radial, double *square);

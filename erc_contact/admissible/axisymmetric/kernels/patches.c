@@ -43,108 +43,123 @@ double ring_energy(int k, long long owned, const int *facets, const long long *s
                 : product_with(18, owned, facets, side, matrix, slope, x, y);
 }
 
-/* Forces of a facet by the flux and its amounts, on the side of a cell, shape (2 m, 2 m). */
-INLINE void acting(const int m, const double *along, const double *spread, double flux, double sign, double (*acts)[6])
+/* Columns of a facet's basis (2 m, BLOCK): an axial force of 1, then its amounts. */
+
+/* Energies of a cell for what acts on its facets f and g, shape (2 m, BLOCK). */
+INLINE void energies_between(const int m, const double *matrix, int f, int g, const double *basis_f,
+                             const double *basis_g, double (*energy)[BLOCK])
 {
-  for (int i = 0; i < 2 * m; ++i) {
-    acts[i][0] = i % 2 ? sign * flux * spread[i / 2] : 0.0;
-    for (int j = 0; j < 2 * m - 1; ++j)
-      acts[i][1 + j] = sign * along[i * (2 * m - 1) + j];
+  const int x = 6 * m, size = 2 * m;
+  block half[6];
+  for (int i = 0; i < size; ++i) {
+    half[i] = (block){0};
+    for (int j = 0; j < size; ++j)
+      half[i] += matrix[(f * size + i) * x + g * size + j] * CONST_BLOCK(basis_g + j * BLOCK);
+  }
+  for (int e = 0; e < size; ++e) {
+    block sum = {0};
+    for (int i = 0; i < size; ++i)
+      sum += basis_f[i * BLOCK + e] * half[i];
+    AS_BLOCK(energy[e]) = sum;
   }
 }
 
-/* Add to A, row by row of a lower triangle, the energies of a cell for what acts on its facets f and g. */
-INLINE void add_block(const int m, const double *matrix, int f, int g, const double (*on_f)[6], const double (*on_g)[6],
-                      int first_f, int first_g, double *A)
+/* Add them to the upper triangle of A, columns apart by stride. The flux is unknown 0, and has a part on both facets. */
+INLINE void add_energies(const int m, const double (*energy)[BLOCK], double sign, double flux_f, double flux_g, int first_f,
+                         int first_g, int stride, double *A)
 {
-  const int x = 6 * m, size = 2 * m;
-  double half[6][6] = {{0}};
-  for (int i = 0; i < size; ++i)
-    for (int j = 0; j < size; ++j)
-      for (int c = 0; c < size; ++c)
-        half[i][c] += matrix[(f * size + i) * x + g * size + j] * on_g[j][c];
-  for (int c = 0; c < size; ++c) {
-    const int row = c ? first_f + c - 1 : 0;
-    for (int e = 0; e < size; ++e) {
-      const int column = e ? first_g + e - 1 : 0;
-      /* Of two blocks that are transposed the lower one counts; on the diagonal both do. */
-      if (column > row)
-        continue;
-      double sum = 0.0;
-      for (int i = 0; i < size; ++i)
-        sum += on_f[i][c] * half[i][e];
-      A[(size_t)row * (row + 1) / 2 + column] += sum;
-    }
-  }
+  const int each = 2 * m - 1;
+  A[0] += sign * flux_f * flux_g * energy[0][0];
+  for (int c = 0; c < each; ++c)
+    A[first_g + c] += sign * flux_f * energy[0][1 + c];
+  for (int e = 0; e < each; ++e)
+    for (int c = 0; c < each; ++c)
+      A[(first_f + e) * stride + first_g + c] += sign * energy[1 + e][1 + c];
 }
 
 /* The matrix of a patch. */
 INLINE void assemble(const int m, int count, const int *ring, const int *facets, const long long *side, long long F,
-                     const double *along, const double *spread, _Bool flows, const double *matrix, double *A)
+                     const double *basis, _Bool flows, const double *matrix, int stride, double *A)
 {
-  const int x = 6 * m, each = 2 * m - 1;
+  const int x = 6 * m, each = 2 * m - 1, entries = 2 * m * BLOCK;
   for (int i = 0; i < count; ++i) {
     const int facet = ring[i] / 4, beyond = ring[i] % 2 == 0;
     if (beyond && side[F + facet] == side[facet])
       continue;
-    const long long place = side[beyond ? F + facet : facet], cell = place / 3;
+    const long long cell = side[beyond ? F + facet : facet] / 3;
     const int next = (i + 1) % count, ends = next == i ? 1 : 2, number[2] = {i, next};
-    double acts[2][6][6];
+    const double *basis_of[2];
+    double sign[2], flux[2], energy[6][BLOCK];
     int local[2], first[2];
     for (int e = 0; e < ends; ++e) {
       const int code = ring[number[e]], here = code / 4;
-      const double sense = code % 2 ? 1.0 : -1.0;
       local[e] = facets[3 * cell] == here ? 0 : facets[3 * cell + 1] == here ? 1 : 2;
-      const double sign = side[here] == 3 * cell + local[e] ? 1.0 : -1.0;
+      sign[e] = side[here] == 3 * cell + local[e] ? 1.0 : -1.0;
+      flux[e] = !flows ? 0.0 : code % 2 ? 1.0 : -1.0;
       first[e] = 1 + number[e] * each;
-      acting(m, along + (size_t)here * 2 * m * each, spread + (size_t)here * m, flows ? sense : 0.0, sign, acts[e]);
+      basis_of[e] = basis + (size_t)here * entries;
     }
+    /* Blocks below the diagonal do not count, but the flux of their facet does. */
     for (int e = 0; e < ends; ++e)
-      for (int g = 0; g < ends; ++g)
-        add_block(m, matrix + (size_t)cell * x * x, local[e], local[g], (const double(*)[6])acts[e],
-                  (const double(*)[6])acts[g], first[e], first[g], A);
+      for (int g = 0; g < ends; ++g) {
+        energies_between(m, matrix + (size_t)cell * x * x, local[e], local[g], basis_of[e], basis_of[g], energy);
+        add_energies(m, (const double(*)[BLOCK])energy, sign[e] * sign[g], flux[e], flux[g], first[e], first[g], stride, A);
+      }
   }
 }
 
-/* Cholesky factor in place, with the inverses of its diagonal: 0 for what has no energy of its own. */
-INLINE void factorise(int size, double *A)
+/* Factor U of A = U^T U, row by row, with the inverses of its diagonal: 0 for what has no energy of its own. A is lost. */
+INLINE void factorise(int size, int stride, double *A, double *factor)
 {
   for (int i = 0; i < size; ++i) {
-    double *row = A + (size_t)i * (i + 1) / 2;
-    const double whole = row[i];
-    for (int j = 0; j <= i; ++j) {
-      const double *other = A + (size_t)j * (j + 1) / 2;
-      double sum[4] = {row[j], 0, 0, 0};
-      int c = 0;
-      /* Four sums at once hide how long each of them takes. */
-      for (; c + 3 < j; c += 4)
-        for (int l = 0; l < 4; ++l)
-          sum[l] -= row[c + l] * other[c + l];
-      for (; c < j; ++c)
-        sum[0] -= row[c] * other[c];
-      const double left = (sum[0] + sum[1]) + (sum[2] + sum[3]);
-      row[j] = j < i ? left * other[j] : left;
+    double *row = A + (size_t)i * stride;
+    /* Behind the rows stand the diagonals of A. */
+    const double share = row[i] > 1e-14 * A[(size_t)size * stride + i] ? 1 / sqrt(row[i]) : 0.0;
+    for (int j = i & ~(BLOCK - 1); j < stride; j += BLOCK)
+      AS_BLOCK(row + j) *= share;
+    for (int r = i + 1; r < size; ++r) {
+      double *other = A + (size_t)r * stride;
+      const double times = row[r];
+      for (int j = r & ~(BLOCK - 1); j < stride; j += BLOCK)
+        AS_BLOCK(other + j) -= times * CONST_BLOCK(row + j);
     }
-    row[i] = row[i] > 1e-14 * whole ? 1 / sqrt(row[i]) : 0.0;
+    *factor++ = share;
+    memcpy(factor, row + i + 1, (size - i - 1) * sizeof(double));
+    factor += size - i - 1;
   }
+}
+
+/* The greatest number of unknowns of a patch. */
+INLINE int most_unknowns(int m, long long patches, const int *size)
+{
+  int largest = 1;
+  for (long long p = 0; p < patches; ++p)
+    largest = size[p] > largest ? size[p] : largest;
+  return 1 + largest * (2 * m - 1);
 }
 
 int ring_patches(int m, long long patches, const int *ring, const int *size, const int *facets,
-                 const long long *side, long long F, const double *along, const double *spread,
-                 const _Bool *flows, const double *matrix, double *factor)
+                 const long long *side, long long F, const double *basis, const _Bool *flows,
+                 const double *matrix, double *factor)
 {
+  const size_t most = in_blocks(most_unknowns(m, patches, size));
+  double *A = aligned_alloc(BLOCK * sizeof(double), (most + 1) * most * sizeof(double));
+  if (!A)
+    return -1;
   for (long long p = 0; p < patches; ++p) {
-    const int unknowns = 1 + size[p] * (2 * m - 1);
-    const size_t entries = (size_t)unknowns * (unknowns + 1) / 2;
-    memset(factor, 0, entries * sizeof(double));
+    const int unknowns = 1 + size[p] * (2 * m - 1), stride = in_blocks(unknowns);
+    memset(A, 0, (size_t)unknowns * stride * sizeof(double));
     if (m == 2)
-      assemble(2, size[p], ring, facets, side, F, along, spread, flows[p], matrix, factor);
+      assemble(2, size[p], ring, facets, side, F, basis, flows[p], matrix, stride, A);
     else
-      assemble(3, size[p], ring, facets, side, F, along, spread, flows[p], matrix, factor);
-    factorise(unknowns, factor);
-    factor += entries;
+      assemble(3, size[p], ring, facets, side, F, basis, flows[p], matrix, stride, A);
+    for (int i = 0; i < unknowns; ++i)
+      A[(size_t)unknowns * stride + i] = A[(size_t)i * stride + i];
+    factorise(unknowns, stride, A, factor);
+    factor += (size_t)unknowns * (unknowns + 1) / 2;
     ring += size[p];
   }
+  free(A);
   return 0;
 }
 
@@ -152,73 +167,68 @@ int ring_patches(int m, long long patches, const int *ring, const int *size, con
 INLINE void solve(int size, const double *factor, double *y)
 {
   for (int i = 0; i < size; ++i) {
-    const double *row = factor + (size_t)i * (i + 1) / 2;
-    double sum[4] = {y[i], 0, 0, 0};
-    int j = 0;
-    for (; j + 3 < i; j += 4)
-      for (int l = 0; l < 4; ++l)
-        sum[l] -= row[j + l] * y[j + l];
-    for (; j < i; ++j)
-      sum[0] -= row[j] * y[j];
-    y[i] = ((sum[0] + sum[1]) + (sum[2] + sum[3])) * row[i];
+    y[i] *= *factor++;
+    for (int j = i + 1; j < size; ++j)
+      y[j] -= *factor++ * y[i];
   }
   for (int i = size - 1; i >= 0; --i) {
-    const double *row = factor + (size_t)i * (i + 1) / 2;
-    y[i] *= row[i];
-    for (int j = 0; j < i; ++j)
-      y[j] -= row[j] * y[i];
+    factor -= size - i;
+    double sum[4] = {y[i], 0, 0, 0};
+    int j = 1;
+    /* Four sums at once hide how long each of them takes. */
+    for (; j + 3 < size - i; j += 4)
+      for (int l = 0; l < 4; ++l)
+        sum[l] -= factor[j + l] * y[i + j + l];
+    for (; j < size - i; ++j)
+      sum[0] -= factor[j] * y[i + j];
+    y[i] = ((sum[0] + sum[1]) + (sum[2] + sum[3])) * factor[0];
   }
 }
 
-INLINE void corrected(const int m, int count, const int *ring, const double *along, const double *spread, _Bool flows,
-                      const double *factor, const double *r, double *z, double *y)
+/* Add to z what the unknowns y of a patch are on its facets, for the residual r. */
+INLINE void corrected(const int m, int count, const int *ring, const double *basis, _Bool flows, const double *factor,
+                      const double *r, double *z, double *y)
 {
-  const int each = 2 * m - 1;
+  const int each = 2 * m - 1, size = 2 * m;
   y[0] = 0.0;
   for (int i = 0; i < count; ++i) {
     const int facet = ring[i] / 4;
-    const double *acts = along + (size_t)facet * 2 * m * each, *of_facet = r + (size_t)facet * 2 * m;
-    double *to = y + 1 + i * each, flux = 0.0;
-    for (int j = 0; j < m; ++j)
-      flux += spread[(size_t)facet * m + j] * of_facet[2 * j + 1];
+    const double *acts = basis + (size_t)facet * size * BLOCK;
+    block work = {0};
+    for (int c = 0; c < size; ++c)
+      work += r[(size_t)facet * size + c] * CONST_BLOCK(acts + c * BLOCK);
     if (flows)
-      y[0] += ring[i] % 2 ? flux : -flux;
+      y[0] += ring[i] % 2 ? work[0] : -work[0];
     for (int j = 0; j < each; ++j)
-      to[j] = 0.0;
-    for (int c = 0; c < 2 * m; ++c)
-      for (int j = 0; j < each; ++j)
-        to[j] += acts[c * each + j] * of_facet[c];
+      y[1 + i * each + j] = work[1 + j];
   }
   solve(1 + count * each, factor, y);
   for (int i = 0; i < count; ++i) {
     const int facet = ring[i] / 4;
-    const double *acts = along + (size_t)facet * 2 * m * each, *from = y + 1 + i * each;
-    const double flux = !flows ? 0.0 : ring[i] % 2 ? y[0] : -y[0];
-    double *to = z + (size_t)facet * 2 * m;
-    for (int c = 0; c < 2 * m; ++c) {
-      double sum = c % 2 ? flux * spread[(size_t)facet * m + c / 2] : 0.0;
-      for (int j = 0; j < each; ++j)
-        sum += acts[c * each + j] * from[j];
-      to[c] += sum;
+    const double *acts = basis + (size_t)facet * size * BLOCK;
+    double amount[BLOCK] = {!flows ? 0.0 : ring[i] % 2 ? y[0] : -y[0]};
+    memcpy(amount + 1, y + 1 + i * each, each * sizeof(double));
+    for (int c = 0; c < size; ++c) {
+      double sum = 0.0;
+      for (int j = 0; j < size; ++j)
+        sum += acts[c * BLOCK + j] * amount[j];
+      z[(size_t)facet * size + c] += sum;
     }
   }
 }
 
-int ring_corrections(int m, long long patches, const int *ring, const int *size, const double *along,
-                     const double *spread, const _Bool *flows, const double *factor, const double *r, double *z)
+int ring_corrections(int m, long long patches, const int *ring, const int *size, const double *basis,
+                     const _Bool *flows, const double *factor, const double *r, double *z)
 {
-  int largest = 1;
-  for (long long p = 0; p < patches; ++p)
-    largest = size[p] > largest ? size[p] : largest;
-  double *y = malloc((1 + (size_t)largest * (2 * m - 1)) * sizeof(double));
+  double *y = malloc(most_unknowns(m, patches, size) * sizeof(double));
   if (!y)
     return -1;
   for (long long p = 0; p < patches; ++p) {
     const int unknowns = 1 + size[p] * (2 * m - 1);
     if (m == 2)
-      corrected(2, size[p], ring, along, spread, flows[p], factor, r, z, y);
+      corrected(2, size[p], ring, basis, flows[p], factor, r, z, y);
     else
-      corrected(3, size[p], ring, along, spread, flows[p], factor, r, z, y);
+      corrected(3, size[p], ring, basis, flows[p], factor, r, z, y);
     factor += (size_t)unknowns * (unknowns + 1) / 2;
     ring += size[p];
   }
