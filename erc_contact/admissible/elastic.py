@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
@@ -25,6 +26,9 @@ from erc_contact.mesh.simplex import (
 from erc_contact.model.constitution import act
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
+
+CHUNK = 2048
+"""Number of cells that are worked on at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,18 +73,19 @@ class CellStrains:
         radial = polynomials(self.degree, places), self.radial[cell][..., None]
         return _with_hoop(in_plane, radial, x)
 
-    def at_points(self, points: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the strain at the same points of the first cells [-], as :meth:`at`.
+    def at_points(self, chunk: slice, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the strain at the same points of some cells [-], as :meth:`at`.
 
         Args:
+            chunk: The n cells.
             points: Reference points, shape (q, d).
             x: The points [length], shape (n, q, d).
         """
-        count, d = len(x), points.shape[1]
-        in_plane = bernstein(d, self.degree - 1, points), self.in_plane[:count]
+        d = points.shape[1]
+        in_plane = bernstein(d, self.degree - 1, points), self.in_plane[chunk]
         if self.radial is None:
             return np.matmul(*in_plane)
-        radial = bernstein(d, self.degree, points), self.radial[:count, :, None]
+        radial = bernstein(d, self.degree, points), self.radial[chunk, :, None]
         return _with_hoop(in_plane, radial, x)
 
 
@@ -170,9 +175,7 @@ def elastic_coefficients(
     d, k = cells.d, cells.degree
     _, points, _ = macro_points(d, k)
     if model.axisymmetric:
-        strain = strains_at(model, cells, u, points, count)
-        places = macro_places(model, cells, count)
-        return model.constitution.stress(strain, places, _numbers(count))
+        return _coefficients_of_rings(model, cells, u, count)
     stiffness = macro_moduli(model, cells, count)
     strain = strains(cells, u)[:count]
     given = None
@@ -184,6 +187,20 @@ def elastic_coefficients(
     if given is not None:
         strain = strain - given
     return act(stiffness, strain)
+
+
+def _coefficients_of_rings(
+    model: Model, cells: CellGeometry, u: fem.Function, count: int
+) -> np.ndarray:
+    """Return :func:`elastic_coefficients` of an axisymmetric body."""
+    strain = CellStrains.of(model, cells, u)
+    _, points, _ = macro_points(cells.d, cells.degree)
+    values = np.empty((count, len(points), strain.in_plane.shape[2] + 1))
+    for chunk in _chunks(count):
+        x = np.matmul(barycentric(points), cells.corners[chunk])
+        numbers = _numbers(count)[chunk]
+        values[chunk] = model.constitution.stress(strain.at_points(chunk, points, x), x, numbers)
+    return values
 
 
 def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
@@ -208,7 +225,7 @@ def strains_at(
     See :func:`moduli` for the arguments. Shape (count, q, s).
     """
     x = _places(cells, points, count, True)
-    return CellStrains.of(model, cells, u).at_points(points, x)
+    return CellStrains.of(model, cells, u).at_points(slice(count), points, x)
 
 
 def macro_places(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
@@ -325,16 +342,27 @@ def _stress_of_rings(
     """Return :func:`cell_stress` of an axisymmetric body, by the rule of the solver."""
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
-    count = len(cells.nodes)
-    strain = strains_at(model, cells, u, points, count)
-    x = _places(cells, points, count, True)
+    to_hoop = weights[:, None] * bernstein(d, k, points)
+    to_in_plane = projection(d, k - 1, points, weights)
+    strain = CellStrains.of(model, cells, u)
     law = model.constitution
     stress = law.stress_change if change else law.stress
-    values = stress(strain, x, _numbers(count))
-    if model.hoop_load is not None and not change:
-        values[..., -1] -= model.hoop_load(x, _numbers(count))
-    # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
-    force = values[..., -1] / x[..., 0]
-    hoop = cells.volume[:, None] * (force @ (weights[:, None] * bernstein(d, k, points)))
-    in_plane = np.matmul(projection(d, k - 1, points, weights), values[..., :-1])
-    return CellStress(tensors(in_plane, d), hoop)
+    count = len(cells.nodes)
+    in_plane = np.empty_like(strain.in_plane)
+    hoop = np.empty((count, to_hoop.shape[1]))
+    for chunk in _chunks(count):
+        x = np.matmul(barycentric(points), cells.corners[chunk])
+        numbers = _numbers(count)[chunk]
+        values = stress(strain.at_points(chunk, points, x), x, numbers)
+        if model.hoop_load is not None and not change:
+            values[..., -1] -= model.hoop_load(x, numbers)
+        # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
+        hoop[chunk] = (values[..., -1] / x[..., 0]) @ to_hoop
+        np.matmul(to_in_plane, values[..., :-1], out=in_plane[chunk])
+    return CellStress(tensors(in_plane, d), cells.volume[:, None] * hoop)
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    """Return slices of some cells each, whose values stay in the cache."""
+    for start in range(0, count, CHUNK):
+        yield slice(start, min(start + CHUNK, count))

@@ -19,7 +19,7 @@ from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 
-SERIES = (0, 1, 2, 4, 8, 16)
+SERIES = (0, 1, 2, 4, 8, 16, 24)
 """Degrees of the series of 1/r beyond which rules are not exact."""
 SERIES_SHARE = 0.1
 """What the series may leave of what integrals may leave unknown [-]."""

@@ -60,7 +60,8 @@ class Energies:
     e``. Here S_0 is a given stress.
 
     Attributes:
-        matrix: A, shape (n, 6 m, 6 m).
+        matrix: A, by blocks between facets f >= g, row by row of them, shape
+            (n, 6, 2 m, 2 m).
         slope: g of the owned cells, shape (owned, 6 m).
         least: e of the owned cells, shape (owned,).
         upper: What the least amounts of the owned cells have of the amounts behind
@@ -102,9 +103,10 @@ class Elements:
         k = self.cells.degree
         count, owned = len(self.corners), len(elastic)
         tables = _tables(k)
-        forces = VERTICES * 2 * len(nodes(1, k))
+        of_facet = 2 * len(nodes(1, k))
+        forces = VERTICES * of_facet
         inner = _inner(k)
-        matrix = np.empty((count, forces, forces))
+        matrix = np.empty((count, 6, of_facet, of_facet))
         slope = np.empty((owned, forces))
         least = np.empty(owned)
         # Radial force and moment take two amounts.

@@ -19,7 +19,7 @@ Symbols: F facets, m nodes of a facet, n cells, l = 2 m - 1 free amounts of a fa
 
 from __future__ import annotations
 
-from functools import cache
+from itertools import product
 
 import numpy as np
 from mpi4py import MPI
@@ -101,7 +101,7 @@ class _Patches:
     Args:
         space: The mesh.
         cells: Geometry.
-        matrix: Energies of the cells, shape (n, 6 m, 6 m).
+        matrix: Energies of the cells, see :class:`Energies`.
         free: Coefficients that are not given, shape (F, m, 2).
     """
 
@@ -109,7 +109,7 @@ class _Patches:
         self, space: Space, cells: CellGeometry, matrix: np.ndarray, free: np.ndarray
     ) -> None:
         ring, size = rings(space, cells)
-        basis = _amounts(free)
+        kinds, bases = _bases(free)
         m = free.shape[1]
         # A flux goes around, or from one free facet of the boundary to another one.
         can_flow = free[..., 1].any(axis=1) | cells.has_second
@@ -119,9 +119,9 @@ class _Patches:
         factor = np.empty(int((unknowns * (unknowns + 1) // 2).sum()))
         of_rings = (m, len(size), ring, size)
         geometry = (cells.facets, cells.side, len(free))
-        ring_kernels()("ring_patches", *of_rings, *geometry, basis, flows, matrix, factor)
+        ring_kernels()("ring_patches", *of_rings, *geometry, kinds, bases, flows, matrix, factor)
         self._corrections = ring_kernels().bound(
-            "ring_corrections", *of_rings, basis, flows, factor
+            "ring_corrections", *of_rings, kinds, bases, flows, factor
         )
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
@@ -131,14 +131,14 @@ class _Patches:
         return z
 
 
-@cache
-def _spreads(m: int, marks: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients of resultant 1, and of resultant 0, on the nodes marked.
+def _spreads(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return coefficients of resultant 1, and of resultant 0, on the free nodes (m,).
 
     Returns:
         Shapes (m,) and (m, m-1); columns that there are not are zero.
     """
-    chosen = np.flatnonzero(marks)
+    m = len(free)
+    chosen = np.flatnonzero(free)
     spread = np.zeros(m)
     spread[chosen] = m / max(len(chosen), 1)
     without = np.zeros((m, m - 1))
@@ -148,25 +148,24 @@ def _spreads(m: int, marks: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
     return spread, without
 
 
-def _amounts(free: np.ndarray) -> np.ndarray:
+def _bases(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return what acts on each facet as coefficients.
 
     Args:
         free: Coefficients that are not given, shape (F, m, 2).
 
     Returns:
-        An axial resultant of 1, then the l amounts without axial resultant, then zeros,
-        shape (F, m, 2, BLOCK).
+        The kind of each facet, shape (F,), and for each kind an axial resultant of 1,
+        then the l amounts without axial resultant, then zeros, shape (kinds, m, 2,
+        BLOCK). A kind is a set of free coefficients.
     """
-    count, m, _ = free.shape
-    basis = np.zeros((count, m, 2, BLOCK))
-    # Each set of free nodes has a number: few of them exist.
-    number = free[..., 1] @ (1 << np.arange(m))
-    axial = np.zeros((1 << m, m, m))
-    for of_set in range(1 << m):
-        spread, without = _spreads(m, tuple(bool(of_set >> node & 1) for node in range(m)))
-        axial[of_set] = np.column_stack([spread, without])
-    basis[:, :, 1, :m] = axial[number]
-    for node in range(m):
-        basis[:, node, 0, m + node] = free[:, node, 0]
-    return basis
+    m = free.shape[1]
+    kinds = np.array(list(product((False, True), repeat=2 * m))).reshape(-1, m, 2)
+    bases = np.zeros((len(kinds), m, 2, BLOCK))
+    for basis, of_kind in zip(bases, kinds, strict=True):
+        spread, without = _spreads(of_kind[:, 1])
+        basis[:, 1, :m] = np.column_stack([spread, without])
+        basis[range(m), 0, range(m, 2 * m)] = of_kind[:, 0]
+    places = 1 << np.arange(2 * m)[::-1]
+    kind = free.reshape(len(free), 2 * m) @ places
+    return kind.astype(np.int32), bases

@@ -82,7 +82,8 @@ INLINE void energies(const int k, long long cells, long long owned, const double
                      const double *compliance, const double *force, const double *elastic, double *matrix,
                      double *slope, double *least, double *upper)
 {
-  const int first = inner(k), size = unknowns(k), x = 6 * facet_nodes(k), b = body_forces(k), q = P / 3;
+  const int first = inner(k), size = unknowns(k), each = 2 * facet_nodes(k), x = 3 * each;
+  const int b = body_forces(k), q = P / 3;
   double row[POINTS][4][WIDTH] = {{{0}}}, dual[POINTS][4][WIDTH], energy[WIDTH][WIDTH];
   for (long long n = 0; n < cells; ++n) {
     element it = {0};
@@ -106,9 +107,13 @@ INLINE void energies(const int k, long long cells, long long owned, const double
       add_products(size, it.count, (const double(*)[4][WIDTH])row, (const double(*)[4][WIDTH])dual, energy);
     }
     eliminate(k, it.count, energy, is_owned ? upper + (size_t)n * (first - 2) * size : NULL);
-    for (int i = 0; i < x; ++i)
-      for (int j = i; j < x; ++j)
-        matrix[(n * x + i) * x + j] = matrix[(n * x + j) * x + i] = energy[first + i][first + j];
+    for (int f = 0; f < 3; ++f)
+      for (int g = 0; g <= f; ++g)
+        for (int i = 0; i < each; ++i)
+          for (int j = 0; j < each; ++j) {
+            const int one = f * each + i, two = g * each + j;
+            *matrix++ = one < two ? energy[first + one][first + two] : energy[first + two][first + one];
+          }
     if (is_owned) {
       for (int i = 0; i < x; ++i)
         slope[n * x + i] = energy[first + i][size - 1];

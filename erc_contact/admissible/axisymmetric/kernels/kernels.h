@@ -25,14 +25,15 @@ void ring_missing(int k, long long owned, const double *corners, const _Bool *on
 double ring_energy(int k, long long owned, const int *facets, const long long *side, const double *matrix,
                    const double *slope, const double *x, double *y);
 
-/* axisymmetric/tighten.py: factors of the patches, one after the other; flows tells which of them have a flux. */
+/* axisymmetric/tighten.py: factors of the patches, one after the other. A facet has the basis bases[kind];
+   flows tells which patches have a flux. */
 int ring_patches(int m, long long patches, const int *ring, const int *size, const int *facets,
-                 const long long *side, long long F, const double *basis, const _Bool *flows,
-                 const double *matrix, double *factor);
+                 const long long *side, long long F, const int *kind, const double *bases,
+                 const _Bool *flows, const double *matrix, double *factor);
 
 /* axisymmetric/tighten.py: adds to z (F, m, 2) the corrections of the patches for the residual r. */
-int ring_corrections(int m, long long patches, const int *ring, const int *size, const double *basis,
-                     const _Bool *flows, const double *factor, const double *r, double *z);
+int ring_corrections(int m, long long patches, const int *ring, const int *size, const int *kind,
+                     const double *bases, const _Bool *flows, const double *factor, const double *r, double *z);
 
 /* error/rings.py: |S - C eps|^2 and |S + C eps|^2 of some pieces, by a rule with q points in barycentric coordinates;
    number is 3 cell + piece. */

@@ -5,21 +5,34 @@
 #include "kernels.h"
 #include "cell.h"
 
-INLINE double product_with(const int x, long long owned, const int *facets, const long long *side, const double *matrix,
-                           const double *slope, const double *forces, double *y)
+/* The block of energies of a cell between its facets f >= g. */
+INLINE const double *block_of(const int each, const double *matrix, long long cell, int f, int g)
 {
-  const int each = x / 3;
+  return matrix + (cell * 6 + f * (f + 1) / 2 + g) * each * each;
+}
+
+INLINE double product_with(const int each, long long owned, const int *facets, const long long *side,
+                           const double *matrix, const double *slope, const double *forces, double *y)
+{
+  const int x = 3 * each;
   double energy = 0.0;
   for (long long n = 0; n < owned; ++n) {
-    double input[18], image[18] = {0};
+    double input[18], image[18] = {0}, sign[3];
     for (int f = 0; f < 3; ++f) {
-      const double sign = side[facets[3 * n + f]] == 3 * n + f ? 1.0 : -1.0;
+      sign[f] = side[facets[3 * n + f]] == 3 * n + f ? 1.0 : -1.0;
       for (int i = 0; i < each; ++i)
-        input[f * each + i] = sign * forces[(long long)facets[3 * n + f] * each + i];
+        input[f * each + i] = sign[f] * forces[(long long)facets[3 * n + f] * each + i];
     }
-    for (int j = 0; j < x; ++j)
-      for (int i = 0; i < x; ++i)
-        image[i] += matrix[(n * x + j) * x + i] * input[j];
+    for (int f = 0; f < 3; ++f)
+      for (int g = 0; g <= f; ++g) {
+        const double *entry = block_of(each, matrix, n, f, g);
+        for (int i = 0; i < each; ++i)
+          for (int j = 0; j < each; ++j) {
+            image[f * each + i] += entry[i * each + j] * input[g * each + j];
+            if (f > g)
+              image[g * each + j] += entry[i * each + j] * input[f * each + i];
+          }
+      }
     for (int i = 0; i < x; ++i) {
       energy += input[i] * image[i];
       if (slope) {
@@ -27,11 +40,9 @@ INLINE double product_with(const int x, long long owned, const int *facets, cons
         image[i] += slope[n * x + i];
       }
     }
-    for (int f = 0; f < 3; ++f) {
-      const double sign = side[facets[3 * n + f]] == 3 * n + f ? 1.0 : -1.0;
+    for (int f = 0; f < 3; ++f)
       for (int i = 0; i < each; ++i)
-        y[(long long)facets[3 * n + f] * each + i] += sign * image[f * each + i];
-    }
+        y[(long long)facets[3 * n + f] * each + i] += sign[f] * image[f * each + i];
   }
   return energy;
 }
@@ -39,22 +50,21 @@ INLINE double product_with(const int x, long long owned, const int *facets, cons
 double ring_energy(int k, long long owned, const int *facets, const long long *side, const double *matrix,
                    const double *slope, const double *x, double *y)
 {
-  return k == 1 ? product_with(12, owned, facets, side, matrix, slope, x, y)
-                : product_with(18, owned, facets, side, matrix, slope, x, y);
+  return k == 1 ? product_with(4, owned, facets, side, matrix, slope, x, y)
+                : product_with(6, owned, facets, side, matrix, slope, x, y);
 }
 
-/* Columns of a facet's basis (2 m, BLOCK): an axial force of 1, then its amounts. */
-
-/* Energies of a cell for what acts on its facets f and g, shape (2 m, BLOCK). */
-INLINE void energies_between(const int m, const double *matrix, int f, int g, const double *basis_f,
-                             const double *basis_g, double (*energy)[BLOCK])
+/* Energies of a cell for what acts on its facets f >= g, in terms of their bases (2 m, BLOCK): an axial force of 1, then
+   the amounts of the facet. */
+INLINE void energies_between(const int m, const double *entry, const double *basis_f, const double *basis_g,
+                             double (*energy)[BLOCK])
 {
-  const int x = 6 * m, size = 2 * m;
+  const int size = 2 * m;
   block half[6];
   for (int i = 0; i < size; ++i) {
     half[i] = (block){0};
     for (int j = 0; j < size; ++j)
-      half[i] += matrix[(f * size + i) * x + g * size + j] * CONST_BLOCK(basis_g + j * BLOCK);
+      half[i] += entry[i * size + j] * CONST_BLOCK(basis_g + j * BLOCK);
   }
   for (int e = 0; e < size; ++e) {
     block sum = {0};
@@ -64,31 +74,44 @@ INLINE void energies_between(const int m, const double *matrix, int f, int g, co
   }
 }
 
-/* Add them to the upper triangle of A, columns apart by stride. The flux is unknown 0, and has a part on both facets. */
+/* Add them to the upper triangle of A, of rows apart by stride. The flux is unknown 0, and acts on both facets. */
 INLINE void add_energies(const int m, const double (*energy)[BLOCK], double sign, double flux_f, double flux_g, int first_f,
                          int first_g, int stride, double *A)
 {
   const int each = 2 * m - 1;
-  A[0] += sign * flux_f * flux_g * energy[0][0];
-  for (int c = 0; c < each; ++c)
+  if (first_f == first_g) {
+    A[0] += flux_f * flux_f * energy[0][0];
+    for (int c = 0; c < each; ++c) {
+      A[first_f + c] += flux_f * energy[0][1 + c];
+      for (int e = 0; e < each; ++e)
+        A[(first_f + e) * stride + first_f + c] += energy[1 + e][1 + c];
+    }
+    return;
+  }
+  A[0] += 2 * sign * flux_f * flux_g * energy[0][0];
+  for (int c = 0; c < each; ++c) {
     A[first_g + c] += sign * flux_f * energy[0][1 + c];
-  for (int e = 0; e < each; ++e)
-    for (int c = 0; c < each; ++c)
-      A[(first_f + e) * stride + first_g + c] += sign * energy[1 + e][1 + c];
+    A[first_f + c] += sign * flux_g * energy[1 + c][0];
+    for (int e = 0; e < each; ++e)
+      if (first_f < first_g)
+        A[(first_f + e) * stride + first_g + c] += sign * energy[1 + e][1 + c];
+      else
+        A[(first_g + c) * stride + first_f + e] += sign * energy[1 + e][1 + c];
+  }
 }
 
 /* The matrix of a patch. */
 INLINE void assemble(const int m, int count, const int *ring, const int *facets, const long long *side, long long F,
-                     const double *basis, _Bool flows, const double *matrix, int stride, double *A)
+                     const int *kind, const double *bases, _Bool flows, const double *matrix, int stride, double *A)
 {
-  const int x = 6 * m, each = 2 * m - 1, entries = 2 * m * BLOCK;
+  const int each = 2 * m - 1, entries = 2 * m * BLOCK;
   for (int i = 0; i < count; ++i) {
     const int facet = ring[i] / 4, beyond = ring[i] % 2 == 0;
     if (beyond && side[F + facet] == side[facet])
       continue;
     const long long cell = side[beyond ? F + facet : facet] / 3;
     const int next = (i + 1) % count, ends = next == i ? 1 : 2, number[2] = {i, next};
-    const double *basis_of[2];
+    const double *basis[2];
     double sign[2], flux[2], energy[6][BLOCK];
     int local[2], first[2];
     for (int e = 0; e < ends; ++e) {
@@ -97,12 +120,13 @@ INLINE void assemble(const int m, int count, const int *ring, const int *facets,
       sign[e] = side[here] == 3 * cell + local[e] ? 1.0 : -1.0;
       flux[e] = !flows ? 0.0 : code % 2 ? 1.0 : -1.0;
       first[e] = 1 + number[e] * each;
-      basis_of[e] = basis + (size_t)here * entries;
+      basis[e] = bases + (size_t)kind[here] * entries;
     }
-    /* Blocks below the diagonal do not count, but the flux of their facet does. */
     for (int e = 0; e < ends; ++e)
       for (int g = 0; g < ends; ++g) {
-        energies_between(m, matrix + (size_t)cell * x * x, local[e], local[g], basis_of[e], basis_of[g], energy);
+        if (local[e] < local[g])
+          continue;
+        energies_between(m, block_of(2 * m, matrix, cell, local[e], local[g]), basis[e], basis[g], energy);
         add_energies(m, (const double(*)[BLOCK])energy, sign[e] * sign[g], flux[e], flux[g], first[e], first[g], stride, A);
       }
   }
@@ -139,8 +163,8 @@ INLINE int most_unknowns(int m, long long patches, const int *size)
 }
 
 int ring_patches(int m, long long patches, const int *ring, const int *size, const int *facets,
-                 const long long *side, long long F, const double *basis, const _Bool *flows,
-                 const double *matrix, double *factor)
+                 const long long *side, long long F, const int *kind, const double *bases,
+                 const _Bool *flows, const double *matrix, double *factor)
 {
   const size_t most = in_blocks(most_unknowns(m, patches, size));
   double *A = aligned_alloc(BLOCK * sizeof(double), (most + 1) * most * sizeof(double));
@@ -150,9 +174,9 @@ int ring_patches(int m, long long patches, const int *ring, const int *size, con
     const int unknowns = 1 + size[p] * (2 * m - 1), stride = in_blocks(unknowns);
     memset(A, 0, (size_t)unknowns * stride * sizeof(double));
     if (m == 2)
-      assemble(2, size[p], ring, facets, side, F, basis, flows[p], matrix, stride, A);
+      assemble(2, size[p], ring, facets, side, F, kind, bases, flows[p], matrix, stride, A);
     else
-      assemble(3, size[p], ring, facets, side, F, basis, flows[p], matrix, stride, A);
+      assemble(3, size[p], ring, facets, side, F, kind, bases, flows[p], matrix, stride, A);
     for (int i = 0; i < unknowns; ++i)
       A[(size_t)unknowns * stride + i] = A[(size_t)i * stride + i];
     factorise(unknowns, stride, A, factor);
@@ -186,14 +210,14 @@ INLINE void solve(int size, const double *factor, double *y)
 }
 
 /* Add to z what the unknowns y of a patch are on its facets, for the residual r. */
-INLINE void corrected(const int m, int count, const int *ring, const double *basis, _Bool flows, const double *factor,
-                      const double *r, double *z, double *y)
+INLINE void corrected(const int m, int count, const int *ring, const int *kind, const double *bases, _Bool flows,
+                      const double *factor, const double *r, double *z, double *y)
 {
   const int each = 2 * m - 1, size = 2 * m;
   y[0] = 0.0;
   for (int i = 0; i < count; ++i) {
     const int facet = ring[i] / 4;
-    const double *acts = basis + (size_t)facet * size * BLOCK;
+    const double *acts = bases + (size_t)kind[facet] * size * BLOCK;
     block work = {0};
     for (int c = 0; c < size; ++c)
       work += r[(size_t)facet * size + c] * CONST_BLOCK(acts + c * BLOCK);
@@ -205,7 +229,7 @@ INLINE void corrected(const int m, int count, const int *ring, const double *bas
   solve(1 + count * each, factor, y);
   for (int i = 0; i < count; ++i) {
     const int facet = ring[i] / 4;
-    const double *acts = basis + (size_t)facet * size * BLOCK;
+    const double *acts = bases + (size_t)kind[facet] * size * BLOCK;
     double amount[BLOCK] = {!flows ? 0.0 : ring[i] % 2 ? y[0] : -y[0]};
     memcpy(amount + 1, y + 1 + i * each, each * sizeof(double));
     for (int c = 0; c < size; ++c) {
@@ -217,8 +241,8 @@ INLINE void corrected(const int m, int count, const int *ring, const double *bas
   }
 }
 
-int ring_corrections(int m, long long patches, const int *ring, const int *size, const double *basis,
-                     const _Bool *flows, const double *factor, const double *r, double *z)
+int ring_corrections(int m, long long patches, const int *ring, const int *size, const int *kind,
+                     const double *bases, const _Bool *flows, const double *factor, const double *r, double *z)
 {
   double *y = malloc(most_unknowns(m, patches, size) * sizeof(double));
   if (!y)
@@ -226,9 +250,9 @@ int ring_corrections(int m, long long patches, const int *ring, const int *size,
   for (long long p = 0; p < patches; ++p) {
     const int unknowns = 1 + size[p] * (2 * m - 1);
     if (m == 2)
-      corrected(2, size[p], ring, basis, flows[p], factor, r, z, y);
+      corrected(2, size[p], ring, kind, bases, flows[p], factor, r, z, y);
     else
-      corrected(3, size[p], ring, basis, flows[p], factor, r, z, y);
+      corrected(3, size[p], ring, kind, bases, flows[p], factor, r, z, y);
     factor += (size_t)unknowns * (unknowns + 1) / 2;
     ring += size[p];
   }
