@@ -155,11 +155,13 @@ def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     of_cells = pair.model.owned_cells
     strain_v = CellStrains.of(pair.model, pair.cell_geometry, v)
 
-    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        hoop = load(x, of_cells[entity])[..., None]
-        return hoop * strain_v.at(entity, places, x)[..., -1:]
+    def hoop_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return load(x, of_cells[entity])[..., None]
 
-    return _over_cells(pair, density)
+    def strain_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return strain_v.at(entity, places, x)[..., -1:]
+
+    return _over_cells(pair, hoop_at, strain_at)
 
 
 def friction_work(
