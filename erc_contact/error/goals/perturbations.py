@@ -15,6 +15,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
+from erc_contact.error.goals.intensity_perturbation import stress_intensity
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
@@ -28,10 +29,13 @@ from erc_contact.scene.goal import (
     Moment,
     Resultant,
     Rotation,
+    StressIntensity,
 )
 
 
-def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Perturbation:
+def perturbation_of(
+    error: ConstitutiveError, goal: GoalOfPart | Functional | StressIntensity
+) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
     soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
@@ -42,6 +46,8 @@ def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> 
         )
     if isinstance(goal, Functional):
         return functional(_base_scene(error), goal)
+    if isinstance(goal, StressIntensity):
+        return stress_intensity(error, _base_scene(error), goal)
     vector = _checked_vector(goal, model.d)
     if model.axisymmetric:
         _check_on_rings(model, goal, vector)
