@@ -20,6 +20,7 @@ def nearby_model(scene: Scene, near: Model) -> Model:
 
     Raises:
         InputError: If supports contradict each other, or a load cannot be worked with.
+        NotHeldError: If loads are not in balance on a motion that nothing holds.
     """
     model = copy(near)
     model.scene = scene
@@ -33,4 +34,5 @@ def nearby_model(scene: Scene, near: Model) -> Model:
         is_same = entry is near_entry
         model.contacts.append(contact if is_same else bind_contact(model, entry, model.modulus))
     model.bind_connections()
+    model.anchor()
     return model

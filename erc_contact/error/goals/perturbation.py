@@ -64,6 +64,7 @@ class Perturbation:
         constant: What is added to it.
         step: A first t.
         varies: Whether the moved load varies in space: a mesh may not carry it.
+        size: Size of psi, its value for a unit displacement; 0 if no load moves.
     """
 
     scene_at: Callable[[float], Scene] | None
@@ -72,3 +73,4 @@ class Perturbation:
     constant: BoundedNumber
     step: float
     varies: bool = False
+    size: float = 0.0
