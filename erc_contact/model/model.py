@@ -125,7 +125,6 @@ class Model(Space):
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
         self.gap_limits: dict[ContactOnMesh, np.ndarray] = {}
-        self.bind_connections()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
         check_beside_cuts(self, self.preloads, self._held_facets(), self.contacts)
         self.bodies = bodies_of_nodes(self)
@@ -134,6 +133,7 @@ class Model(Space):
         )
         self.unheld = find_unheld(self, self.bodies, self.fixed, by_all, self.contacts)
         self.anchor()
+        self.bind_connections()
         self.free_motions = free_motions(
             self, self.bodies, self.held_or_anchored, self.springs, self.loose_faces
         )

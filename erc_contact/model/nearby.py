@@ -33,6 +33,6 @@ def nearby_model(scene: Scene, near: Model) -> Model:
         # Forms with the contact of the other model serve this one, too.
         is_same = entry is near_entry
         model.contacts.append(contact if is_same else bind_contact(model, entry, model.modulus))
-    model.bind_connections()
     model.anchor()
+    model.bind_connections()
     return model
