@@ -131,6 +131,62 @@ class Rotation(_PartAboutAxis):
     """
 
 
+@dataclass(frozen=True)
+class Slip:
+    """Ask for the mean slip of a contact: of its part against what it touches.
+
+    Args:
+        part: Name of the boundary part; of a contact between two bodies either side.
+        direction: d numbers, of any length: the slip is taken along it, times its
+            length. In the plane it may be left out: the slip is then along the tangent,
+            which is the outward normal of the part turned counterclockwise.
+
+    Raises:
+        InputError: If the direction is no such sequence.
+
+    Source: the derivative of the energy by a shear that drives the slip. The greatest
+    slip is ``history.maximum("slip")``, an estimate.
+
+    Example:
+        >>> ec.Slip("bottom")
+        Slip(part='bottom', direction=None)
+    """
+
+    part: str
+    direction: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        check_name("Slip", self.part)
+        if self.direction is not None:
+            check_vector(f"Slip({self.part!r})", self.direction, free=False)
+            object.__setattr__(self, "direction", tuple(self.direction))
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Ask for the mean distance of a contact from what it touches [length].
+
+    It is the gap that is left, along the normals of the facets.
+
+    Args:
+        part: Name of the boundary part; of a contact between two bodies either side.
+
+    Source: the derivative of the energy by a pressure that drives the sides apart. The
+    greatest distance is ``history.maximum("gap")``, an estimate.
+
+    Example:
+        >>> ec.Opening("bottom")
+        Opening(part='bottom')
+    """
+
+    part: str
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        check_name("Opening", self.part)
+
+
 @dataclass(frozen=True, repr=False)
 class Functional:
     """Ask for a number that is linear in the displacement, ``int psi . u``.
@@ -186,11 +242,14 @@ class Energy:
     """
 
 
-GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Functional, Energy)
+GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Slip, Opening, Functional, Energy)
 """The kinds of goals."""
 
 type GoalOfPart = Resultant | Moment | MeanDisplacement | Rotation
 """A number of a boundary part."""
 
-type Goal = GoalOfPart | Functional | Energy
+type GoalOfContact = Slip | Opening
+"""A displacement of a contact."""
+
+type Goal = GoalOfPart | GoalOfContact | Functional | Energy
 """A number of the solution."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 from dolfinx import fem
 
 from erc_contact.error.numbers import BoundedNumber
@@ -65,6 +66,7 @@ class Perturbation:
         step: A first t.
         varies: Whether the moved load varies in space: a mesh may not carry it.
         size: Size of psi, its value for a unit displacement; 0 if no load moves.
+        least: What the number is at least.
     """
 
     scene_at: Callable[[float], Scene] | None
@@ -74,3 +76,4 @@ class Perturbation:
     step: float
     varies: bool = False
     size: float = 0.0
+    least: float = -np.inf

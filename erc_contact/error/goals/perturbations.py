@@ -15,23 +15,30 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
+from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
+from erc_contact.newton.methods import OURS
 from erc_contact.scene.goal import (
     Functional,
+    GoalOfContact,
     GoalOfPart,
     MeanDisplacement,
     Moment,
+    Opening,
     Resultant,
     Rotation,
+    Slip,
 )
 
 
-def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Perturbation:
+def perturbation_of(
+    error: ConstitutiveError, goal: GoalOfPart | GoalOfContact | Functional
+) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
     soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
@@ -42,6 +49,14 @@ def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> 
         )
     if isinstance(goal, Functional):
         return functional(_base_scene(error), goal)
+    if isinstance(goal, Slip | Opening):
+        method = error.solution.method
+        if not isinstance(method, OURS):
+            raise InputError(
+                f"{goal!r}: the tractions of {type(method).__name__} may not tell loads on a "
+                "contact from its traction; solve with Nitsche or AugmentedLagrangian."
+            )
+        return jump_perturbation(_base_scene(error), goal)
     vector = _checked_vector(goal, model.d)
     if model.axisymmetric:
         _check_on_rings(model, goal, vector)
