@@ -138,8 +138,7 @@ class BodyForce:
 class Drive:
     """Represent a force on a side of a contact, beside the traction of the contact.
 
-    Goals drive slip or opening by it (:mod:`erc_contact.error.goals.jump_perturbations`).
-    It is the only load that may act on a contact.
+    Goals drive slip or opening by it. It is the only load that may act on a contact.
 
     Attributes:
         facets: Name of the side.
