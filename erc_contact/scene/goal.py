@@ -11,6 +11,18 @@ from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.load import LOAD_MEMBERS, Load
 
 
+def _numbers(what: str, direction: Sequence[float]) -> tuple[float, ...]:
+    """Return a direction as numbers.
+
+    Raises:
+        InputError: If it is no sequence of two or three numbers.
+    """
+    check_vector(what, direction)
+    if callable(direction) or any(callable(component) for component in direction):
+        raise InputError(f"{what}: the direction must be numbers, and the same everywhere.")
+    return tuple(direction)
+
+
 @dataclass(frozen=True)
 class _PartInDirection:
     """Hold and check a boundary part and a direction."""
@@ -22,8 +34,8 @@ class _PartInDirection:
         """Check the arguments."""
         kind = type(self).__name__
         check_name(kind, self.part)
-        check_vector(f"{kind}({self.part!r})", self.direction, free=False)
-        object.__setattr__(self, "direction", tuple(self.direction))
+        direction = _numbers(f"{kind}({self.part!r})", self.direction)
+        object.__setattr__(self, "direction", direction)
 
 
 @dataclass(frozen=True)
@@ -135,6 +147,8 @@ class Rotation(_PartAboutAxis):
 class Slip:
     """Ask for the mean slip of a contact: of its part against what it touches.
 
+    It is the mean over the contact, or over its ring, where it is open, too.
+
     Args:
         part: Name of the boundary part; of a contact between two bodies either side.
         direction: d numbers, of any length: the slip is taken along it, times its
@@ -159,15 +173,16 @@ class Slip:
         """Check the arguments."""
         check_name("Slip", self.part)
         if self.direction is not None:
-            check_vector(f"Slip({self.part!r})", self.direction, free=False)
-            object.__setattr__(self, "direction", tuple(self.direction))
+            direction = _numbers(f"Slip({self.part!r})", self.direction)
+            object.__setattr__(self, "direction", direction)
 
 
 @dataclass(frozen=True)
 class Opening:
     """Ask for the mean distance of a contact from what it touches [length].
 
-    It is the gap that is left, along the normals of the facets.
+    It is the gap that is left along the normals of the contact; between curved sides
+    along the normals of their flat facets.
 
     Args:
         part: Name of the boundary part; of a contact between two bodies either side.

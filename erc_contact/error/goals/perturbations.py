@@ -56,6 +56,8 @@ def perturbation_of(
                 f"{goal!r}: the tractions of {type(method).__name__} may not tell loads on a "
                 "contact from its traction; solve with Nitsche or AugmentedLagrangian."
             )
+        if isinstance(goal, Slip) and goal.direction is not None:
+            _checked(goal, goal.direction, model.d)
         return jump_perturbation(_base_scene(error), goal)
     vector = _checked_vector(goal, model.d)
     if model.axisymmetric:
@@ -118,7 +120,7 @@ def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:
     return np.ones(1)
 
 
-def _checked(goal: GoalOfPart, vector: Sequence[float], d: int) -> np.ndarray:
+def _checked(goal: GoalOfPart | Slip, vector: Sequence[float], d: int) -> np.ndarray:
     """Return a vector of a goal, of d finite numbers."""
     a = np.asarray(vector, dtype=float)
     if a.shape != (d,) or not np.isfinite(a).all() or not a.any():

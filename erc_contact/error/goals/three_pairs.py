@@ -274,7 +274,7 @@ def _end(
 def _across(
     base: Unmoved, phi: fem.Function, more: Admissible, less: Admissible, t: float, size: float
 ) -> tuple[BoundedNumber, np.ndarray]:
-    """Compute what V has of ``tau - C eps(phi)``, and ``d^2`` of owned cells; collective.
+    """Compute what V has of ``tau - C eps(phi)``, and ``d^2`` of cells; collective.
 
     Args:
         base: The scene, not moved.
