@@ -25,7 +25,7 @@ from erc_contact.model.held_motions import free_motions, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.load_balance import Relief, relief_of
-from erc_contact.model.loads import SurfaceLoad, bind_loads, sum_of
+from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
@@ -200,12 +200,6 @@ class Model(Space):
             self._bind_hoop_load()
         self.fixed = self.fixed | self.unheld.anchors
         self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
-
-    @property
-    def loads_on_contacts(self) -> list[SurfaceLoad]:
-        """Return the loads on sides of contacts, beside the traction of the contact."""
-        parts = {side for contact in self.contacts for side in contact.side_names}
-        return [load for load in self.surface_loads if load.facets in parts]
 
     @property
     def held_or_anchored(self) -> np.ndarray:

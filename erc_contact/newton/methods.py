@@ -172,7 +172,7 @@ class Nitsche:
         residual = -ufl.inner(r, contact.jump(v)) * ds
         if self.theta:
             theta = compiled.constant(model.mesh, float(self.theta))
-            difference = self._stress_traction(model, contact, u) - r
+            difference = ufl.dot(model.stress(u), model.n) - r
             tested = ufl.dot(model.stress(v), model.n)
             residual -= theta / self._gamma(model) * ufl.inner(difference, tested) * ds
         return residual
@@ -182,19 +182,11 @@ class Nitsche:
 
         It is ``r(u) = P(sigma(u)n - gamma (u - s - g n))``.
         """
-        stress = self._stress_traction(model, contact, u)
+        stress = ufl.dot(model.stress(u), model.n)
         gamma = self._gamma(model)
         return contact.project(stress - gamma * _beyond(contact, u), gamma)
 
     projected = traction
-
-    def _stress_traction(self, model: Model, contact: ContactOnMesh, u: Ufl) -> Ufl:
-        """Return ``sigma(u)n`` less the loads beside the contact [force/area], UFL."""
-        traction = ufl.dot(model.stress(u), model.n)
-        for load in model.loads_on_contacts:
-            if load.facets == contact.side_names[0]:
-                traction -= load.density
-        return traction
 
     def _gamma(self, model: Model) -> Ufl:
         """Return gamma [force/volume]."""

@@ -290,11 +290,8 @@ class Nearby:
         """
         near = self._near
         model = bind_nearby(scene, self._model)
-        # Equations of Nitsche's method have the stress, so the shifts of preloads, and
-        # loads beside contacts.
-        is_driven = model.loads_on_contacts or self._model.loads_on_contacts
-        is_same = model.contacts == self._model.contacts and model.strains is self._model.strains
-        if is_driven or not is_same:
+        # Equations of Nitsche's method have the stress, with the shifts of preloads.
+        if model.contacts != self._model.contacts or model.strains is not self._model.strains:
             self._forms = {}
         self._model = model
         kind = self._kind(model)

@@ -22,7 +22,6 @@ from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
-from erc_contact.newton.methods import OURS
 from erc_contact.scene.goal import (
     Functional,
     GoalOfContact,
@@ -50,12 +49,6 @@ def perturbation_of(
     if isinstance(goal, Functional):
         return functional(_base_scene(error), goal)
     if isinstance(goal, Slip | Opening):
-        method = error.solution.method
-        if not isinstance(method, OURS):
-            raise InputError(
-                f"{goal!r}: the tractions of {type(method).__name__} may not tell loads on a "
-                "contact from its traction; solve with Nitsche or AugmentedLagrangian."
-            )
         if isinstance(goal, Slip) and goal.direction is not None:
             _checked(goal, goal.direction, model.d)
         return jump_perturbation(_base_scene(error), goal)
