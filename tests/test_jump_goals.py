@@ -5,6 +5,7 @@
   given friction and Coulomb's; open, closed, sticking, on curved sides, in cracks.
 - Only Coulomb's are estimates. Names of the sides change the sign at most.
 - What the contact bears is told: a closed contact has a narrow opening.
+- The report says where eps is no error of the slip.
 - Ends are the same on one to three ranks; bad input is told.
 """
 
@@ -18,6 +19,7 @@ from test_bad_input import refused
 from test_cracks import plate, pressed
 
 import erc_contact as ec
+from erc_contact.error.slip_share import small_slips
 
 COMM = MPI.COMM_WORLD
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
@@ -238,6 +240,42 @@ def test_a_run_aims_at_a_slip():
     assert history.reached
     assert bounds.relative <= 0.05
     assert bounds.low <= mean(fine_block("given"), "bottom", "slip") <= bounds.high
+
+
+@pytest.mark.serial
+def test_the_report_tells_a_slip_that_eps_does_not_know(tmp_path):
+    """A crack in a large plate: eps is small, and the slip far off."""
+    domain = plate(10.0, 2.0, 0.3)
+    history = ec.adapt(pressed(ec.Tresca(0.1)), domain, 0.02, degree=2)
+    fine = certified(pressed(ec.Tresca(0.1)), domain.refined().refined(), degree=2)
+    off = 1 - mean(history.best, "upper lip", "slip") / mean(fine, "upper lip", "slip")
+    share = small_slips(history.best)["upper lip"]
+    assert off > 3 * history.best.relative > 3 * share
+    # The energy of a shear crack, over the energy of the plate under a pressure of 1.
+    energy = np.pi * (1 - 0.3**2) * (0.5 - 0.1) ** 2 / 1000.0
+    assert share == pytest.approx(energy / (0.5 * 400.0 * (1 - 0.3**2) / 1000.0), rel=0.3)
+    history.save(tmp_path / "by eps", pictures=False)
+    told = (tmp_path / "by eps" / "report.html").read_text()
+    assert "goal=ec.Slip(&#x27;upper lip&#x27;)" in told
+    aimed = ec.adapt(pressed(ec.Tresca(0.1)), domain, 0.1, degree=2, goal=ec.Slip("upper lip"))
+    aimed.save(tmp_path / "by slip", pictures=False)
+    assert (
+        "ec.Slip(&#x27;upper lip&#x27;) aims"
+        not in (tmp_path / "by slip" / "report.html").read_text()
+    )
+
+
+def test_no_such_words_where_the_slip_is_known():
+    """Of a block that slides, of rings, where nothing slips, on a plane of symmetry."""
+    assert not small_slips(fine_block("given"))
+    pressed_ring = ec.Displacement("top", (None, -0.02))
+    for friction in (0.0, ec.Tresca(1.0)):
+        foot = ec.Contact("bottom", friction=friction)
+        assert not small_slips(certified(ec.Scene(RINGS, pressed_ring, contacts=foot), ring(4)))
+    sides = [ec.Displacement("top", (None, -0.02)), ec.Symmetry("left")]
+    foot = ec.Contact("bottom", friction=ec.Tresca(1.0))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), sides, contacts=foot)
+    assert not small_slips(certified(scene, block(2, 4)))
 
 
 @pytest.mark.ranks
