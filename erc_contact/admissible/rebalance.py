@@ -41,6 +41,11 @@ BALANCE_SOLVES = 4
 
 One is usual, two if the body slides far.
 """
+OSCILLATING_SHARE = 0.01
+"""Share of a pressure down to which forces are balanced to :data:`FORCE_ROUND_OFF` [-].
+
+More digits than these a solve does not have.
+"""
 SOLVE_SHARE = 0.3
 """What such a solve may leave of :data:`FORCE_ROUND_OFF` [-]."""
 
@@ -286,7 +291,8 @@ def _residual(
 
     Returns:
         The difference, not yet summed over ranks, and its greatest size over the
-        greatest force of the stress on a facet or of b in the same body [-].
+        greatest force of b or, see :func:`_forces_that_stay`, of the stress on a facet
+        in the same body [-].
     """
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
@@ -310,7 +316,8 @@ def _residual(
     unbalanced = greatest_of_bodies(model.comm, bodies, nodes, left)
     loads = np.where(model.supported, 0.0, abs(b.x.array.reshape(-1, d)))
     of_loads = greatest_of_bodies(model.comm, bodies, np.arange(len(loads)), loads)
-    of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], abs(by_cell))
+    forces = _forces_that_stay(cells, stress.in_plane[:owned], on_facets)
+    of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], forces)
     greatest = np.maximum(of_loads, of_stress)
     for face in model.loose_faces:
         # On the free motions of a face its resultants and the reactions do no work.
@@ -321,3 +328,21 @@ def _residual(
     greatest = np.maximum(greatest, np.finfo(float).eps / FORCE_ROUND_OFF * greatest.max())
     sizes = np.divide(unbalanced, greatest, out=np.zeros_like(greatest), where=greatest > 0)
     return residual, float(sizes.max())
+
+
+def _forces_that_stay(cells: CellGeometry, stress: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return the size of forces of a stress on facets that sigma^ has, too [force].
+
+    In nearly incompressible cells the pressure of the displacement oscillates, a
+    thousand times as large as what is left of it in sigma^. So the size is the force of
+    the deviator, in the unit in which a uniaxial stress has all of its force.
+
+    Args:
+        cells: Geometry.
+        stress: Coefficients of the stress [force/area], shape (n, b, d, d).
+        forces: Its forces on facets [force], shape (n, d+1, b, d).
+    """
+    d = cells.d
+    pressure = np.trace(stress, axis1=2, axis2=3)[..., None, None] / d * np.eye(d)
+    deviator = facet_forces(cells.area[: len(stress)], stress - pressure)
+    return np.maximum(d / (d - 1) * abs(deviator), OSCILLATING_SHARE * abs(forces))

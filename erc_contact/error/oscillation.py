@@ -25,7 +25,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
@@ -133,7 +133,7 @@ def _of_body_force(
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
     volume = cells.volume[:owned]
-    corners = sorted_corners(model, cells)[:owned]
+    corners = cells.corners[:owned]
     assert force is not None
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:

@@ -4,7 +4,7 @@ eps is over the energy of the whole body. Where a uniform stress has nearly all 
 as around a crack in a large plate, eps is small although the slip is far off. A slip of
 a mean square d^2 on a part of size L has about the energy ``(2/pi) E d^2 L^(d-2)``: in
 the plane this is what a shear crack has. Let its share in ``|u|^2`` be s. The error of
-the slip is of second order in the error of its field: on cracks in plates of 4 to 40
+the slip is of second order in the error of its field: on cracks in plates of 4 to 10
 half lengths it was 0.4 times ``e^2`` over this energy, which is ``1.6 eps^2/s``. So
 where s is below eps, the relative error of the slip may be greater than eps.
 """

@@ -51,7 +51,7 @@ class History(RunResult):
     closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
     run time and degrees of freedom) of meshes that tell a slope. By default only those
     are drawn, in this order, for which there is time. There are more in
-    :mod:`erc_contact.output`, for instance ``draw_meshes(history.meshes, path)``.
+    :mod:`erc_contact.output`, for instance ``draw_meshes(history, path)``.
 
     Attributes:
         steps: The rows.
