@@ -65,8 +65,10 @@ from erc_contact.scene.goal import (
     Functional,
     MeanDisplacement,
     Moment,
+    Opening,
     Resultant,
     Rotation,
+    Slip,
     StressIntensity,
 )
 from erc_contact.scene.law import Coulomb, Law, Tresca
@@ -114,6 +116,7 @@ __all__ = [
     "NotBalanced",
     "NotConverged",
     "NotHeldError",
+    "Opening",
     "Oscillations",
     "Preload",
     "Resultant",
@@ -122,6 +125,7 @@ __all__ = [
     "Scene",
     "SizeMap",
     "Sizes",
+    "Slip",
     "Solution",
     "Spring",
     "Step",

@@ -26,9 +26,10 @@ from erc_contact.admissible.springs import (
     spring_stiffness,
     spring_tractions,
 )
-from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
+from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass, nodes
 from erc_contact.model.bolt_halves import motions_of_halves
-from erc_contact.model.held_motions import unsupported_motions
+from erc_contact.model.held_motions import free_motions
+from erc_contact.model.load_balance import is_round_off, taking_up, works_on
 from erc_contact.model.model import Model
 from erc_contact.model.motions import greatest_of_bodies
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -91,6 +92,43 @@ def load_forces(
     return b
 
 
+def balanced_forces(
+    model: Model,
+    cells: CellGeometry,
+    loads: np.ndarray,
+    fixed: np.ndarray,
+    force: np.ndarray | None,
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Balance projected loads on motions that nothing holds; collective.
+
+    A body force that is projected on constants has another moment, and adapted
+    integrals have other digits than the quadrature of the solver.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Geometry, n cells.
+        loads: Moments of the loads [force], shape (facets, m, d).
+        fixed: Which components of a facet supports take up, shape (facets, d).
+        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
+            None.
+
+    Returns:
+        The body force that is in balance, and what it has more [force/volume], constant
+        in cells, shape (n, d); None without.
+    """
+    functions = model.unheld.functions
+    if not functions:
+        return force, None
+    b = load_forces(model, cells, np.where(fixed[:, None, :], 0.0, loads), force)
+    works, sizes = works_on(model, functions, b)
+    if is_round_off(works, sizes):
+        return force, None
+    relief = taking_up(model, functions, works)
+    shape = (len(cells.volume), len(nodes(model.d, model.degree - 1)), model.d)
+    before = np.zeros(shape) if force is None else force
+    return before + (relief * cells.volume[:, None])[:, None], relief
+
+
 def other_forces(
     model: Model,
     cells: CellGeometry,
@@ -121,7 +159,7 @@ def other_forces(
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
-        motions = unsupported_motions(model, model.bodies, model.held, model.loose_faces)
+        motions = free_motions(model, model.bodies, model.held_or_anchored, faces=model.loose_faces)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
@@ -274,9 +312,9 @@ def _residual(
     nodal = total.x.array.reshape(-1, d)
     bodies = model.bodies
     nodes = np.arange(model.V.dofmap.index_map.size_local)
-    left = np.where(model.fixed[nodes], 0.0, abs(nodal[nodes]))
+    left = np.where(model.supported[nodes], 0.0, abs(nodal[nodes]))
     unbalanced = greatest_of_bodies(model.comm, bodies, nodes, left)
-    loads = np.where(model.fixed, 0.0, abs(b.x.array.reshape(-1, d)))
+    loads = np.where(model.supported, 0.0, abs(b.x.array.reshape(-1, d)))
     of_loads = greatest_of_bodies(model.comm, bodies, np.arange(len(loads)), loads)
     forces = _forces_that_stay(cells, stress.in_plane[:owned], on_facets)
     of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], forces)

@@ -20,6 +20,7 @@ def nearby_model(scene: Scene, near: Model) -> Model:
 
     Raises:
         InputError: If supports contradict each other, or a load cannot be worked with.
+        NotHeldError: If loads are not in balance on a motion that nothing holds.
     """
     model = copy(near)
     model.scene = scene
@@ -32,5 +33,6 @@ def nearby_model(scene: Scene, near: Model) -> Model:
         # Forms with the contact of the other model serve this one, too.
         is_same = entry is near_entry
         model.contacts.append(contact if is_same else bind_contact(model, entry, model.modulus))
+    model.anchor()
     model.bind_connections()
     return model

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.pair import Admissible
@@ -65,6 +66,8 @@ class Perturbation:
         constant: What is added to it.
         step: A first t.
         varies: Whether the moved load varies in space: a mesh may not carry it.
+        size: Size of psi, its value for a unit displacement; 0 if no load moves.
+        least: What the number is at least.
         law_at: Makes a model whose law is moved by t; None where the law stays.
     """
 
@@ -74,6 +77,8 @@ class Perturbation:
     constant: BoundedNumber
     step: float
     varies: bool = False
+    size: float = 0.0
+    least: float = -np.inf
     law_at: Callable[[float], Model] | None = None
 
 

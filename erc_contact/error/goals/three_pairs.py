@@ -263,27 +263,15 @@ def _end(
     u = pair.displacement
     size_2 = elastic_work(pair, phi, phi).value
 
-    # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
-    h = max(error.absolute, ROUND_OFF * error.scale) / np.sqrt(max(size_2, 1e-300))
-    pairs = [pair] * 3
-    if base.law_at is not None:
-        pairs[1:] = [with_law(pair, base.law_at(sign * h)) for sign in (1.0, -1.0)]
-    # Adapted integrals are up to twice their share too large.
-    varies = any(pair.model.constitution.varies_in_cells for pair in pairs)
-    share = 2 * UNKNOWN_SHARE if varies else 0.0
-    bulks = []
-    for law, sign in zip(pairs, (0.0, 1.0, -1.0), strict=True):
-        bulks.append(_bulk(law, phi, more, less, sign * h, t))
-    squares = [body.gap for body in bulks]
-    d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
-    d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
-    local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
-    unresolved = sum(body.moduli for body in bulks)
-    product, lost, left = model.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
+    size = float(np.sqrt(max(size_2, 0.0)))
+    product, d_squares = _across(base, phi, more, less, t, size)
+    d_2 = model.comm.allreduce(float(d_squares.sum()), MPI.SUM)
+    if d_2 > size_2:
+        # Forces that a contact bears have a tau, and no phi.
+        product, d_squares = _across(base, phi, more, less, t, float(np.sqrt(d_2)))
 
     # The round-off of strains does work on the stress of phi.
-    unknown = error.round_off * float(np.sqrt(max(size_2, 0.0))) + lost / (8 * h)
-    V = base.psi + BoundedNumber(product / (8 * h), unknown, bool(left == 0.0))
+    V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
@@ -295,6 +283,42 @@ def _end(
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
     return V, d_squares
+
+
+def _across(
+    base: Unmoved, phi: fem.Function, more: Admissible, less: Admissible, t: float, size: float
+) -> tuple[BoundedNumber, np.ndarray]:
+    """Compute what V has of ``tau - C eps(phi)``, and ``d^2`` of cells; collective.
+
+    Args:
+        base: The scene, not moved.
+        phi: phi.
+        more: One of two pairs whose sigma^ have the difference ``t tau``.
+        less: The other one.
+        t: t.
+        size: About the energy norm of phi or tau, whichever is larger.
+    """
+    error = base.error
+    model = error.model
+    # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
+    h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
+    pairs = [error.admissible] * 3
+    if base.law_at is not None:
+        pairs[1:] = [with_law(error.admissible, base.law_at(sign * h)) for sign in (1.0, -1.0)]
+    squares = []
+    unresolved = 0.0
+    for pair, sign in zip(pairs, (0.0, 1.0, -1.0), strict=True):
+        body = _bulk(pair, phi, more, less, sign * h, t)
+        squares.append(body.gap)
+        unresolved += body.moduli
+    # Adapted integrals are up to twice their share too large.
+    varies = any(pair.model.constitution.varies_in_cells for pair in pairs)
+    share = 2 * UNKNOWN_SHARE if varies else 0.0
+    d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
+    d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
+    local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
+    product, lost, left = model.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
+    return BoundedNumber(product / (8 * h), lost / (8 * h), bool(left == 0.0)), d_squares
 
 
 def _bulk(
