@@ -74,6 +74,7 @@ from erc_contact.scene.goal import (
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.potential import Plastic, Potential
 from erc_contact.scene.preload import Preload
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
@@ -118,6 +119,8 @@ __all__ = [
     "NotHeldError",
     "Opening",
     "Oscillations",
+    "Plastic",
+    "Potential",
     "Preload",
     "Resultant",
     "Rigid",

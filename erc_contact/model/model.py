@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from copy import copy
 from functools import cached_property, partial
+from typing import Self
 
 import numpy as np
 import ufl
@@ -30,6 +32,7 @@ from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
+from erc_contact.model.potential import ConvexConstitution, Linearised, PointLaw
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
 from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
@@ -39,10 +42,11 @@ from erc_contact.model.supports import bind_supports, dirichlet_conditions
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.ties import bind_tie
 from erc_contact.model.unheld import find_unheld
-from erc_contact.model.users import try_material
+from erc_contact.model.users import try_material, try_potential
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb
-from erc_contact.scene.material import Elastic, is_axisymmetric
+from erc_contact.scene.material import Elastic, Material, is_axisymmetric
+from erc_contact.scene.potential import has_potential
 from erc_contact.scene.scene import Scene
 
 
@@ -60,6 +64,8 @@ class Model(Space):
 
     Attributes:
         parameters: Parameters of the material, UFL.
+        material: The linear law of the body; of a potential its linearisation.
+        linearised: This linearisation, None for a linear law.
         strains: The given strains; None without any.
         constitution: The law between strain and stress.
         springs: The springs on parts of the boundary.
@@ -114,8 +120,15 @@ class Model(Space):
         check_dimension(scene, self.d)
         check_half_plane(self, scene)
         self.parameters = moduli(self, scene.material)
-        if type(scene.material) is not Elastic:
-            try_material(self.V, scene.material, self.parameters, partial(strain_of, self))
+        self.linearised: Linearised | None = None
+        if has_potential(scene.material):
+            try_potential(self.comm, scene.material, self.parameters)
+            law = PointLaw(self, scene.material, self.parameters)
+            self._linearise(Linearised(self, scene.material, law, None))
+        else:
+            self.material: Material = scene.material
+            if type(scene.material) is not Elastic:
+                try_material(self.V, scene.material, self.parameters, partial(strain_of, self))
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.preloads = bind_preloads(self, scene.ties, self.ties)
         self.bind_strains(scene)
@@ -160,6 +173,8 @@ class Model(Space):
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
+        if self.linearised is not None:
+            return
         shifts = shifts_of(scene.ties)
         of_preloads = []
         for preload in self.preloads:
@@ -170,6 +185,19 @@ class Model(Space):
             self, scene.strains, scene.material, self.parameters, of_preloads
         )
         self.constitution = Constitution(self, scene.material, self.parameters, self.strains)
+
+    def linearised_at(self, u: fem.Function) -> Self:
+        """Return this model with its potential linearised about a displacement."""
+        assert self.linearised is not None
+        model = copy(self)
+        model._linearise(self.linearised.at(self, u))
+        return model
+
+    def _linearise(self, linearised: Linearised) -> None:
+        """Take a linearised potential as the law of the body."""
+        self.linearised = self.material = linearised
+        self.strains = None if linearised.at_rest else linearised
+        self.constitution = ConvexConstitution(linearised)
 
     def _held_facets(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         """Return name, facets and held components of each support and spring."""
@@ -249,15 +277,24 @@ class Model(Space):
         circumference [force/length].
         """
         elastic_strain = strain_of(self, u)
-        if self.strains is not None and not has_arguments(u):
+        has_given = self.strains is not None and not has_arguments(u)
+        if has_given and self.linearised is None:
             elastic_strain -= self.strains.tensor
         stress = self._stress_of(elastic_strain)
+        if has_given and self.linearised is not None:
+            stress -= self._given_stress()
         return in_half_plane(stress) if self.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], on rings times the circumference, UFL."""
-        stress = self.scene.material.stress(elastic_strain, **self.parameters)
+        stress = self.material.stress(elastic_strain, **self.parameters)
         return self.on_meridian(stress)
+
+    def _given_stress(self) -> Ufl:
+        """Return ``C eps_0`` of given strains [force/area], UFL."""
+        if self.linearised is not None:
+            return self.linearised.given_stress(**self.parameters)
+        return self._stress_of(self.strains.tensor)
 
     @cached_property
     def modulus(self) -> Ufl:
@@ -265,7 +302,7 @@ class Model(Space):
 
         It is times the circumference if there is one.
         """
-        return self.on_meridian(self.scene.material.modulus(**self.parameters))
+        return self.on_meridian(self.material.modulus(**self.parameters))
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
@@ -284,7 +321,7 @@ class Model(Space):
         """
         if self.strains is None:
             return None
-        stress = self._stress_of(self.strains.tensor)
+        stress = self._given_stress()
         measure = self._measure(self.constitution.varies_in_cells)
         return ufl.inner(stress, strain_of(self, v)) * measure
 

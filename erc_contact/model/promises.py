@@ -31,6 +31,7 @@ from erc_contact.model.law_check import check_law
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.nearby import nearby_model
+from erc_contact.model.potential_check import check_potential
 from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
 
@@ -55,7 +56,9 @@ def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = 
         NotHeldError: If loads are not in balance on a rigid motion that nothing holds.
     """
     model = Model(scene, domain, degree, last)
-    if type(model.scene.material) is not Elastic:
+    if model.linearised is not None:
+        check_potential(model)
+    elif type(model.scene.material) is not Elastic:
         _check_material(model)
     for contact in model.contacts:
         _check_data(model, contact)

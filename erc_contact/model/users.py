@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from numbers import Real
 from typing import Any
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
@@ -25,6 +26,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, tensor_basis
+from erc_contact.scene.potential import Potential
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) or np.sin(x[0]) instead of"
@@ -126,6 +128,28 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
         check_integrand_arity(lowered, arguments)
     except ArityMismatch as reason:  # no Exception for UFL
         raise InputError(f"{what} must be linear in its argument, and is not: {reason}") from None
+
+
+def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, Ufl]) -> None:
+    """Call the functions of a material with a potential to see that they work; collective.
+
+    Args:
+        comm: The ranks.
+        material: The material.
+        parameters: Its parameters, UFL.
+
+    Raises:
+        InputError: If one fails, or returns no scalar.
+    """
+    what = f"The material {type(material).__name__}"
+    tensor = ufl.as_tensor(np.zeros((3, 3)).tolist())
+    for name, arguments in (("potential", [tensor]), ("conjugate", [tensor]), ("modulus", [])):
+
+        def attempt(name: str = name, arguments: list[Ufl] = arguments) -> Ufl:
+            returned = getattr(material, name)(*arguments, **parameters)
+            return scalar(f"{what}: {name}", returned)
+
+        call_of_user(comm, f"{what}: {name}", attempt)
 
 
 def try_material(

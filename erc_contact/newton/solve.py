@@ -35,6 +35,7 @@ from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
+from erc_contact.newton.law import solution_of_law
 from erc_contact.newton.methods import Method
 from erc_contact.newton.model_solve import solution_of
 from erc_contact.newton.plausibility import doubts, tell
@@ -178,7 +179,7 @@ def solved(
     name = "multigrid" if iterative else "the direct solver"
     try:
         with stage(model.comm, f"solving with {name}"):
-            solution = solution_of(kind, model, method, start, tolerance)
+            solution = solution_of_law(kind, model, method, start, tolerance)
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
@@ -186,7 +187,7 @@ def solved(
             "%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure
         )
         with stage(model.comm, "solving with the direct solver"):
-            solution = solution_of(Direct, model, method, start, tolerance)
+            solution = solution_of_law(Direct, model, method, start, tolerance)
 
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     log_of(model.comm).debug(

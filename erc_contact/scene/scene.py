@@ -19,6 +19,7 @@ from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import Material, of_regions
+from erc_contact.scene.potential import POTENTIAL_MEMBERS, Potential, has_potential
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
@@ -63,7 +64,7 @@ class Scene:
         ['bottom']
     """
 
-    material: Material
+    material: Material | Potential
     supports: Sequence[Displacement | Rigid] = ()
     loads: Sequence[Load] = ()
     contacts: Sequence[Contact] = ()
@@ -75,11 +76,12 @@ class Scene:
         """Check the entries and their names, and make tuples of them."""
         if isinstance(self.material, Mapping):
             object.__setattr__(self, "material", of_regions(self.material))
-        missing = [name for name in MATERIAL_MEMBERS if not hasattr(self.material, name)]
+        members = POTENTIAL_MEMBERS if has_potential(self.material) else MATERIAL_MEMBERS
+        missing = [name for name in members if not hasattr(self.material, name)]
         if missing or isinstance(self.material, type):
             raise InputError(
-                f"Scene: material is {self.material!r}; give an Elastic(E, nu), or an object of a"
-                f" class of your own with {', '.join(MATERIAL_MEMBERS)}."
+                f"Scene: material is {self.material!r}; give an Elastic(E, nu), a Plastic(E, nu,"
+                f" ...), or an object of a class of your own with {', '.join(members)}."
             )
         self._move_symmetries()
         members = ", ".join(LOAD_MEMBERS)

@@ -1,0 +1,362 @@
+"""Evaluate a law with a convex potential, and linearise it about a strain.
+
+The contact solver, the reconstruction of stresses and the tightening know linear laws
+``sigma = C (eps - eps_0)``. A potential gives them its linearisation about the strain
+E of a displacement,
+
+    C = psi''(E),    eps_0 = E - C^-1 psi'(E),
+
+so that Newton's method for the body is a sequence of contact problems of linear bodies
+(:mod:`erc_contact.newton.law`), and the last one has the pair. Only the gap of the law
+knows psi and psi* themselves.
+
+Tensors are in Mandel components of space, of which a body in plane strain uses some.
+Symbols: s number of components that the body uses, n cells, q points of a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.communicators import lasting
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.constitution import Constitution, ElasticMatrix
+from erc_contact.model.expressions import Everywhere, OfNumbers
+from erc_contact.model.meridian import in_half_plane, in_space
+from erc_contact.model.space import Space
+from erc_contact.model.stand_ins import stand_in
+from erc_contact.model.symbolic import varies_in_cells, without_derivatives
+from erc_contact.scene.material import mandel_basis, strain
+from erc_contact.scene.potential import Potential
+
+PLANE_ROWS = (0, 1, 3)
+"""Components of ``mandel_basis(3)`` that a tensor in the plane has: xx, yy and xy."""
+STEPS_OUT_OF_PLANE = 8
+"""Limit of Newton steps for the stress out of plane; any value of it gives a bound."""
+AT_MINIMUM = 1e-15
+"""Share of psi* that a last such step may gain [-]."""
+
+
+def law_stress(potential: Potential, eps: Ufl, parameters: Mapping[str, Ufl]) -> Ufl:
+    """Return ``psi'(eps)`` of a strain in space [force/area], UFL (3, 3)."""
+    variable = ufl.variable(eps)
+    energy = potential.potential(variable, **parameters)
+    return ufl.sym(ufl.diff(energy, variable))
+
+
+def law_tangent(
+    potential: Potential, eps: Ufl, rows: Sequence[int], parameters: Mapping[str, Ufl]
+) -> Ufl:
+    """Return ``psi''(eps)`` in some Mandel components of space [force/area], UFL (s, s)."""
+    amount = ufl.variable(ufl.as_ufl(0.0))
+    tensors = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(3)[list(rows)]]
+    matrix = []
+    for change in tensors:
+        stress = ufl.diff(law_stress(potential, eps + amount * change, parameters), amount)
+        matrix.append([ufl.inner(tensor, stress) for tensor in tensors])
+    return ufl.as_matrix(matrix)
+
+
+class PointLaw:
+    """Evaluate a potential, its derivatives and its conjugate at points of cells.
+
+    Args:
+        space: The mesh.
+        potential: The potential.
+        parameters: Its parameters, scalar UFL. Construction is collective.
+
+    Attributes:
+        rows: The components of ``mandel_basis(3)`` that the body uses.
+    """
+
+    def __init__(self, space: Space, potential: Potential, parameters: Mapping[str, Ufl]) -> None:
+        self._comm = lasting(space.comm)
+        self._potential = potential
+        self._values = {}
+        self._numbers = {}
+        for number, (name, value) in enumerate(parameters.items()):
+            self._values[name] = Everywhere(value, space.mesh)
+            self._numbers[name] = stand_in((), number)
+        self.rows = list(PLANE_ROWS) if space.d == 2 else list(range(6))
+        self._tensor = stand_in((6,), 0)
+        self._out_of_plane = stand_in((), len(parameters))
+        self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
+
+    @cached_property
+    def _energy_and_stress(self) -> OfNumbers:
+        """Compile psi and psi' as functions of a strain."""
+        eps = _in_tensor(self._tensor)
+        stress = law_stress(self._potential, eps, self._numbers)
+        energy = self._potential.potential(eps, **self._numbers)
+        return self._compiled(ufl.as_vector([energy, *_components(stress)]))
+
+    @cached_property
+    def _tangent(self) -> OfNumbers:
+        """Compile psi'' as a function of a strain, for the rows that the body uses."""
+        eps = _in_tensor(self._tensor)
+        return self._compiled(law_tangent(self._potential, eps, self.rows, self._numbers))
+
+    @cached_property
+    def _conjugate(self) -> OfNumbers:
+        """Compile psi* and its two derivatives by the stress out of plane."""
+        out = ufl.variable(self._out_of_plane)
+        normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
+        stress = _in_tensor(self._tensor) + out * normal
+        energy = self._potential.conjugate(stress, **self._numbers)
+        slope = ufl.diff(energy, out)
+        return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
+
+    def _compiled(self, expression: Ufl) -> OfNumbers:
+        """Compile an expression of numbers at points; collective."""
+        return OfNumbers(without_derivatives(expression), self._comm, is_matrix=True)
+
+    def energy_and_stress(
+        self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return psi (n, q) and all six components of psi' [force/area].
+
+        Args:
+            eps: Strains that the body has, shape (n, q, s).
+            x: Points of each cell [length], shape (n, q, d).
+            cells: The cells, shape (n,).
+        """
+        values = self._at(self._energy_and_stress, self._in_space(eps), x, cells)
+        return values[..., 0], values[..., 1:]
+
+    def stress(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the components of psi' that the body uses [force/area], (n, q, s)."""
+        return self.energy_and_stress(eps, x, cells)[1][..., self.rows]
+
+    def tangent(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return psi'' at strains of the body [force/area], shape (n, q, s, s)."""
+        values = self._at(self._tangent, self._in_space(eps), x, cells)
+        size = len(self.rows)
+        matrix = values.reshape(*values.shape[:2], size, size)
+        # Both orders of the derivatives differ by round-off only.
+        return 0.5 * (matrix + matrix.swapaxes(-1, -2))
+
+    def complementary(
+        self, stress: np.ndarray, near: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return psi* of stresses, in the plane its minimum over sigma_zz.
+
+        Newton's method finds the minimum at each point. The least value that it has
+        seen is taken, and each one is a bound of the minimum from above.
+
+        Args:
+            stress: Stresses that the body has [force/area], shape (n, q, s).
+            near: Stress out of plane from which it starts [force/area], shape (n, q).
+            x: Points of each cell [length], shape (n, q, d).
+            cells: The cells, shape (n,).
+
+        Returns:
+            psi* [force/area] and sigma_zz [force/area], each (n, q).
+        """
+        tensors = self._in_space(stress)
+        in_plane = len(self.rows) < 6
+        out = near.copy() if in_plane else np.zeros(near.shape)
+        energy, slope, curvature = np.moveaxis(
+            self._at(self._conjugate, tensors, x, cells, out), -1, 0
+        )
+        best = energy, out
+        for _ in range(STEPS_OUT_OF_PLANE if in_plane else 0):
+            step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
+            if not (0.5 * abs(slope * step) > AT_MINIMUM * abs(best[0])).any():
+                break
+            out = out - step
+            energy, slope, curvature = np.moveaxis(
+                self._at(self._conjugate, tensors, x, cells, out), -1, 0
+            )
+            is_less = energy < best[0]
+            best = np.where(is_less, energy, best[0]), np.where(is_less, out, best[1])
+        return best
+
+    def _in_space(self, tensor: np.ndarray) -> np.ndarray:
+        """Return all six components of tensors (n, q, s)."""
+        result = np.zeros((*tensor.shape[:-1], 6))
+        result[..., self.rows] = tensor
+        return result
+
+    def _at(
+        self,
+        law: OfNumbers,
+        tensor: np.ndarray,
+        x: np.ndarray,
+        cells: np.ndarray,
+        out_of_plane: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Evaluate a compiled part of the law, shape (n, q, size)."""
+        n, q = tensor.shape[:2]
+        numbers: dict[Any, np.ndarray] = {self._tensor: tensor.reshape(n * q, 6)}
+        for name, value in self._values.items():
+            of_points = np.broadcast_to(value(x, cells), (n, q))
+            numbers[self._numbers[name]] = of_points.reshape(n * q, 1)
+        if out_of_plane is not None:
+            numbers[self._out_of_plane] = out_of_plane.reshape(n * q, 1)
+        return law(numbers, n * q).reshape(n, q, -1)
+
+
+class Linearised:
+    """Linearise a potential about the strain of a displacement; it acts as a material.
+
+    Construction is collective.
+
+    Args:
+        space: The mesh.
+        potential: The potential.
+        law: Its values at points.
+        u: The displacement [length]; None for a body at rest.
+
+    Attributes:
+        law: As given.
+        strain: The strain E of u in Mandel components, a Function.
+        at_rest: Whether there is no strain.
+    """
+
+    def __init__(
+        self, space: Space, potential: Potential, law: PointLaw, u: fem.Function | None
+    ) -> None:
+        self._potential = potential
+        self._tensors = [ufl.as_matrix(tensor.tolist()) for tensor in mandel_basis(space.d)]
+        self.law = law
+        self.at_rest = u is None
+        W = fem.functionspace(space.mesh, ("DG", space.degree - 1, (len(self._tensors),)))
+        self.strain = fem.Function(W)
+        if u is not None:
+            components = [ufl.inner(tensor, strain(u)) for tensor in self._tensors]
+            at_nodes = compiled.expression(
+                ufl.as_vector(components), W.element.interpolation_points, space.comm
+            )
+            self.strain.interpolate(at_nodes)
+        self._of_points = Everywhere(self.strain, space.mesh)
+        self.varies_in_cells = law.varies_in_cells or (space.degree > 1 and not self.at_rest)
+
+    def at(self, space: Space, u: fem.Function) -> Linearised:
+        """Return the linearisation about another displacement; collective."""
+        return Linearised(space, self._potential, self.law, u)
+
+    # -- UFL, as a material has it
+
+    def stress(self, eps: Ufl, **parameters: Ufl) -> Ufl:
+        """Return ``C eps`` [force/area], UFL, of the shape of eps."""
+        components = [ufl.inner(tensor, eps) for tensor in self._tensors]
+        return self._times(ufl.as_vector(components), parameters)
+
+    def given_stress(self, **parameters: Ufl) -> Ufl:
+        """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, shape (d, d)."""
+        of_law = law_stress(self._potential, self._about, parameters)
+        in_body = in_half_plane(of_law) if len(self._tensors) == 3 else of_law
+        return self._times(self.strain, parameters) - in_body
+
+    def _times(self, components: Ufl, parameters: Mapping[str, Ufl]) -> Ufl:
+        """Return the tensor of C times Mandel components, UFL (d, d)."""
+        tangent = law_tangent(self._potential, self._about, self.law.rows, parameters)
+        return self._tensor(tangent * components)
+
+    def _tensor(self, components: Ufl) -> Ufl:
+        """Return the tensor of Mandel components of the body, UFL (d, d)."""
+        return sum(components[i] * tensor for i, tensor in enumerate(self._tensors))
+
+    def modulus(self, **parameters: Ufl) -> Ufl:
+        """Return the modulus that scales contact parameters [force/area], UFL."""
+        return self._potential.modulus(**parameters)
+
+    @property
+    def _about(self) -> Ufl:
+        """Return E as a tensor of space, UFL (3, 3)."""
+        tensor = self._tensor(self.strain)
+        return in_space(tensor, 0) if len(self._tensors) == 3 else tensor
+
+    # -- at points
+
+    def strain_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate E at points of cells, shape (n, q, s)."""
+        return self._of_points(x, cells)
+
+    def tangent_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate C at points of cells [force/area], shape (n, q, s, s)."""
+        return self.law.tangent(self.strain_at(x, cells), x, cells)
+
+    def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate eps_0 at points of cells, as given strains are, shape (n, q, s)."""
+        eps = self.strain_at(x, cells)
+        stress = self.law.stress(eps, x, cells)
+        tangent = self.law.tangent(eps, x, cells)
+        return eps - np.linalg.solve(tangent, stress[..., None])[..., 0]
+
+
+class TangentMatrix(ElasticMatrix):
+    """Evaluate the tangent C of a linearised potential, or its inverse, at points."""
+
+    def __init__(self, linearised: Linearised, *, inverse: bool = False) -> None:
+        self.size = len(linearised.law.rows)
+        self.on_rings = False
+        self.varies_in_cells = linearised.varies_in_cells
+        self._constant = None
+        self._linearised = linearised
+        self._inverse = inverse
+
+    def of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate the matrix, see :meth:`.constitution.ElasticMatrix.of_material`."""
+        if not self.varies_in_cells:
+            x = x[:, :1]
+        tangent = self._linearised.tangent_at(x, cells)
+        return np.linalg.inv(tangent) if self._inverse else tangent
+
+
+class ConvexConstitution(Constitution):
+    """Hold a linearised potential as the law of a body, with Fenchel's gap.
+
+    Args:
+        linearised: The linearisation.
+    """
+
+    is_quadratic = False
+
+    def __init__(self, linearised: Linearised) -> None:
+        self._linearised = linearised
+        self._given = None if linearised.at_rest else linearised
+
+    @cached_property
+    def stiffness(self) -> TangentMatrix:
+        """Return C [force/area]."""
+        return TangentMatrix(self._linearised)
+
+    @cached_property
+    def metric(self) -> TangentMatrix:
+        """Return C^-1 [area/force], the metric of stresses."""
+        return TangentMatrix(self._linearised, inverse=True)
+
+    def squares(
+        self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Return twice Fenchel's gap, and the same with plus.
+
+        Returns:
+            ``2 (psi + psi* -+ sigma : eps)`` [force/area], shape (n, q, 2).
+        """
+        law = self._linearised.law
+        psi, of_law = law.energy_and_stress(strain, x, cells)
+        psi_star, _ = law.complementary(stress, of_law[..., 2], x, cells)
+        work = (stress * strain).sum(axis=-1)
+        both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
+        # Below zero there is only round-off.
+        return 2 * np.maximum(both, 0.0)
+
+
+def _in_tensor(components: Ufl) -> Ufl:
+    """Return the tensor (3, 3) of six Mandel components, UFL."""
+    basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
+    return sum(components[i] * one for i, one in enumerate(basis))
+
+
+def _components(tensor: Ufl) -> list[Ufl]:
+    """Return the six Mandel components of a tensor (3, 3), UFL."""
+    return [ufl.inner(ufl.as_tensor(one.tolist()), tensor) for one in mandel_basis(3)]

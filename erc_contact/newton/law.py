@@ -1,0 +1,182 @@
+"""Newton's method for the law of a body: a sequence of contact problems.
+
+A potential is linearised about the strain of the last displacement, and the contact
+problem of the linear body is solved by the methods of all linear bodies
+(:mod:`erc_contact.newton.model_solve`). So contacts, friction, joints and ranks are
+theirs. Near the solution the steps converge quadratically. Each contact problem starts
+from the contact of the last one.
+
+The *misfit* is what is left: the energy norm of ``psi'(eps(u)) - sigma`` with the stress
+sigma of the linear body, which is in equilibrium. It is measured in the metric of the
+tangent, and needs no solve.
+
+Far away a full step may go too far. With the step d from u, the potential energy of
+body, loads, frictionless contact and given friction decreases along ``u + t d`` as long
+as
+
+    h(t) = int (psi'(eps(u + t d)) - sigma) : eps(d)  <=  0,
+
+because displacements that contacts allow are convex. h grows with t and begins below
+zero. So a step that goes too far ends where h is zero.
+
+Symbols: n cells, q points of a cell, s components of a tensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+from erc_contact.base.exceptions import NotConverged
+from erc_contact.base.logs import log_of
+from erc_contact.base.progress import at
+from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.model.model import Model
+from erc_contact.model.values import DATA_DEGREE
+from erc_contact.newton.contact_solve import Solver
+from erc_contact.newton.methods import Method
+from erc_contact.newton.model_solve import solution_of
+from erc_contact.newton.solution import Solution
+
+SOLVED = 1e-11
+"""Misfit over the energy norm of the stress that counts as none [-]."""
+STALLED = 1e-8
+"""Misfit that is round-off if it does not fall any more, over the same [-]."""
+LAW_STEPS = 60
+"""Limit of the steps."""
+TOO_FAR = 0.5
+"""A full step is taken while ``h(1) <= TOO_FAR |h(0)|`` [-]."""
+NEAR = 0.05
+"""Accuracy of the share of a step [-]."""
+SHARE_OF_TOLERANCE = 0.7
+"""Share of the tolerance of a solve that the law may leave; the contact has as much."""
+
+
+def solution_of_law(
+    kind: Callable[[Model], Solver],
+    model: Model,
+    method: Method | None,
+    start: Solution | None,
+    tolerance: float | None,
+) -> Solution:
+    """Solve a model as :func:`.model_solve.solution_of`, also with a potential.
+
+    Returns:
+        The solution of the last linear body. Its ``newton_steps`` are of all contact
+        problems, and its ``reason`` tells the misfits.
+
+    Raises:
+        NotConverged: If the misfit does not become small, or a contact problem does not
+            converge.
+    """
+    if model.linearised is None:
+        return solution_of(kind, model, method, start, tolerance)
+    if tolerance is not None:
+        tolerance *= SHARE_OF_TOLERANCE
+    steps = 0
+    misfits: list[float] = []
+    about = model.function()
+    while len(misfits) < LAW_STEPS:
+        at(model.comm, f"law step {len(misfits) + 1}")
+        solution = solution_of(kind, model, method, start, tolerance)
+        steps += solution.newton_steps
+        change = _Change(model, about, solution.u)
+        misfit, size = change.misfit()
+        misfits.append(misfit / size if size > 0.0 else 0.0)
+        log_of(model.comm).debug(
+            "%d cells: law step %d, misfit %.1e", model.domain.cells, len(misfits), misfits[-1]
+        )
+        if _ends(misfits, misfit, tolerance):
+            told = ", ".join(f"{one:.0e}" for one in misfits)
+            return replace(
+                solution,
+                newton_steps=steps,
+                distance=float(np.hypot(solution.distance, misfit)),
+                reason=f"{solution.reason}; misfits of the law: {told}",
+            )
+        # At rest the supports do not hold yet: only a full step makes them hold.
+        share = 1.0 if model.linearised.at_rest else change.share()
+        about.x.array[:] += share * (solution.u.x.array - about.x.array)
+        model = model.linearised_at(about)
+        start = solution
+    told = ", ".join(f"{one:.0e}" for one in misfits[-5:])
+    raise NotConverged(
+        f"Newton's method for the law of {type(model.scene.material).__name__} did not converge on "
+        f"{model.domain.cells} cells in {LAW_STEPS} steps; the last misfits of the stress are "
+        f"{told}. Take smaller loads, more hardening, or a potential whose second derivative does "
+        "not jump so much.",
+        tuple(f"misfit {one:.2e}" for one in misfits),
+    )
+
+
+def _ends(misfits: list[float], misfit: float, tolerance: float | None) -> bool:
+    """Tell whether the steps end at a solution."""
+    if tolerance is not None and misfit <= tolerance:
+        return True
+    last = misfits[-1]
+    is_stalled = len(misfits) > 1 and last <= STALLED and last > 0.5 * misfits[-2]
+    return last <= SOLVED or is_stalled
+
+
+class _Change:
+    """Compare the stresses of law and linear body along a step; members: collective.
+
+    Args:
+        model: The model, linearised about ``about``.
+        about: A displacement [length].
+        u: The displacement of the linear body [length].
+    """
+
+    def __init__(self, model: Model, about: fem.Function, u: fem.Function) -> None:
+        linearised = model.linearised
+        assert linearised is not None
+        self._comm = model.comm
+        self._law = linearised.law
+        is_plain = model.degree == 1 and not linearised.varies_in_cells
+        points, weights = rule(model.d, 1 if is_plain else DATA_DEGREE)
+        self._cells = model.owned_cells
+        corners = model.cell_corners()[self._cells]
+        self._x = np.matmul(barycentric(points), corners)
+        volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+        # The sum of the weights is arbitrary: only ratios of energies count but for the
+        # misfit, which has the volume of the simplex.
+        self._weights = volume[:, None] * weights / weights.sum() / (2, 6)[model.d - 2]
+        places = self._x, self._cells
+        self._strain = linearised.strain_at(*places)
+        self._step = linearised.at(model, u).strain_at(*places) - self._strain
+        stiffness = model.constitution.stiffness(*places)
+        self._stress = self._law.stress(self._strain, *places)
+        self._stress += np.matmul(stiffness, self._step[..., None])[..., 0]
+        self._metric = np.linalg.inv(stiffness)
+
+    def misfit(self) -> tuple[float, float]:
+        """Return the misfit and the norm of the stress [sqrt(force length)]."""
+        return self._norm(self._beyond(1.0)), self._norm(self._stress)
+
+    def share(self) -> float:
+        """Return the share of the step to take, in (0, 1]."""
+        first = self._slope(0.0)
+        if self._slope(1.0) <= TOO_FAR * abs(first) or first >= 0.0:
+            return 1.0
+        return float(brentq(self._slope, 0.0, 1.0, xtol=NEAR))
+
+    def _beyond(self, share: float) -> np.ndarray:
+        """Return the stress of the law at a share of the step less the linear stress."""
+        strain = self._strain + share * self._step
+        return self._law.stress(strain, self._x, self._cells) - self._stress
+
+    def _slope(self, share: float) -> float:
+        """Return h [force length]."""
+        density = (self._beyond(share) * self._step).sum(axis=-1)
+        return self._comm.allreduce(float((self._weights * density).sum()), MPI.SUM)
+
+    def _norm(self, stress: np.ndarray) -> float:
+        """Return the energy norm of a stress [sqrt(force length)]."""
+        density = np.einsum("nqi,nqij,nqj->nq", stress, self._metric, stress)
+        square = self._comm.allreduce(float((self._weights * density).sum()), MPI.SUM)
+        return float(np.sqrt(max(square, 0.0)))
