@@ -173,7 +173,7 @@ def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
     corners = W.tabulate_dof_coordinates()[W.dofmap.list][..., : model.d]
     components.x.array.reshape(-1, len(basis))[W.dofmap.list] = stress_at(pair, parent, corners)
     sigma = ufl.dot(components, ufl.as_tensor(basis.tolist()))
-    material, values = model.scene.material, model.parameters
+    material, values = model.material, model.parameters
     difference, rest = strain(exact.u) - strain(hat), model.stress(exact.u) - sigma
     of_cells = ufl.TestFunction(fem.functionspace(model.mesh, ("DG", 0)))
     squares = []

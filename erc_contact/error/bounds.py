@@ -78,6 +78,7 @@ from erc_contact.error.works import (
     strain_work,
     stress_work,
 )
+from erc_contact.scene.potential import BY_FORCE, refuse_potential
 from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
 
@@ -113,6 +114,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
         '25.1 in [22.0, 28.2]'
     """
     error = error_of(error)
+    refuse_potential(error.solution.scene.material, "resultant()", BY_FORCE)
     pair = error.admissible
     model = pair.model
     bound = model.contact(contact)
@@ -203,7 +205,9 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
         True
     """
     error = error_of(error)
-    _raise_if_no_cone(error.solution.scene)
+    scene = error.solution.scene
+    refuse_potential(scene.material, "work_of_loads()", "potential_energy() has an interval.")
+    _raise_if_no_cone(scene)
     J = potential_energy(error)
     return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
 

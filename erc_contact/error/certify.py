@@ -43,6 +43,7 @@ from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
 from erc_contact.newton.given import solution_of, with_nitsche_tractions
 from erc_contact.newton.nodal_values import AnyField
+from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
 
 
@@ -175,6 +176,7 @@ def certify(
         >>> ec.certify(scene, block, rough).cause
         'the displacement'
     """
+    refuse_potential(scene.material, "certify()", "solve() and adapt() have an error for it.")
     field = from_file(domain.comm, u) if isinstance(u, str | Path) else u
     solution, off_supports = solution_of(scene, domain, field, degree, traction)
     penetration = 0.0

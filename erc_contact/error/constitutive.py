@@ -68,6 +68,7 @@ from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 from erc_contact.results.stresses import mean_stress
+from erc_contact.scene.potential import refuse_potential
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +252,12 @@ class ConstitutiveError:
         """Return the bound of the error of the best stress [sqrt(force length)].
 
         That is the mean of sigma^ and C eps(u^), where e bounds the errors of both.
+
+        Raises:
+            InputError: If the material has a potential.
         """
+        no_norm = "absolute bounds the distance of both energies from their minima."
+        refuse_potential(self.model.scene.material, "best_stress_error", no_norm)
         return 0.5 * float(np.hypot(self.absolute, self.contact_error))
 
     @property

@@ -13,6 +13,7 @@ from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.deflation import other_states
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.solution import Solution
+from erc_contact.scene.potential import refuse_potential
 
 
 def other_solutions(solution: Solution | Run, most: int = 4) -> list[ConstitutiveError]:
@@ -41,6 +42,8 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     """
     solution = solution if isinstance(solution, Solution) else error_of(solution).solution
     model = solution.model
+    start = "Solve from other starts, solve(start=), or with another method."
+    refuse_potential(solution.scene.material, "other_solutions()", start)
     comm = model.comm
     raise_together(comm, None)
     most = together(comm, whole, "other_solutions: most", most, 1)

@@ -33,9 +33,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     """Compute ``a(v, w)``, with the springs [force length]; collective."""
     model = pair.model
     cells = pair.cell_geometry
-    of_springs = BoundedNumber(0.0)
-    for spring in model.springs:
-        of_springs += BoundedNumber(assembled(model, spring.work(v, w)))
+    of_springs = _spring_work(model, v, w)
     law = model.constitution
     if not law.stiffness.varies_in_cells:
         owned = model.domain.owned_cells
@@ -53,6 +51,14 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
         return law.stress_change(strain_v.at(entity, places, x), x, numbers[entity])
 
     return _over_cells(pair, stress_at, strain_w.at) + of_springs
+
+
+def _spring_work(model: Model, v: fem.Function, w: fem.Function) -> BoundedNumber:
+    """Compute the work of springs, pulled by v, on w [force length]; collective."""
+    total = BoundedNumber(0.0)
+    for spring in model.springs:
+        total += BoundedNumber(assembled(model, spring.work(v, w)))
+    return total
 
 
 def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> BoundedNumber:
@@ -84,14 +90,27 @@ def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> Bounde
 def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
     """Compute the strain energy of a displacement [force length]; collective.
 
-    It is the energy of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``.
+    It is the energy of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``; of a
+    potential it is the integral of psi.
     """
     model = pair.model
+    of_cells = model.owned_cells
+    if model.linearised is not None:
+        law = model.linearised.law
+        strain = CellStrains.of(model, pair.cell_geometry, u)
+
+        def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+            eps = strain.at(entity, places, x)
+            return law.energy_and_stress(eps, x, of_cells[entity])[0][..., None]
+
+        def once(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+            return np.ones((*x.shape[:2], 1))
+
+        return _over_cells(pair, energy_at, once) + 0.5 * _spring_work(model, u, u)
     energy = 0.5 * elastic_work(pair, u, u)
     given = model.strains
     if given is None:
         return energy
-    of_cells = model.owned_cells
 
     def strain_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return given(x, of_cells[entity])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from copy import copy
 from functools import cached_property, partial
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import ufl
@@ -37,7 +37,7 @@ from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at
 from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
-from erc_contact.model.strains import bind_strains
+from erc_contact.model.strains import Strains, bind_strains
 from erc_contact.model.supports import bind_supports, dirichlet_conditions
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.ties import bind_tie
@@ -45,7 +45,7 @@ from erc_contact.model.unheld import find_unheld
 from erc_contact.model.users import try_material, try_potential
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb
-from erc_contact.scene.material import Elastic, Material, is_axisymmetric
+from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import has_potential
 from erc_contact.scene.scene import Scene
 
@@ -120,15 +120,14 @@ class Model(Space):
         check_dimension(scene, self.d)
         check_half_plane(self, scene)
         self.parameters = moduli(self, scene.material)
+        self.material: Any = scene.material
         self.linearised: Linearised | None = None
         if has_potential(scene.material):
             try_potential(self.comm, scene.material, self.parameters)
             law = PointLaw(self, scene.material, self.parameters)
             self._linearise(Linearised(self, scene.material, law, None))
-        else:
-            self.material: Material = scene.material
-            if type(scene.material) is not Elastic:
-                try_material(self.V, scene.material, self.parameters, partial(strain_of, self))
+        elif type(scene.material) is not Elastic:
+            try_material(self.V, self.material, self.parameters, partial(strain_of, self))
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.preloads = bind_preloads(self, scene.ties, self.ties)
         self.bind_strains(scene)
@@ -175,6 +174,8 @@ class Model(Space):
         """Put the strains and the preloads of a scene on the mesh; collective."""
         if self.linearised is not None:
             return
+        self.strains: Strains | Linearised | None
+        self.constitution: Constitution
         shifts = shifts_of(scene.ties)
         of_preloads = []
         for preload in self.preloads:
@@ -182,9 +183,9 @@ class Model(Space):
             # Along the axis of rings a shift has no hoop strain.
             of_preloads.append(in_space(strain, 0) if self.axisymmetric else strain)
         self.strains = bind_strains(
-            self, scene.strains, scene.material, self.parameters, of_preloads
+            self, scene.strains, self.material, self.parameters, of_preloads
         )
-        self.constitution = Constitution(self, scene.material, self.parameters, self.strains)
+        self.constitution = Constitution(self, self.material, self.parameters, self.strains)
 
     def linearised_at(self, u: fem.Function) -> Self:
         """Return this model with its potential linearised about a displacement."""
@@ -277,24 +278,18 @@ class Model(Space):
         circumference [force/length].
         """
         elastic_strain = strain_of(self, u)
-        has_given = self.strains is not None and not has_arguments(u)
-        if has_given and self.linearised is None:
-            elastic_strain -= self.strains.tensor
+        given = None if has_arguments(u) else self.strains
+        if isinstance(given, Strains):
+            elastic_strain -= given.tensor
         stress = self._stress_of(elastic_strain)
-        if has_given and self.linearised is not None:
-            stress -= self._given_stress()
+        if isinstance(given, Linearised):
+            stress -= given.given_stress(**self.parameters)
         return in_half_plane(stress) if self.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], on rings times the circumference, UFL."""
         stress = self.material.stress(elastic_strain, **self.parameters)
         return self.on_meridian(stress)
-
-    def _given_stress(self) -> Ufl:
-        """Return ``C eps_0`` of given strains [force/area], UFL."""
-        if self.linearised is not None:
-            return self.linearised.given_stress(**self.parameters)
-        return self._stress_of(self.strains.tensor)
 
     @cached_property
     def modulus(self) -> Ufl:
@@ -321,7 +316,10 @@ class Model(Space):
         """
         if self.strains is None:
             return None
-        stress = self._given_stress()
+        if isinstance(self.strains, Linearised):
+            stress = self.strains.given_stress(**self.parameters)
+        else:
+            stress = self._stress_of(self.strains.tensor)
         measure = self._measure(self.constitution.varies_in_cells)
         return ufl.inner(stress, strain_of(self, v)) * measure
 

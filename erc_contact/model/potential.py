@@ -54,7 +54,7 @@ def law_stress(potential: Potential, eps: Ufl, parameters: Mapping[str, Ufl]) ->
 def law_tangent(
     potential: Potential, eps: Ufl, rows: Sequence[int], parameters: Mapping[str, Ufl]
 ) -> Ufl:
-    """Return ``psi''(eps)`` in some Mandel components of space [force/area], UFL (s, s)."""
+    """Return ``psi''(eps)`` in some Mandel components [force/area], UFL (s, s)."""
     amount = ufl.variable(ufl.as_ufl(0.0))
     tensors = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(3)[list(rows)]]
     matrix = []
@@ -216,8 +216,8 @@ class Linearised:
 
     Attributes:
         law: As given.
+        u: As given.
         strain: The strain E of u in Mandel components, a Function.
-        at_rest: Whether there is no strain.
     """
 
     def __init__(
@@ -226,7 +226,7 @@ class Linearised:
         self._potential = potential
         self._tensors = [ufl.as_matrix(tensor.tolist()) for tensor in mandel_basis(space.d)]
         self.law = law
-        self.at_rest = u is None
+        self.u = u
         W = fem.functionspace(space.mesh, ("DG", space.degree - 1, (len(self._tensors),)))
         self.strain = fem.Function(W)
         if u is not None:
@@ -237,6 +237,11 @@ class Linearised:
             self.strain.interpolate(at_nodes)
         self._of_points = Everywhere(self.strain, space.mesh)
         self.varies_in_cells = law.varies_in_cells or (space.degree > 1 and not self.at_rest)
+
+    @property
+    def at_rest(self) -> bool:
+        """Tell whether there is no strain."""
+        return self.u is None
 
     def at(self, space: Space, u: fem.Function) -> Linearised:
         """Return the linearisation about another displacement; collective."""

@@ -10,6 +10,7 @@ import ufl
 from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
+from erc_contact.model.strains import Strains
 from erc_contact.scene.material import mandel_basis
 
 
@@ -17,7 +18,7 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     """Complete stresses of owned cells to tensors in space [force/area].
 
     In 2D the material gives the stress out of plane, at the middle of each cell; nan
-    stands for one that is not known.
+    stands for one that is not known. A potential has the one of least psi*.
 
     Args:
         model: The scene on a mesh.
@@ -33,6 +34,12 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     full[:, :d, :d] = np.tensordot(stress[:, : len(basis)], basis, axes=1)
     if model.axisymmetric:
         full[:, 2, 2] = stress[:, -1]
+    elif d == 2 and model.linearised is not None:
+        middles = model.cell_corners()[model.owned_cells].mean(axis=1, keepdims=True)
+        near = 0.5 * (stress[:, None, 0] + stress[:, None, 1])
+        at_middles = (middles, model.owned_cells)
+        _, out = model.linearised.law.complementary(stress[:, None], near, *at_middles)
+        full[:, 2, 2] = out[:, 0]
     elif not tells_out_of_plane(model):
         full[:, 2, 2] = np.nan
     elif d == 2:
@@ -46,7 +53,7 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
         cells = np.arange(len(stress), dtype=np.int32)
         row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
-        if model.strains is not None:
+        if isinstance(model.strains, Strains):
             # A strain out of plane that cannot take place presses on the plane.
             modulus = material.out_of_plane_modulus(**model.parameters)
             pressed = -modulus * model.strains.normal
@@ -75,7 +82,7 @@ def tells_out_of_plane(model: Model) -> bool:
     It is in 3D, and where the material has a method ``out_of_plane``, with given
     strains ``out_of_plane_modulus``, too.
     """
-    if model.axisymmetric:
+    if model.axisymmetric or model.linearised is not None:
         return True
     material = model.scene.material
     needed = ["out_of_plane"]

@@ -131,7 +131,7 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
 
 
 def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, Ufl]) -> None:
-    """Call the functions of a material with a potential to see that they work; collective.
+    """Call the functions of a potential to see that they work; collective.
 
     Args:
         comm: The ranks.

@@ -21,6 +21,7 @@ from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.profile import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
+from erc_contact.scene.potential import ONE_STEP, refuse_potential
 from erc_contact.scene.scene import Scene
 
 
@@ -35,6 +36,7 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
         raise InputError(
             f"after is {checks.description(after)}; give the Solution of the last step, or None."
         )
+    refuse_potential(scene.material, "A step after another one", ONE_STEP)
     if after.domain.dim != domain.dim:
         raise InputError(
             f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D."

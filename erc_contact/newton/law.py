@@ -6,9 +6,9 @@ problem of the linear body is solved by the methods of all linear bodies
 theirs. Near the solution the steps converge quadratically. Each contact problem starts
 from the contact of the last one.
 
-The *misfit* is what is left: the energy norm of ``psi'(eps(u)) - sigma`` with the stress
-sigma of the linear body, which is in equilibrium. It is measured in the metric of the
-tangent, and needs no solve.
+The *misfit* is what is left: the energy norm of ``psi'(eps(u)) - sigma``, with the
+stress sigma of the linear body, which is in equilibrium. It is measured in the metric
+of the tangent, and needs no solve.
 
 Far away a full step may go too far. With the step d from u, the potential energy of
 body, loads, frictionless contact and given friction decreases along ``u + t d`` as long
@@ -30,7 +30,6 @@ from dataclasses import replace
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
-from scipy.optimize import brentq
 
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
@@ -163,10 +162,12 @@ class _Change:
         first = self._slope(0.0)
         if self._slope(1.0) <= TOO_FAR * abs(first) or first >= 0.0:
             return 1.0
+        from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415 - for steps that go too far only
+
         return float(brentq(self._slope, 0.0, 1.0, xtol=NEAR))
 
     def _beyond(self, share: float) -> np.ndarray:
-        """Return the stress of the law at a share of the step less the linear stress."""
+        """Return the stress of the law at a share of a step, less the linear one."""
         strain = self._strain + share * self._step
         return self._law.stress(strain, self._x, self._cells) - self._stress
 

@@ -37,6 +37,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.model.users import vector
 from erc_contact.model.values import parameter
 from erc_contact.scene.material import mandel_matrix, tensor_basis
+from erc_contact.scene.potential import has_potential
 from erc_contact.scene.scene import Scene
 
 DIGITS = 9
@@ -190,6 +191,13 @@ def _formulas(name: str, owner: Any, x: Ufl, d: int) -> Iterator[tuple[str, str]
     if hasattr(owner, "friction_bound"):
         bound = _in_ufl(lambda: owner.friction_bound(pressure, **symbols))
         yield f"{name}: its friction bound", bound
+        return
+    if has_potential(owner):
+        tensor = ufl.Constant(mesh, shape=(3, 3))
+        for formula in ("potential", "conjugate"):
+            density = _in_ufl(partial(getattr(owner, formula), tensor, **symbols))
+            yield f"{name}: its {formula}", density
+        yield f"{name}: its modulus", _in_ufl(lambda: owner.modulus(**symbols))
         return
     for formula in ("stress", "compliance"):
         matrix = partial(mandel_matrix, getattr(owner, formula), tensor_basis(owner, d), **symbols)

@@ -21,6 +21,7 @@ from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
 from erc_contact.run.step import Step
 from erc_contact.scene.goal import GOALS, Goal
+from erc_contact.scene.potential import BY_FORCE, refuse_potential
 from erc_contact.scene.scene import Scene
 
 DECISIVE = ("method", "strategy", "degree", "stop", "tighten", "goal")
@@ -92,6 +93,8 @@ def checked_plan(
             f"goal is {goal!r}; give a Resultant(part, direction), or another of"
             f" {', '.join(kind.__name__ for kind in GOALS)}, or None."
         )
+    if goal is not None:
+        refuse_potential(scene.material, "A run with a goal", BY_FORCE)
     return Plan(scene=scene, strategy=strategy, callback=callback, **arguments)
 
 

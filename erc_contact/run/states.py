@@ -64,6 +64,8 @@ MESH = ("degree", "names", "regions", "geometry", "tags", "interfaces")
 """What a level tells of its mesh beside the tables."""
 TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued")
 """The tables of a mesh."""
+ABOUT = "linearised about"
+"""Name of the displacement about which a potential was linearised."""
 SAME_ERROR = 1e-8
 """Difference of eps that round-off explains, relative to eps, and absolute [-]."""
 
@@ -88,6 +90,8 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     at_nodes = {}
     for number, multiplier in enumerate(solution.multipliers):
         at_nodes[f"multipliers/{number}"] = _owned(error, multiplier)
+    if model.linearised is not None and model.linearised.u is not None:
+        at_nodes[ABOUT] = _owned(error, model.linearised.u)
     tags = tag_tables(domain)
     cells = model.global_numbers(model.nodes[: domain.owned_cells])
     u_hat = nodal_displacement(error.admissible)
@@ -107,6 +111,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "tags": sorted(tags),
         "interfaces": [asdict(one) for one in domain.seams.interfaces] if domain.seams else [],
         "multipliers": len(solution.multipliers),
+        ABOUT: ABOUT in at_nodes,
         "method": repr(solution.method),
         "iterative": solution.stiffness.iterative,
         "solution": {name: getattr(solution, attribute) for name, attribute in STATE.items()},
@@ -238,6 +243,8 @@ class Restored:
         scene = with_locked_shifts(with_shifts(scene, about.get("shifts", {})), after)
         model = bind(scene, self.domain, about["degree"], last)
         u = self._function(model, "u")
+        if about.get(ABOUT, False):
+            model = model.linearised_at(self._function(model, ABOUT))
         multipliers = []
         for number in range(about["multipliers"]):
             multipliers.append(self._function(model, f"multipliers/{number}"))

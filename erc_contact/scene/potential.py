@@ -1,4 +1,4 @@
-"""Declare materials with a convex potential: elastic-plastic and nonlinear elastic ones.
+"""Declare materials with a convex potential: plasticity and nonlinear elasticity.
 
 Such a law is a convex energy density psi of the strain [force/area], with the conjugate
 
@@ -27,7 +27,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeGuard
 
 import ufl
 
@@ -72,7 +72,13 @@ POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
 """Names of the members of a material with a potential."""
 
 
-def has_potential(material: Any) -> bool:
+BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
+"""What there is of a potential where a number has no interval."""
+ONE_STEP = "A potential is loaded in one step from rest: solve() or adapt()."
+"""What there is of a potential where a history is refused."""
+
+
+def has_potential(material: Any) -> TypeGuard[Potential]:
     """Tell whether a material is given by a potential, not by a linear law."""
     return hasattr(material, "potential")
 

@@ -18,8 +18,14 @@ from erc_contact.base.html import table
 from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
-from erc_contact.scene.material import Material, of_regions
-from erc_contact.scene.potential import POTENTIAL_MEMBERS, Potential, has_potential
+from erc_contact.scene.material import PLANE_STRAIN, Material, of_regions
+from erc_contact.scene.potential import (
+    POTENTIAL_MEMBERS,
+    Potential,
+    has_potential,
+    refuse_potential,
+)
+from erc_contact.scene.preload import Preload
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
@@ -96,6 +102,7 @@ class Scene:
         self._check_entries("strains", _is_strain, strains, strains_or_own)
         self._check_entries("springs", _is_spring, "Spring", "Spring")
         self._check_entries("ties", _is_tie, "Tied and Preload", "Tied and Preload")
+        self._check_potential()
         parts = [support.facets for support in self.supports]
         parts += [spring.facets for spring in self.springs]
         for contact in self.contacts:
@@ -113,6 +120,24 @@ class Scene:
     def _repr_html_(self) -> str:
         """Return the scene as a table in a notebook."""
         return table(in_words(self), caption="Scene")
+
+    def _check_potential(self) -> None:
+        """Check that the scene has nothing that needs a linear law.
+
+        Raises:
+            InputError: If the material has a potential, and the scene has given strains
+                or a preload, or is axisymmetric or in plane stress.
+        """
+        hypothesis = getattr(self.material, "hypothesis", PLANE_STRAIN)
+        needs_linear = {
+            "A given strain": bool(self.strains),
+            "A preload": any(isinstance(tie, Preload) for tie in self.ties),
+            f"The hypothesis {hypothesis!r}": hypothesis != PLANE_STRAIN,
+        }
+        for what, is_there in needs_linear.items():
+            if is_there:
+                instead = "Potentials are solved in plane strain and in space, from rest."
+                refuse_potential(self.material, what, instead)
 
     def _move_symmetries(self) -> None:
         """Move planes of symmetry from the supports to the contacts."""

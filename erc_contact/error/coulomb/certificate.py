@@ -51,6 +51,7 @@ from erc_contact.error.coulomb.surface import PairOnSurface, has_coulomb, pair_o
 from erc_contact.error.runs import Run, error_of
 from erc_contact.model.friction import depends_on_pressure
 from erc_contact.newton.linear.solver import Traces
+from erc_contact.scene.potential import refuse_potential
 
 SMOOTH_FIELD = 1
 """Which of the fields of :func:`slip_fields` is taken where trying one is expensive.
@@ -177,6 +178,8 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
         With the estimate q = 0.484 (+- 0.01) < 2 every solution lies within 1.54 e ...
     """
     error = error_of(error)
+    e_alone = "e bounds it up to a term of higher order."
+    refuse_potential(error.solution.scene.material, "coulomb_certificate()", e_alone)
     pair = error.admissible
     model = pair.model
     raise_together(model.comm, None)

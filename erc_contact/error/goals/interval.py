@@ -9,6 +9,7 @@ from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.runs import Run, error_of
 from erc_contact.scene.goal import Goal
+from erc_contact.scene.potential import BY_FORCE, refuse_potential
 
 
 def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
@@ -41,5 +42,6 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
         True
     """
     error = error_of(error)
+    refuse_potential(error.solution.scene.material, "interval()", BY_FORCE)
     with moved_pairs(error, "auto", TIGHTEN) as pair_of:
         return goal_error(error, goal, pair_of).bounds
