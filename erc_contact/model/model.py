@@ -46,7 +46,7 @@ from erc_contact.model.users import try_material, try_potential
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb
 from erc_contact.scene.material import Elastic, is_axisymmetric
-from erc_contact.scene.potential import has_potential
+from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential
 from erc_contact.scene.scene import Scene
 
 
@@ -120,7 +120,8 @@ class Model(Space):
         check_dimension(scene, self.d)
         check_half_plane(self, scene)
         self.parameters = moduli(self, scene.material)
-        self.material: Any = scene.material
+        material: Any = scene.material
+        self.material = material
         self.linearised: Linearised | None = None
         if has_potential(scene.material):
             try_potential(self.comm, scene.material, self.parameters)
@@ -172,6 +173,8 @@ class Model(Space):
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
+        if self.preloads:
+            refuse_potential(scene.material, "A preload", FROM_REST)
         if self.linearised is not None:
             return
         self.strains: Strains | Linearised | None

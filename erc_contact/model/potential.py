@@ -29,7 +29,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.constitution import Constitution, ElasticMatrix
 from erc_contact.model.expressions import Everywhere, OfNumbers
-from erc_contact.model.meridian import in_half_plane, in_space
+from erc_contact.model.meridian import in_space
 from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives
@@ -44,24 +44,39 @@ AT_MINIMUM = 1e-15
 """Share of psi* that a last such step may gain [-]."""
 
 
-def law_stress(potential: Potential, eps: Ufl, parameters: Mapping[str, Ufl]) -> Ufl:
-    """Return ``psi'(eps)`` of a strain in space [force/area], UFL (3, 3)."""
-    variable = ufl.variable(eps)
-    energy = potential.potential(variable, **parameters)
-    return ufl.sym(ufl.diff(energy, variable))
+class Derivatives:
+    """Differentiate a potential at a strain of space, in UFL.
 
+    Args:
+        potential: The potential.
+        eps: The strain, UFL (3, 3).
+        rows: Components of ``mandel_basis(3)`` by which it is differentiated.
+        parameters: Parameters of the potential, UFL.
+    """
 
-def law_tangent(
-    potential: Potential, eps: Ufl, rows: Sequence[int], parameters: Mapping[str, Ufl]
-) -> Ufl:
-    """Return ``psi''(eps)`` in some Mandel components [force/area], UFL (s, s)."""
-    amount = ufl.variable(ufl.as_ufl(0.0))
-    tensors = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(3)[list(rows)]]
-    matrix = []
-    for change in tensors:
-        stress = ufl.diff(law_stress(potential, eps + amount * change, parameters), amount)
-        matrix.append([ufl.inner(tensor, stress) for tensor in tensors])
-    return ufl.as_matrix(matrix)
+    def __init__(
+        self, potential: Potential, eps: Ufl, rows: Sequence[int], parameters: Mapping[str, Ufl]
+    ) -> None:
+        self._amounts = []
+        for tensor in mandel_basis(3)[list(rows)]:
+            amount = ufl.variable(ufl.as_ufl(0.0))
+            eps += amount * ufl.as_tensor(tensor.tolist())
+            self._amounts.append(amount)
+        self.energy = potential.potential(eps, **parameters)
+
+    def stress(self) -> Ufl:
+        """Return the components of psi' [force/area], UFL (s,)."""
+        return ufl.as_vector([ufl.diff(self.energy, amount) for amount in self._amounts])
+
+    def tangent(self) -> Ufl:
+        """Return psi'' [force/area], UFL (s, s)."""
+        size = len(self._amounts)
+        matrix = [[ufl.as_ufl(0.0)] * size for _ in range(size)]
+        for i, amount in enumerate(self._amounts):
+            slope = ufl.diff(self.energy, amount)
+            for j in range(i + 1):
+                matrix[i][j] = matrix[j][i] = ufl.diff(slope, self._amounts[j])
+        return ufl.as_matrix(matrix)
 
 
 class PointLaw:
@@ -92,16 +107,13 @@ class PointLaw:
     @cached_property
     def _energy_and_stress(self) -> OfNumbers:
         """Compile psi and psi' as functions of a strain."""
-        eps = _in_tensor(self._tensor)
-        stress = law_stress(self._potential, eps, self._numbers)
-        energy = self._potential.potential(eps, **self._numbers)
-        return self._compiled(ufl.as_vector([energy, *_components(stress)]))
+        law = self._derivatives(range(6))
+        return self._compiled(ufl.as_vector([law.energy, *law.stress()]))
 
     @cached_property
     def _tangent(self) -> OfNumbers:
         """Compile psi'' as a function of a strain, for the rows that the body uses."""
-        eps = _in_tensor(self._tensor)
-        return self._compiled(law_tangent(self._potential, eps, self.rows, self._numbers))
+        return self._compiled(self._derivatives(self.rows).tangent())
 
     @cached_property
     def _conjugate(self) -> OfNumbers:
@@ -112,6 +124,10 @@ class PointLaw:
         energy = self._potential.conjugate(stress, **self._numbers)
         slope = ufl.diff(energy, out)
         return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
+
+    def _derivatives(self, rows: Sequence[int]) -> Derivatives:
+        """Return the derivatives of psi as functions of numbers."""
+        return Derivatives(self._potential, _in_tensor(self._tensor), rows, self._numbers)
 
     def _compiled(self, expression: Ufl) -> OfNumbers:
         """Compile an expression of numbers at points; collective."""
@@ -138,9 +154,7 @@ class PointLaw:
         """Return psi'' at strains of the body [force/area], shape (n, q, s, s)."""
         values = self._at(self._tangent, self._in_space(eps), x, cells)
         size = len(self.rows)
-        matrix = values.reshape(*values.shape[:2], size, size)
-        # Both orders of the derivatives differ by round-off only.
-        return 0.5 * (matrix + matrix.swapaxes(-1, -2))
+        return values.reshape(*values.shape[:2], size, size)
 
     def complementary(
         self, stress: np.ndarray, near: np.ndarray, x: np.ndarray, cells: np.ndarray
@@ -252,18 +266,19 @@ class Linearised:
     def stress(self, eps: Ufl, **parameters: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], UFL, of the shape of eps."""
         components = [ufl.inner(tensor, eps) for tensor in self._tensors]
-        return self._times(ufl.as_vector(components), parameters)
+        return self._tensor(self._law(parameters).tangent() * ufl.as_vector(components))
 
     def given_stress(self, **parameters: Ufl) -> Ufl:
         """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, shape (d, d)."""
-        of_law = law_stress(self._potential, self._about, parameters)
-        in_body = in_half_plane(of_law) if len(self._tensors) == 3 else of_law
-        return self._times(self.strain, parameters) - in_body
+        law = self._law(parameters)
+        return self._tensor(law.tangent() * self.strain - law.stress())
 
-    def _times(self, components: Ufl, parameters: Mapping[str, Ufl]) -> Ufl:
-        """Return the tensor of C times Mandel components, UFL (d, d)."""
-        tangent = law_tangent(self._potential, self._about, self.law.rows, parameters)
-        return self._tensor(tangent * components)
+    def _law(self, parameters: Mapping[str, Ufl]) -> Derivatives:
+        """Return the derivatives of the potential at E."""
+        eps = self._tensor(self.strain)
+        if len(self._tensors) == 3:
+            eps = in_space(eps, 0)
+        return Derivatives(self._potential, eps, self.law.rows, parameters)
 
     def _tensor(self, components: Ufl) -> Ufl:
         """Return the tensor of Mandel components of the body, UFL (d, d)."""
@@ -272,12 +287,6 @@ class Linearised:
     def modulus(self, **parameters: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area], UFL."""
         return self._potential.modulus(**parameters)
-
-    @property
-    def _about(self) -> Ufl:
-        """Return E as a tensor of space, UFL (3, 3)."""
-        tensor = self._tensor(self.strain)
-        return in_space(tensor, 0) if len(self._tensors) == 3 else tensor
 
     # -- at points
 
@@ -360,8 +369,3 @@ def _in_tensor(components: Ufl) -> Ufl:
     """Return the tensor (3, 3) of six Mandel components, UFL."""
     basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
     return sum(components[i] * one for i, one in enumerate(basis))
-
-
-def _components(tensor: Ufl) -> list[Ufl]:
-    """Return the six Mandel components of a tensor (3, 3), UFL."""
-    return [ufl.inner(ufl.as_tensor(one.tolist()), tensor) for one in mandel_basis(3)]

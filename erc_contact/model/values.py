@@ -25,6 +25,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.user_data import without_plain_numbers
 from erc_contact.model.users import call_of_user, scalar, vector
 from erc_contact.scene.material import Material
+from erc_contact.scene.potential import Potential
 
 DATA_DEGREE = 4
 """Quadrature degree for moduli and loads that vary in space.
@@ -107,7 +108,7 @@ def value_of(space: Space, value: Any, what: str) -> Ufl:
     return without_plain_numbers(call_of_user(space.comm, what, attempt), space.mesh)
 
 
-def moduli(space: Space, material: Material) -> dict[str, Ufl]:
+def moduli(space: Space, material: Material | Potential) -> dict[str, Ufl]:
     """Return the parameters of a material as UFL; collective.
 
     Raises:

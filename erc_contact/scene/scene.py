@@ -20,12 +20,12 @@ from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import PLANE_STRAIN, Material, of_regions
 from erc_contact.scene.potential import (
+    FROM_REST,
     POTENTIAL_MEMBERS,
     Potential,
     has_potential,
     refuse_potential,
 )
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
@@ -82,12 +82,12 @@ class Scene:
         """Check the entries and their names, and make tuples of them."""
         if isinstance(self.material, Mapping):
             object.__setattr__(self, "material", of_regions(self.material))
-        members = POTENTIAL_MEMBERS if has_potential(self.material) else MATERIAL_MEMBERS
-        missing = [name for name in members if not hasattr(self.material, name)]
+        needed = POTENTIAL_MEMBERS if has_potential(self.material) else MATERIAL_MEMBERS
+        missing = [name for name in needed if not hasattr(self.material, name)]
         if missing or isinstance(self.material, type):
             raise InputError(
                 f"Scene: material is {self.material!r}; give an Elastic(E, nu), a Plastic(E, nu,"
-                f" ...), or an object of a class of your own with {', '.join(members)}."
+                f" ...), or an object of a class of your own with {', '.join(needed)}."
             )
         self._move_symmetries()
         members = ", ".join(LOAD_MEMBERS)
@@ -125,19 +125,17 @@ class Scene:
         """Check that the scene has nothing that needs a linear law.
 
         Raises:
-            InputError: If the material has a potential, and the scene has given strains
-                or a preload, or is axisymmetric or in plane stress.
+            InputError: If the material has a potential, and the scene has given
+                strains, or is axisymmetric or in plane stress.
         """
         hypothesis = getattr(self.material, "hypothesis", PLANE_STRAIN)
         needs_linear = {
             "A given strain": bool(self.strains),
-            "A preload": any(isinstance(tie, Preload) for tie in self.ties),
             f"The hypothesis {hypothesis!r}": hypothesis != PLANE_STRAIN,
         }
         for what, is_there in needs_linear.items():
             if is_there:
-                instead = "Potentials are solved in plane strain and in space, from rest."
-                refuse_potential(self.material, what, instead)
+                refuse_potential(self.material, what, FROM_REST)
 
     def _move_symmetries(self) -> None:
         """Move planes of symmetry from the supports to the contacts."""
