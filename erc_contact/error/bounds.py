@@ -66,6 +66,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.fenchel import UNKNOWN_SHARE
 from erc_contact.error.lifting import lifting
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, Bounds
@@ -170,7 +171,8 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     pair = error.admissible
     model = pair.model
     u = pair.displacement
-    stored = strain_energy(pair, u)
+    # It is small beside the interval.
+    stored = strain_energy(pair, u, UNKNOWN_SHARE * error.absolute**2 / 2)
     J = stored - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)

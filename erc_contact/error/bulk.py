@@ -29,7 +29,7 @@ def body_error(admissible: Admissible) -> LawError:
     inside cells, the gap contains what its integral leaves unknown.
     """
     model = admissible.model
-    if model.constitution.varies_in_cells or not model.constitution.is_quadratic:
+    if model.constitution.varies_in_cells:
         return _adapted_squares(admissible)
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells

@@ -47,6 +47,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import body_error, geometry_squares, spring_error
 from erc_contact.error.contact import contact_law_error
+from erc_contact.error.fenchel import fenchel_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.oscillation import (
     UNKNOWN_SHARE,
@@ -288,7 +289,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     began = perf_counter()
     model = admissible.model
     comm = model.comm
-    body = body_error(admissible)
+    measure = body_error if model.linearised is None else fenchel_error
+    body = measure(admissible)
     springs = spring_error(admissible)
     unknown = strain_round_off(admissible)
     bulk_cells_2 = (np.sqrt(body.gap) + unknown) ** 2 + springs.gap

@@ -87,11 +87,16 @@ def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> Bounde
     return _over_cells(pair, stress_at, CellStrains.of(model, cells, v).at, floor)
 
 
-def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
+def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> BoundedNumber:
     """Compute the strain energy of a displacement [force length]; collective.
 
     It is the energy of the elastic strain, ``|C (eps(u) - eps_0)|^2/2``; of a
     potential it is the integral of psi.
+
+    Args:
+        pair: The pair.
+        u: The displacement [length].
+        floor: What may always stay unknown of the integral of psi [force length].
     """
     model = pair.model
     of_cells = model.owned_cells
@@ -106,7 +111,7 @@ def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
         def once(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             return np.ones((*x.shape[:2], 1))
 
-        return _over_cells(pair, energy_at, once) + 0.5 * _spring_work(model, u, u)
+        return _over_cells(pair, energy_at, once, floor) + 0.5 * _spring_work(model, u, u)
     energy = 0.5 * elastic_work(pair, u, u)
     given = model.strains
     if given is None:

@@ -53,9 +53,6 @@ class Constitution:
         array([[[1.346, 0.577, 0.   ]]])
     """
 
-    is_quadratic = True
-    """Whether the gap of the law is a square of stresses in the metric."""
-
     def __init__(
         self,
         space: Space,

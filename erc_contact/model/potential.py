@@ -332,8 +332,6 @@ class ConvexConstitution(Constitution):
         linearised: The linearisation.
     """
 
-    is_quadratic = False
-
     def __init__(self, linearised: Linearised) -> None:
         self._linearised = linearised
         self._given = None if linearised.at_rest else linearised

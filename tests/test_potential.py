@@ -1,0 +1,418 @@
+"""Materials with a convex potential: plasticity with hardening, and laws of the user's own.
+
+- A quadratic potential gives what :class:`Elastic` gives, to 1e-9.
+- ``J(u^) + J*(sigma^) = e^2/2``, and e is never less than that.
+- The exact energy lies in the interval of the energy: e bounds the errors of energy of u^ and of sigma^.
+- A thick tube under pressure against its ordinary differential equation.
+- Newton's method takes few steps, and converges quadratically at the end.
+- Laws that are no pair of a convex function and its conjugate are refused; so is what needs a linear law.
+"""
+
+import dataclasses
+
+import gmsh
+import numpy as np
+import pytest
+from laws import Fibres, Quadratic, TwoModuli
+from mpi4py import MPI
+from test_bad_input import refused
+
+import erc_contact as ec
+from erc_contact.admissible.elastic import CellStrains
+from erc_contact.admissible.macro import macro_values
+from erc_contact.error.load_work import load_work
+from erc_contact.error.works import friction_work, stress_work
+from erc_contact.mesh.quadrature import cell_pieces
+from erc_contact.mesh.simplex import barycentric, rule
+
+COMM = MPI.COMM_WORLD
+STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)
+
+
+def slab(d, cells=None):
+    """A slab (0, 2) x (0, 1), in space of depth 1."""
+    if d == 2:
+        return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells or (6, 3))
+    return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=cells or (3, 2, 2))
+
+
+def vector(d, along, press):
+    return (along, press) if d == 2 else (along, 0.5 * along, press)
+
+
+def pressed(material, d, friction=0.0, **entries):
+    """A slab that is pressed on its foundation and pushed along it."""
+    top = ec.Displacement("top", vector(d, 0.004, -0.03))
+    return ec.Scene(material, top, contacts=ec.Contact("bottom", friction=friction), **entries)
+
+
+def certified(scene, domain, method=None, degree=1, **options):
+    solution = ec.solve(scene, domain, method, degree=degree, **options)
+    return ec.constitutive_error(ec.equilibrate(solution))
+
+
+def misfits(solution):
+    """The misfits of the steps of the law, as the solution tells them."""
+    return [float(one) for one in solution.reason.split("misfits of the law: ")[1].split(", ")]
+
+
+# -- linear elasticity through the door of potentials
+# -------------------------------------------------------------------------------------
+
+
+@pytest.mark.on_ranks("2-1-Nitsche", "3-1-AugmentedLagrangian")
+@pytest.mark.parametrize("method", [ec.Nitsche, ec.AugmentedLagrangian])
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
+def test_a_quadratic_potential_is_linear_elasticity(d, degree, method):
+    errors = []
+    for material in (ec.Elastic(1.0, 0.3), Quadratic(1.0, 0.3)):
+        scene = pressed(material, d, friction=0.3)
+        errors.append(certified(scene, slab(d), method(), degree=degree))
+    linear, convex = errors
+    assert misfits(convex.solution)[0] < 1e-12
+    assert convex.solution.newton_steps == linear.solution.newton_steps
+    assert convex.relative == pytest.approx(linear.relative, rel=1e-9)
+    assert convex.force("bottom").force == pytest.approx(linear.force("bottom").force, rel=1e-9)
+    assert convex.maximum("von Mises").value == pytest.approx(
+        linear.maximum("von Mises").value, rel=1e-9
+    )
+    energies = [ec.potential_energy(error) for error in errors]
+    assert energies[1].value == pytest.approx(energies[0].value, rel=1e-8)
+    assert energies[1].low == pytest.approx(energies[0].low, rel=1e-8)
+
+
+def test_a_quadratic_potential_that_varies_in_cells():
+    """Moduli by a callable of x and by region are those of the linear law."""
+    errors = []
+    for kind in (ec.Elastic, Quadratic):
+        scene = pressed(kind(lambda x: 1.0 + x[0] * x[1], 0.3), 2)
+        errors.append(certified(scene, slab(2)))
+    # Both integrals of the error leave something unknown.
+    assert errors[1].relative == pytest.approx(errors[0].relative, rel=2e-4)
+    forces = [error.force("bottom").force for error in errors]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
+# -- identities and bounds
+# -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.0, ec.Tresca(0.002)], ids=["smooth", "given friction"])
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.serial
+def test_energies_add_up_to_the_error(d, degree, friction):
+    """By one rule in all sub-simplices for psi and psi*, and by the integrals of the package."""
+    load = ec.Traction("right", vector(d, 0.003, 0.001))
+    error = certified(pressed(STEEL, d, friction, loads=load), slab(d), degree=degree)
+    pair, model = error.admissible, error.model
+    law, cells, of_cells = model.linearised.law, pair.cell_geometry, model.owned_cells
+    points, weights = rule(d, 8)
+    measures = cells.volume[of_cells, None] * weights / (d + 1)
+    strain = CellStrains.of(model, cells, pair.displacement)
+    psi, psi_star = 0.0, 0.0
+    for sub in cell_pieces(d):
+        places = np.broadcast_to(barycentric(points) @ sub, (len(of_cells), len(points), d + 1))
+        x = np.matmul(places, cells.corners[of_cells])
+        sigma = macro_values(pair.stress, degree, of_cells, places)
+        energy, stress = law.energy_and_stress(strain.at(of_cells, places, x), x, of_cells)
+        complementary, _ = law.complementary(sigma, stress[..., 2], x, of_cells)
+        psi += float((measures * energy).sum())
+        psi_star += float((measures * complementary).sum())
+    loads = load_work(model, pair.displacement).value
+    of_friction = sum(friction_work(model, t, pair.displacement, 0.0).value for t in pair.tractions)
+    supports = float(error.force("top").force @ np.array(vector(d, 0.004, -0.03)))
+    J, J_star = psi - loads + of_friction, psi_star - supports
+    gap = psi + psi_star - stress_work(pair, pair.displacement).value
+    half = gap + error.contact_error**2 / 2
+    # Of the contact part, too, a little is unknown.
+    unknown = 1e-3 * error.contact_error**2
+    assert abs(J + J_star - half) < 1e-12 * (abs(J) + abs(J_star)) + unknown
+    # The integrals of the package add to e^2 what they leave unknown.
+    assert half < error.absolute**2 / 2 < 1.0011 * half
+    assert ec.potential_energy(error).value == pytest.approx(J, abs=1e-3 * half)
+    assert 2 * (psi + psi_star + psi + psi_star - gap) == pytest.approx(error.scale**2, rel=1e-3)
+
+
+def random_scene(seed):
+    """A slab of a random law, hardening 1% to 100%, smooth or with given friction, with or without gap and load."""
+    rng = np.random.default_rng(seed)
+    d = 2 if seed % 4 else 3
+    degree = 1 + seed % 2 if d == 2 else 1
+    laws = [
+        ec.Plastic(1.0, rng.uniform(0.0, 0.45), 0.01, 10 ** rng.uniform(-2, 0)),
+        TwoModuli(1.0, 0.4, 10 ** rng.uniform(-2, 0)),
+        Fibres(1.0, 10 ** rng.uniform(-1, 1)),
+    ]
+    law = laws[max(0, seed % 5 - 2)] if d == 2 else laws[0]
+    curvature = rng.uniform(0.0, 0.01) * (seed % 3)
+    contact = ec.Contact(
+        "bottom",
+        friction=ec.Tresca(10 ** rng.uniform(-4, -2)) if seed % 2 else 0.0,
+        gap=(lambda x: curvature * x[0] ** 2) if curvature else 0.0,
+    )
+    top = ec.Displacement("top", vector(d, rng.uniform(-0.02, 0.02), -rng.uniform(0.005, 0.04)))
+    loads = [ec.Traction("right", tuple(0.003 * rng.normal(size=d)))] if seed % 3 == 1 else []
+    return ec.Scene(law, top, loads, contact), d, degree
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(24))
+def test_the_exact_energy_lies_in_the_interval(seed):
+    """So e^2/2 is above the errors of energy of u^ and of sigma^, hence e above both Bregman distances."""
+    scene, d, degree = random_scene(seed)
+    domain = slab(d, (4, 2) if d == 2 else (2, 1, 1))
+    error = certified(scene, domain, degree=degree)
+    fine = domain.refined().refined() if d == 2 else domain.refined()
+    reference = certified(scene, fine, degree=2)
+    assert reference.absolute < error.absolute
+    bounds, exact = ec.potential_energy(error), ec.potential_energy(reference)
+    # The exact energy is between both ends of the reference.
+    assert bounds.low <= exact.high
+    assert exact.low <= bounds.high
+    # Without a reference: the finer displacement has less energy, the finer stress more.
+    assert exact.high <= bounds.high
+    for solution in (error.solution, reference.solution):
+        assert len(misfits(solution)) <= 12
+
+
+def test_newton_converges_quadratically():
+    error = certified(pressed(STEEL, 2), slab(2, (12, 6)))
+    *_, before, last, end = misfits(error.solution)
+    assert last < 100 * before**2
+    assert end < 1e-10
+
+
+def test_a_step_that_goes_too_far_is_shortened():
+    """Little hardening and large strains: full steps alone would go back and forth."""
+    soft = dataclasses.replace(STEEL, hardening=1e-4)
+    scene = ec.Scene(soft, ec.Displacement("top", (0.3, -0.2)), contacts=ec.Contact("bottom"))
+    solution = ec.solve(scene, slab(2))
+    assert misfits(solution)[-1] < 1e-8
+
+
+# -- a thick tube
+# -------------------------------------------------------------------------------------
+
+INNER, OUTER = 1.0, 2.0
+
+
+def principal_law(strain, law):
+    """Stress and tangent for principal strains (n, 3), by the return to the yield surface."""
+    G, K = law.E / (2 * (1 + law.nu)), law.E / (3 * (1 - 2 * law.nu))
+    deviator = strain - strain.mean(axis=1, keepdims=True)
+    size = np.linalg.norm(deviator, axis=1)
+    trial = np.sqrt(6) * G * size
+    plastic = np.maximum(trial - law.yield_stress, 0.0) / (3 * G + law.hardening)
+    share = 3 * G * plastic / np.maximum(trial, law.yield_stress)
+    stress = 3 * K * strain.mean(axis=1, keepdims=True) + 2 * G * (1 - share)[:, None] * deviator
+    projector = np.eye(3) - 1 / 3
+    n = deviator / np.maximum(size, 1e-300)[:, None]
+    drop = np.where(plastic > 0, 6 * G**2 / (3 * G + law.hardening) - 2 * G * share, 0.0)
+    tangent = K * np.ones((3, 3)) + (2 * G * (1 - share))[:, None, None] * projector
+    return stress, tangent - drop[:, None, None] * n[:, :, None] * n[:, None, :]
+
+
+def tube_displacement(law, pressure, count=2000):
+    """Radial displacement of both walls: ``(r s_r)' = s_t``, by quadratic elements along r."""
+    points, weights = np.polynomial.legendre.leggauss(3)
+    nodes = np.linspace(INNER, OUTER, 2 * count + 1)
+    h = (OUTER - INNER) / count
+    dofs = 2 * np.arange(count)[:, None] + np.arange(3)
+    N = np.stack([points * (points - 1) / 2, 1 - points**2, points * (points + 1) / 2], axis=1)
+    dN = np.stack([points - 0.5, -2 * points, points + 0.5], axis=1) * 2 / h
+    r = nodes[dofs] @ N.T
+    B = np.zeros((count, 3, 3, 3))  # element, point, component, node
+    B[:, :, 0] = dN
+    B[:, :, 1] = N / r[..., None]
+    w = r * weights * h / 2
+    u = np.zeros(len(nodes))
+    load = np.zeros(len(nodes))
+    load[0] = pressure * INNER
+    for _ in range(50):
+        strain = np.einsum("eqci,ei->eqc", B, u[dofs]).reshape(-1, 3)
+        stress, tangent = (a.reshape(count, 3, *a.shape[1:]) for a in principal_law(strain, law))
+        force = np.zeros(len(nodes))
+        np.add.at(force, dofs, np.einsum("eqci,eqc,eq->ei", B, stress, w))
+        if np.abs(load - force).max() < 1e-13 * pressure:
+            break
+        of_elements = np.einsum("eqci,eqcd,eqdj,eq->eij", B, tangent, B, w)
+        band = np.zeros((5, len(nodes)))
+        for i in range(3):
+            for j in range(3):
+                np.add.at(band[2 + i - j], dofs[:, j], of_elements[:, i, j])
+        from scipy.linalg import solve_banded
+
+        u += solve_banded((2, 2), band, load - force)
+    return u[0], u[-1]
+
+
+def quarter_tube(size):
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    occ = gmsh.model.occ
+    outer, inner = ([(2, occ.addDisk(0, 0, 0, r, r))] for r in (OUTER, INNER))
+    whole, _ = occ.cut(outer, inner)
+    occ.intersect(whole, [(2, occ.addRectangle(0, 0, 0, OUTER, OUTER))])
+    occ.synchronize()
+    parts = {
+        "outside": lambda x: np.hypot(x[0], x[1]) > 0.99 * OUTER,
+        "inside": lambda x: np.hypot(x[0], x[1]) < 1.01 * INNER,
+        "left": lambda x: x[0] < 1e-9,
+        "bottom": lambda x: x[1] < 1e-9,
+    }
+    domain = ec.from_gmsh(gmsh.model, parts=parts)
+    gmsh.finalize()
+    return domain
+
+
+@pytest.mark.serial
+def test_a_thick_tube_under_pressure():
+    """Half of the wall is plastic; the walls move as the differential equation says."""
+    law = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)
+    pressure = 0.008
+    inner, outer = tube_displacement(law, pressure)
+    assert tube_displacement(law, pressure, 1000)[0] == pytest.approx(inner, rel=1e-7)
+    elastic = dataclasses.replace(law, yield_stress=1.0)
+    assert inner > 1.3 * tube_displacement(elastic, pressure)[0], "a good part is plastic"
+    scene = ec.Scene(
+        law,
+        [ec.Symmetry("left"), ec.Symmetry("bottom")],
+        ec.Traction("inside", pressure=pressure),
+    )
+    history = ec.adapt(scene, quarter_tube(0.4), accuracy=0.01, degree=2)
+    assert history.reached
+    moved = history.solution.at([[INNER, 0.0], [OUTER, 0.0]]).displacement[:, 0]
+    assert moved == pytest.approx([inner, outer], rel=1e-3)
+
+
+# -- two bodies, ranks, what a run keeps
+# -------------------------------------------------------------------------------------
+
+
+def history(comm, degree, method=None):
+    domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2), comm=comm)
+    contact = ec.Contact("bottom", friction=0.3, gap=lambda x: 0.005 * x[0] ** 2)
+    scene = ec.Scene(STEEL, ec.Displacement("top", (0.001, -0.02)), contacts=contact)
+    return ec.adapt(scene, domain, 1e-6, degree=degree, method=method, max_steps=3)
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_ranks(degree, method):
+    alone, together = (history(comm, degree, method) for comm in (MPI.COMM_SELF, COMM))
+    for a, b in zip(alone.steps, together.steps, strict=True):
+        assert (a.cells, a.newton_steps) == (b.cells, b.newton_steps)
+        assert a.eps == pytest.approx(b.eps, rel=1e-8)
+    energies = [ec.potential_energy(run) for run in (alone, together)]
+    assert energies[0].value == pytest.approx(energies[1].value, rel=1e-9)
+
+
+def test_multigrid_finds_the_same():
+    direct, iterative = (
+        certified(pressed(STEEL, 3), slab(3), solver=solver) for solver in ("direct", "iterative")
+    )
+    assert iterative.relative == pytest.approx(direct.relative, rel=1e-7)
+
+
+def test_a_run_goes_on_from_what_it_keeps(tmp_path):
+    folder = COMM.bcast(str(tmp_path / "run"))
+    scene = pressed(STEEL, 2)
+    options = {"max_steps": 2, "checkpoint": folder}
+    first = ec.adapt(scene, slab(2), 1e-6, **options)
+    again = ec.adapt(scene, slab(2), 1e-6, **options)
+    assert again.error.relative == pytest.approx(first.error.relative, rel=1e-9)
+    other = pressed(dataclasses.replace(STEEL, hardening=0.06), 2)
+    refused(lambda: ec.adapt(other, slab(2), 1e-6, **options), "hardening is 0.06")
+
+
+def test_the_stress_out_of_plane_is_that_of_the_law():
+    """sigma_zz makes psi* least: for a stress on the law it is the derivative of psi."""
+    solution = ec.solve(pressed(STEEL, 2), slab(2))
+    law = solution.model.linearised.law
+    strains = 0.03 * np.random.default_rng(0).normal(size=(50, 1, 3))
+    places = np.zeros((50, 1, 2)), np.zeros(50, dtype=np.int32)
+    psi, stress = law.energy_and_stress(strains, *places)
+    in_plane = stress[..., law.rows]
+    psi_star, out = law.complementary(in_plane, np.zeros((50, 1)), *places)
+    assert out == pytest.approx(stress[..., 2], abs=1e-9)
+    assert psi + psi_star == pytest.approx((in_plane * strains).sum(axis=-1), rel=1e-12)
+
+
+# -- what is refused
+# -------------------------------------------------------------------------------------
+
+
+class Wrong(Quadratic):
+    """Linear elasticity with a wrong potential or conjugate."""
+
+    def __init__(self, change, of="potential"):
+        super().__init__(1.0, 0.3)
+        object.__setattr__(self, "change", change)
+        object.__setattr__(self, "of", of)
+
+    def potential(self, strain, E, nu):
+        psi = super().potential(strain, E, nu)
+        return self.change(psi, strain) if self.of == "potential" else psi
+
+    def conjugate(self, stress, E, nu):
+        psi = super().conjugate(stress, E, nu)
+        return self.change(psi, stress) if self.of == "conjugate" else psi
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [
+        (Wrong(lambda psi, eps: psi + 0.01 * eps[0, 0]), "not zero without strain"),
+        (Wrong(lambda psi, eps: psi + 0.01), "not zero without strain"),
+        (Wrong(lambda psi, eps: psi - 5 * eps[0, 1] ** 2), "not convex"),
+        (Wrong(lambda psi, eps: psi**0.5), "not finite"),
+        (Wrong(lambda psi, s: 1.01 * psi, "conjugate"), "does not belong to the potential"),
+        (Wrong(lambda psi, s: 0.99 * psi, "conjugate"), "does not belong to the potential"),
+        (Wrong(lambda psi, s: s, "conjugate"), "no scalar"),
+    ],
+)
+def test_laws_that_are_no_pair(material, words):
+    refused(lambda: ec.solve(pressed(material, 2), slab(2)), "Wrong", words)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({"hardening": 0.0}, "Without hardening psi* is infinite"),
+        ({"hardening": -1.0}, "hardening is -1"),
+        ({"yield_stress": 0.0}, "yield stress is 0"),
+        ({"nu": 0.5}, "nu is 0.5"),
+        ({"E": "soft"}, "E is 'soft'"),
+    ],
+)
+def test_numbers_of_plasticity(numbers, words):
+    refused(lambda: dataclasses.replace(STEEL, **numbers), words)
+
+
+@pytest.fixture(scope="module")
+def error():
+    return certified(pressed(STEEL, 2, friction=0.3), slab(2))
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda error: ec.resultant(error, "bottom", (0.0, 1.0)),
+        ec.work_of_loads,
+        ec.coulomb_certificate,
+        lambda error: ec.other_solutions(error.solution),
+        lambda error: ec.interval(error, ec.Resultant("bottom", (0.0, 1.0))),
+        lambda error: ec.certify(error.solution.scene, error.domain, error.solution.u),
+        lambda error: error.best_stress_error,
+        lambda error: ec.solve(error.solution.scene, error.domain, after=error.solution),
+        lambda error: ec.evolve(lambda t: error.solution.scene, error.domain, [0.5, 1.0], 0.1),
+        lambda error: ec.adapt(
+            error.solution.scene, error.domain, 0.1, goal=ec.Resultant("bottom", (0.0, 1.0))
+        ),
+        lambda error: ec.Scene(STEEL, strains=ec.ThermalStrain(1e-5, 10.0)),
+    ],
+)
+def test_what_needs_a_linear_law_is_refused(call, error):
+    refused(lambda: call(error), "needs a linear law", "Plastic")
