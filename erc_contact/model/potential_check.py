@@ -74,7 +74,7 @@ def check_potential(model: Model) -> None:
             ]
         )
     finite = model.comm.allreduce(bool(finite), MPI.LAND)
-    worst = model.comm.allreduce(worst, MPI.MAX)
+    worst = np.max(model.comm.allgather(worst), axis=0)
     if not finite:
         raise InputError(
             f"{name}: potential, its derivatives or conjugate are not finite for strains of 0 to"
