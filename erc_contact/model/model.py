@@ -106,6 +106,8 @@ class Model(Space):
     """
 
     domain: Domain
+    strains: Strains | Linearised | None
+    constitution: Constitution
 
     def __init__(
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
@@ -177,8 +179,6 @@ class Model(Space):
             refuse_potential(scene.material, "A preload", FROM_REST)
         if self.linearised is not None:
             return
-        self.strains: Strains | Linearised | None
-        self.constitution: Constitution
         shifts = shifts_of(scene.ties)
         of_preloads = []
         for preload in self.preloads:
