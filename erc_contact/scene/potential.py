@@ -39,6 +39,13 @@ class Potential(Protocol):
     Attributes:
         parameters: Names of the attributes that are values in space: numbers, callables
             of x, or mappings from the names of regions to either.
+
+    Example:
+        >>> law: ec.Potential = ec.Plastic(1e3, 0.3, yield_stress=3.0, hardening=20.0)
+        >>> yielding = ec.Scene(law, scene.supports, contacts=scene.contacts)
+        >>> ec.solve(yielding, block)
+        <Solution of degree 1 on 16 cells by Nitsche(theta=0, gamma=10.0),
+         ... Newton steps>
     """
 
     @property
