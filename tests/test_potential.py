@@ -309,6 +309,17 @@ def test_ranks(degree, method):
     assert energies[0].value == pytest.approx(energies[1].value, rel=1e-9)
 
 
+@pytest.mark.ranks
+@pytest.mark.parametrize("degree", [1, 2])
+def test_ranks_without_cells(degree):
+    """Two cells on any number of ranks: some ranks have nothing to integrate."""
+    eps = []
+    for comm in (MPI.COMM_SELF, COMM):
+        domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
+        eps.append(certified(pressed(STEEL, 2), domain, degree=degree).relative)
+    assert eps[0] == pytest.approx(eps[1], rel=1e-8)
+
+
 def test_multigrid_finds_the_same():
     direct, iterative = (
         certified(pressed(STEEL, 3), slab(3), solver=solver) for solver in ("direct", "iterative")

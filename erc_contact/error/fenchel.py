@@ -51,7 +51,9 @@ def fenchel_error(admissible: Admissible) -> LawError:
         return np.asarray(of_law - near.squares(cell, eps, sigma))
 
     shape, points, weights = macro_points(model.d, k)
-    sigma = np.matmul(shape, admissible.stress).reshape(owned, len(points), -1)
+    sigma = np.matmul(shape, admissible.stress).reshape(
+        owned, len(points), admissible.stress.shape[-1]
+    )
     eps = np.matmul(bernstein(model.d, k - 1, points), strain.in_plane[:owned])
     squares = near.squares(np.arange(owned), eps, sigma)
     of_linear = volume[:, None] * np.einsum("nqi,q->ni", squares, weights)

@@ -214,7 +214,8 @@ class PointLaw:
             numbers[self._numbers[name]] = of_points.reshape(n * q, 1)
         if out_of_plane is not None:
             numbers[self._out_of_plane] = out_of_plane.reshape(n * q, 1)
-        return law(numbers, n * q).reshape(n, q, -1)
+        values = law(numbers, n * q)
+        return values.reshape(n, q, values.shape[-1])
 
 
 class Linearised:
