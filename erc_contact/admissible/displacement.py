@@ -5,12 +5,12 @@ point, not only at nodes: if the Bernstein coefficients of a normal displacement
 below the coefficients of a bound, the displacement is below the bound
 (:mod:`erc_contact.admissible.limits`). Between two bodies this is said of the jump.
 
-A compliant foundation may be entered. There the normal displacement is set to where it
-lowers the error most.
+A compliant foundation may be entered, and gives way tangentially. There the
+displacement is set to where it lowers the error most.
 
-Symbols: n normal of the foundation, k its stiffness, r^ admissible contact traction, g
-gap, u^ displacement, s tangential displacement at the end of the last step of a history
-(zero without), m number of coefficients of a facet, which belong to its nodes.
+Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^
+displacement, s tangential displacement at the end of the last step of a history (zero
+without), m number of coefficients of a facet, which belong to its nodes.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from mpi4py import MPI
 from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
@@ -106,7 +107,9 @@ def _set_status(
     # The contact part of e^2 is a sum of these forces times displacements.
     weight = 2 * traction.area[:, None] / traction.nodes.shape[1]
     closing = limit.summed(-weight * traction.normal_component)
-    springs = _foundation_stiffness(model, traction, limit)
+    contact = traction.contact
+    springs = _foundation_stiffness(model, traction, limit, contact.stiffness)
+    tangential_springs = _foundation_stiffness(model, traction, limit, contact.tangential_stiffness)
     friction = limit.summed(weight * traction.friction_bound)
     tangential = weight[..., None] * traction.tangential_part
     by_component = [limit.summed(tangential[..., i]) for i in range(model.d)]
@@ -118,16 +121,20 @@ def _set_status(
         open_by = limit.bound[group] - limit.normal_displacement(values, group)
         if springs is None:
             closes = closing[group] * open_by > stiffness[group] * open_by**2
-            closed = group[closes | traction.contact.bilateral]
+            closed = group[closes | contact.bilateral]
             _move_normal(values, free, limit, closed, limit.bound[closed])
         else:
             entry = _best_entry(-open_by, closing[group], stiffness[group], springs[group])
             _move_normal(values, free, limit, group, limit.bound[group] + entry)
         _, slip, size = split(limit.jump(values, group) - before[group], n)
-        gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
-        sticks = gain > stiffness[group] * size**2
-        back = np.where(limit.mobile(free, group), -slip, 0.0)
-        limit.move(values, free, group[sticks], back[sticks])
+        of_group = shear[group], friction[group], stiffness[group]
+        if tangential_springs is None:
+            gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
+            sticks = gain > stiffness[group] * size**2
+            change = np.where(sticks[:, None], -slip, 0.0)
+        else:
+            change = _best_slide(slip, *of_group, tangential_springs[group]) - slip
+        limit.move(values, free, group, np.where(limit.mobile(free, group), change, 0.0))
 
 
 def _limit_normal(
@@ -215,6 +222,37 @@ def _best_entry(
     return share * pressed
 
 
+def _best_slide(
+    slide: np.ndarray,
+    shear: np.ndarray,
+    friction: np.ndarray,
+    stiffness: np.ndarray,
+    springs: np.ndarray,
+) -> np.ndarray:
+    """Return the best tangential displacements where a foundation gives way [length].
+
+    They are ``z = u_t - s`` at nodes. A change of z raises the bulk part of e^2 by
+    about S times its square. The contact part is ``T.z + K |z|^2`` and a constant up to
+    ``K |z| = F/2``, and ``T.z + F |z|`` and a constant beyond. The least sum has the
+    direction of ``y = z - T/(2 S)``, and the length ``S/(S + K) |y|`` where it sticks
+    and ``|y| - F/(2 S)`` where it slips, which is the longer one.
+
+    Args:
+        slide: z of u [length], shape (c, d).
+        shear: T, twice the force of the shear at the node [force], shape (c, d).
+        friction: F, twice the force of the friction bound [force], shape (c,).
+        stiffness: S [force/length], shape (c,).
+        springs: K [force/length], shape (c,).
+    """
+    best = slide - shear / (2 * stiffness[:, None])
+    length = np.linalg.norm(best, axis=1)
+    slips = length - friction / (2 * stiffness)
+    sticks = stiffness / (stiffness + springs) * length
+    longer = np.maximum(slips, sticks)
+    share = np.divide(longer, length, out=np.zeros_like(length), where=length > 0)
+    return share[:, None] * best
+
+
 def _move_normal(
     values: np.ndarray, free: np.ndarray, limit: Limits, group: np.ndarray, w_n: np.ndarray
 ) -> None:
@@ -243,16 +281,16 @@ def _slip_before(traction: ContactTraction, limit: Limits) -> np.ndarray:
 
 
 def _foundation_stiffness(
-    model: Model, traction: ContactTraction, limit: Limits
+    model: Model, traction: ContactTraction, limit: Limits, stiffness: Ufl | None
 ) -> np.ndarray | None:
-    """Return the share of each limit in k of the foundation [force/length].
+    """Return the share of each limit in a stiffness of the foundation [force/length].
 
-    None on a rigid foundation, else shape (c,); collective.
+    None where it is rigid, else shape (c,); collective.
     """
-    contact = traction.contact
-    if contact.stiffness is None:
+    if stiffness is None:
         return None
-    at_nodes = evaluate(contact.stiffness, model.mesh, model.facet_points, contact.facets)
+    facets = traction.contact.facets
+    at_nodes = evaluate(stiffness, model.mesh, model.facet_points, facets)
     share = traction.area[:, None] / traction.nodes.shape[1]
     return limit.summed(share * at_nodes)
 

@@ -73,10 +73,12 @@ def bind_contact(
         away = ufl.dot(motion, normal)
         gap = away if gap is None else gap + away
     friction = _friction(space, contact, facets)
-    stiffness = None
-    if contact.foundation is not None:
-        k = contact.foundation.stiffness
-        stiffness = space.on_meridian(number(space, k, f"{what}: stiffness of the foundation"))
+    stiffnesses = {}
+    for name in ("normal", "tangential"):
+        k = getattr(contact.foundation, name, None)
+        if k is not None:
+            words = f"{what}: {name} stiffness of the foundation"
+            stiffnesses[name] = space.on_meridian(number(space, k, words))
     trace = Trace(here, direction, None, there, of_corners)
     # Friction alone remembers where the contact was.
     before = None
@@ -100,7 +102,8 @@ def bind_contact(
         gap=gap,
         gap_varies=callable(contact.gap) or motion is not None,
         bilateral=contact.bilateral,
-        stiffness=stiffness,
+        stiffness=stiffnesses.get("normal"),
+        tangential_stiffness=stiffnesses.get("tangential"),
         lost=lost,
         gap_vectors=of_gap,
         moved=moved,

@@ -18,6 +18,7 @@ from mpi4py import MPI
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
+from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
@@ -157,7 +158,7 @@ def profile_table(
         - ``x``, ``y`` and in 3D ``z``: position [length],
         - ``gap``: the gap that is left, g - w_n [length],
         - ``slip``: length of w_t, or of its change since the last step of a history
-          [length],
+          [length], without what a foundation gives way tangentially,
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
           [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick,
@@ -258,7 +259,10 @@ def _columns(
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
     before = contact.sign * np.matmul(shape, contact.trace.of_before)
     w_n = (w * n).sum(axis=-1)
-    _, w_t, slip = split(w - before, n)
+    w_t = w - before
+    if contact.tangential_stiffness is not None:
+        w_t = w_t - contact.sign * _given_way(model, contact, r, points)
+    _, w_t, slip = split(w_t, n)
     r_n, r_t, shear = split(contact.sign * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
@@ -288,6 +292,19 @@ def _columns(
             for axis, letter in enumerate("xyz"[: model.d]):
                 columns[f"{name}_{letter}"] = displacement[..., axis]
     return columns
+
+
+def _given_way(
+    model: Model, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
+
+    The tractions r [force/area] are not about rings, as its stiffness is.
+    """
+    if model.axisymmetric:
+        places = np.matmul(barycentric(points), contact.trace.here.corners)
+        r = circumferences(places)[..., None] * r
+    return spring_displacement(model, contact, r, points)
 
 
 def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:

@@ -40,7 +40,7 @@ def perturbation_of(
 ) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
-    soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
+    soft = [contact.name for contact in model.contacts if contact.is_compliant]
     if soft:
         raise InputError(
             f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
