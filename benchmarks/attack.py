@@ -24,7 +24,8 @@ friction or a given one.
 
 ``sprung``: the same with springs on the sides. ``turned``: see ``attack_springs.py``.
 
-``foundations``: the same on compliant foundations.
+``foundations``: the same on compliant foundations; ``tangential``: on foundations that
+give way tangentially, half of them along the normal, too, with given friction.
 
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
 ``attack_certificates.py``; ``plates``: see ``attack_plates.py``, ``pairs``: see
@@ -307,6 +308,21 @@ def foundations(seed: int = 0, count: int = 50) -> None:
     compared_blocks(seed, count, bedded)
 
 
+def tangential(seed: int = 0, count: int = 50) -> None:
+    """Print the same of blocks on foundations that give way tangentially."""
+
+    def bedded(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
+        sheared = random_foundation(rng)["foundation"].normal
+        bed = random_foundation(rng)
+        normal = bed["foundation"].normal if rng.random() < 0.5 else None
+        bed["foundation"] = ec.Foundation(normal, tangential=sheared)
+        friction = ec.Tresca(float(rng.uniform(0.001, 0.02)))
+        contact = replace(scene.contacts[0], friction=friction, **bed)
+        return replace(scene, contacts=[contact])
+
+    compared_blocks(seed, count, bedded)
+
+
 def tightening(seed: int = 0, count: int = 60) -> None:
     """Print how near the default tightening comes to the least error."""
     print(summary_of_tightening(tightened(seed, count)), flush=True)
@@ -340,6 +356,7 @@ TASKS: dict[str, Callable[..., None]] = {
         turned,
         rigid,
         foundations,
+        tangential,
         tightening,
         plane,
         space,
