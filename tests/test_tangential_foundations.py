@@ -13,13 +13,14 @@
   a checkpoint; ranks agree; what is wrong is refused in words.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 from reference import true_errors
-from scenes import mostly_serial
+from scenes import mostly_serial, two_halves
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, slider_of
@@ -46,7 +47,13 @@ def block(d: int = 2, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(3, 2, 2), comm=comm)
 
 
-def sheared(push, shear, bed=BED, friction=MU) -> ec.Scene:
+def halves(domain: ec.Domain) -> ec.Domain:
+    """A domain cut in two bodies at half of its height."""
+    two = two_halves(domain, domain.dim - 1)
+    return two.split({"punch": "upper", "base": "lower"})
+
+
+def sheared(push, shear, *, between=False) -> ec.Scene:
     """A block pressed and pushed at its top, with the shear of its sides: its stress is uniform."""
     d = len(push) + 1
     loads = []
@@ -54,18 +61,23 @@ def sheared(push, shear, bed=BED, friction=MU) -> ec.Scene:
         for side, sign in zip(sides, (-1.0, 1.0), strict=True):
             loads.append(ec.Traction(side, (*(0.0,) * (d - 1), sign * component)))
     material = ec.Elastic(E, 0.0, "plane stress") if d == 2 else ec.Elastic(E, 0.0)
-    top = ec.Displacement("top", (*push, -PRESS))
-    contact = ec.Contact("bottom", friction=friction, foundation=bed)
-    return ec.Scene(material, top, loads, contact)
+    supports = [ec.Displacement("top", (*push, -PRESS))]
+    sides = ("bottom", None)
+    if between:
+        sides = ("punch", "base")
+        supports.append(ec.Displacement("bottom", (0.0,) * d))
+    return ec.Scene(material, supports, loads, ec.Contact(*sides, friction=MU, foundation=BED))
 
 
-def uniform(amount: float, d: int = 2, slipped: float = 0.0) -> tuple[ec.Scene, float, float]:
+def uniform(
+    amount: float, d: int = 2, slipped: float = 0.0, *, between: bool = False
+) -> tuple[ec.Scene, float, float]:
     """The scene of a push, its shear, and its slip so far, from a slip before."""
     shear = (amount - slipped) / (1 / K_T + 1 / G)
     shear = float(np.clip(shear, -MU * PRESSURE, MU * PRESSURE))
     slip = amount - shear * (1 / K_T + 1 / G)
     along = np.array([1.0] if d == 2 else [0.8, 0.6])
-    return sheared(tuple(amount * along), shear * along), shear, slip
+    return sheared(tuple(amount * along), shear * along, between=between), shear, slip
 
 
 @pytest.mark.pairs
@@ -74,18 +86,24 @@ def uniform(amount: float, d: int = 2, slipped: float = 0.0) -> tuple[ec.Scene, 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("d", mostly_serial([2, 3], [2]))
-def test_a_block_sticks_and_slips_on_springs(d, solver, method, degree, amount):
-    scene, shear, slip = uniform(amount * STICKS, d)
+@pytest.mark.parametrize("between", [False, True])
+def test_a_block_sticks_and_slips_on_springs(between, d, solver, method, degree, amount):
+    scene, shear, slip = uniform(amount * STICKS, d, between=between)
     assert (slip > 1e-3 * STICKS) == (amount > 1)
-    error = measured(scene, block(d), degree=degree, method=method, solver=solver)
+    domain = halves(block(d)) if between else block(d)
+    error = measured(scene, domain, degree=degree, method=method, solver=solver)
     assert error.relative < 1e-9
-    table = error.profile("bottom")
+    table = error.profile("punch" if between else "bottom")
     assert table["pressure"] == pytest.approx(PRESSURE, rel=1e-8)
     assert abs(table["shear"]) == pytest.approx(shear, rel=1e-8)
     assert abs(table["slip"]) == pytest.approx(slip, abs=1e-8 * STICKS)
     assert np.all(table["status"] == (2 if amount < 1 else 1))
-    moved = error.at(np.full(d, 0.5) * (1.0, *(0.0,) * (d - 1))).displacement[0]
-    assert np.linalg.norm(moved[:-1]) == pytest.approx(slip + shear / K_T, rel=1e-8)
+    if between:
+        jump = table["u_x"] - table["other_u_x"]
+        assert abs(jump) == pytest.approx(0.8 ** (d - 2) * (slip + shear / K_T), rel=1e-8)
+    else:
+        moved = error.at(np.full(d, 0.5) * (1.0, *(0.0,) * (d - 1))).displacement[0]
+        assert np.linalg.norm(moved[:-1]) == pytest.approx(slip + shear / K_T, rel=1e-8)
     # Two springs in a row, and the body between them; friction takes b on the slip.
     stored = PRESSURE**2 * (1 / K_N + 1 / E) / 2 + shear**2 * (1 / K_T + 1 / G) / 2
     # The shear of the sides does work on what the block sinks by: none together.
@@ -119,7 +137,7 @@ def test_what_only_sticks_is_on_springs(method, degree, kind):
     assert error.relative == pytest.approx(on_bed.relative, rel=0.05)
     assert error.scale == pytest.approx(on_bed.scale, rel=1e-2)
     u, v = (e.at(np.full(d, 0.7)).displacement[0] for e in (error, on_bed))
-    assert u == pytest.approx(v, abs=0.02 * error.relative * abs(v).max())
+    assert u == pytest.approx(v, abs=0.05 * error.relative * abs(v).max())
     bounds = [ec.potential_energy(e) for e in (error, on_bed)]
     assert bounds[0].value == pytest.approx(bounds[1].value, rel=2e-3)
     # On rings a given bound is sampled, and nearly zero beside the axis.
@@ -179,23 +197,36 @@ def test_limits_of_soft_and_stiff_foundations(degree, method):
 
 
 @cache
-def references(k, k_n) -> tuple[ec.Scene, ec.Solution, ec.ConstitutiveError]:
+def references(k, k_n, *, between) -> tuple[ec.Scene, ec.Solution, ec.ConstitutiveError]:
     """A scene with its solution, and the error, on fine meshes of degree 2."""
     stiffness = ec.table([0.0, 0.7, 2.0], [k, 2 * k, k])
-    scene = pressed(stiffness, ec.Tresca(3.0), k_n)
-    return scene, ec.solve(scene, plate(48), degree=2), measured(scene, plate(16), degree=2)
+    bound = (2.5 if k_n is None else 3.7) if between else 3.0
+    scene = pressed(stiffness, ec.Tresca(bound), k_n)
+    if between:
+        contact = replace(scene.contacts[0], facets="punch", against="base")
+        supports = [*scene.supports, ec.Displacement("bottom", (0.0, 0.0))]
+        scene = replace(scene, supports=supports, contacts=contact)
+    fine, less_fine = cut(48, between=between), cut(16, between=between)
+    return scene, ec.solve(scene, fine, degree=2), measured(scene, less_fine, degree=2)
+
+
+def cut(n: int, *, between: bool) -> ec.Domain:
+    return halves(plate(n)) if between else plate(n)
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("between", [False, True])
 @pytest.mark.parametrize(("k", "k_n"), [(500.0, None), (2e4, 3e3)])
-def test_e_bounds_true_errors(k, k_n, degree):
-    scene, reference, finest = references(k, k_n)
+def test_e_bounds_true_errors(k, k_n, between, degree):
+    scene, reference, finest = references(k, k_n, between=between)
+    part = "punch" if between else "bottom"
     energy = ec.potential_energy(finest).value
-    force = finest.force("bottom").force[0]
+    force = finest.force(part).force[0]
     for n in (2, 4):
-        error = measured(scene, plate(n), degree=degree)
-        states = set(error.profile("bottom")["status"])
+        domain = cut(n, between=between)
+        error = measured(scene, domain, degree=degree)
+        states = set(error.profile(part)["status"])
         assert states == {1, 2} or n == 2
         assert error.oscillation < 1e-12 * error.scale
         true = true_errors(error.admissible, reference)
@@ -204,10 +235,10 @@ def test_e_bounds_true_errors(k, k_n, degree):
         bounds = ec.potential_energy(error)
         assert bounds.guaranteed
         assert bounds.low <= energy <= bounds.high
-        resultant = ec.resultant(error, "bottom", (1.0, 0.0))
+        resultant = ec.resultant(error, part, (1.0, 0.0))
         assert resultant.guaranteed
         assert resultant.low <= force <= resultant.high
-        certificate = ec.certify(scene, plate(n), lambda x: 0.9 * x, degree=degree)
+        certificate = ec.certify(scene, domain, lambda x: 0.9 * x, degree=degree)
         assert certificate.error.absolute > error.absolute
 
 
