@@ -17,9 +17,10 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import in_space, node_between, node_vertices
+from erc_contact.mesh.simplex import at_nodes, in_space, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
+from erc_contact.model.profile import given_way
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
 
@@ -39,8 +40,9 @@ class Surface:
         gap: The gap g at the nodes of each facet before the deformation [length], shape
             (n, m).
         gap_left: The gap that is left there, g - w^_n [length], shape (n, m).
-        slip: Tangential part of w^ there, or of its change since the last step of a
-            history [length], shape (n, m, d).
+        slip: Tangential part of w^ there, less what a foundation gives way
+            tangentially, or of its change since the last step of a history [length],
+            shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).
         partners: Global numbers of the facing nodes of the other body, shape (n, m);
@@ -99,6 +101,10 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     own = contact.trace.here.owned
     gap = gap_at_nodes(model, contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
+    if contact.tangential_stiffness is not None:
+        # The slip is what the foundation does not give way.
+        r = np.matmul(at_nodes(model.d - 1, model.degree), traction.values)
+        displacement = displacement - given_way(model, contact, r, model.facet_points)
     w_n, slip, _ = split(displacement, contact.trace.normals)
     nodes = traction.nodes
     # On a foundation this side stands for the other one, which is left out below.
