@@ -174,6 +174,13 @@ def pressed(k, friction=0.3, k_n=None, moved=(0.01, -0.02)) -> ec.Scene:
     return ec.Scene(ec.Elastic(E, 0.3), ec.Displacement("top", moved), contacts=contact)
 
 
+def with_base(scene: ec.Scene) -> ec.Scene:
+    """The scene of the upper half, with its contact on the lower one."""
+    contact = replace(scene.contacts[0], facets="punch", against="base")
+    held = ec.Displacement("bottom", (0.0, 0.0))
+    return replace(scene, supports=[*scene.supports, held], contacts=contact)
+
+
 def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
 
@@ -185,15 +192,28 @@ def test_limits_of_soft_and_stiff_foundations(degree, method):
     rigid = measured(pressed(None), plate(), **options)
     force = rigid.force("bottom").force
     distances = []
-    for k in (1e3 * E, 1e6 * E):
+    for k, same in ((1e3 * E, 2e-3), (1e6 * E, 1e-4)):
         stiff = measured(pressed(k), plate(), **options)
-        assert stiff.relative == pytest.approx(rigid.relative, rel=0.02)
+        assert stiff.relative == pytest.approx(rigid.relative, rel=same)
         distances.append(abs(stiff.force("bottom").force - force).max())
     assert distances[1] < 2e-3 * distances[0] < 2e-3 * 0.02 * abs(force).max()
     soft = measured(pressed(1e-6 * E), plate(), **options)
     smooth = measured(pressed(None, friction=0.0), plate(), **options)
     assert soft.relative == pytest.approx(smooth.relative, rel=1e-3)
     assert abs(soft.profile("bottom")["shear"]).max() < 1e-6 * abs(force).max()
+
+
+@pytest.mark.parametrize("method", [None, ec.AugmentedLagrangian()])
+@pytest.mark.parametrize(("degree", "eps"), [(1, 0.045), (2, 0.02)])
+@pytest.mark.parametrize("k", [10.0, 300.0])
+def test_springs_alone_hold_a_block(k, degree, eps, method):
+    """Its traction balances the loads; what the springs give way is no slip."""
+    load = ec.Traction("top", (lambda x: 0.5 + 0.15 * x[0], -5.0))
+    bed = ec.Contact("bottom", friction=0.3, foundation=ec.Foundation(tangential=k))
+    scene = ec.Scene(ec.Elastic(E, 0.3), loads=load, contacts=bed)
+    error = measured(scene, plate(4), degree=degree, method=method)
+    assert error.relative < eps
+    assert error.force("bottom").force == pytest.approx([-1.3, 10.0], rel=1e-9)
 
 
 @cache
@@ -203,9 +223,7 @@ def references(k, k_n, *, between) -> tuple[ec.Scene, ec.Solution, ec.Constituti
     bound = (2.5 if k_n is None else 3.7) if between else 3.0
     scene = pressed(stiffness, ec.Tresca(bound), k_n)
     if between:
-        contact = replace(scene.contacts[0], facets="punch", against="base")
-        supports = [*scene.supports, ec.Displacement("bottom", (0.0, 0.0))]
-        scene = replace(scene, supports=supports, contacts=contact)
+        scene = with_base(scene)
     fine, less_fine = cut(48, between=between), cut(16, between=between)
     return scene, ec.solve(scene, fine, degree=2), measured(scene, less_fine, degree=2)
 
@@ -304,21 +322,27 @@ def test_dissipation_is_of_slip_alone_and_a_history_goes_on(shared_tmp_path):
     assert taken[1:] == pytest.approx(np.cumsum(dissipated)[1:], rel=1e-7)
 
 
-def test_ranks_and_solvers():
-    scene = pressed(lambda x: 2e3 + 1e3 * x[0] ** 2, k_n=3e3)
+@pytest.mark.parametrize("between", [False, True])
+def test_ranks_and_solvers(between):
+    def moved_to(x, y):
+        scene = pressed(lambda x: 2e3 + 1e3 * x[0] ** 2, k_n=3e3, moved=(x, y))
+        return with_base(scene) if between else scene
+
     errors = []
     for comm, solver in (
         (MPI.COMM_SELF, "direct"),
         (MPI.COMM_WORLD, "direct"),
         (MPI.COMM_WORLD, "iterative"),
     ):
-        after = ec.solve(scene, plate(4, comm), solver=solver)
-        back = pressed(lambda x: 2e3 + 1e3 * x[0] ** 2, k_n=3e3, moved=(-0.002, -0.02))
-        errors.append(measured(back, plate(4, comm), method=None, solver=solver, after=after))
+        domain = halves(plate(4, comm)) if between else plate(4, comm)
+        after = ec.solve(moved_to(0.01, -0.02), domain, solver=solver)
+        back = moved_to(-0.002, -0.02)
+        errors.append(measured(back, domain, method=None, solver=solver, after=after))
     for error in errors[1:]:
         assert error.relative == pytest.approx(errors[0].relative, rel=1e-6)
         assert error.scale == pytest.approx(errors[0].scale, rel=1e-9)
-        shear = [e.force("bottom").force[0] for e in (error, errors[0])]
+        part = "punch" if between else "bottom"
+        shear = [e.force(part).force[0] for e in (error, errors[0])]
         assert shear[0] == pytest.approx(shear[1], rel=1e-6)
 
 
