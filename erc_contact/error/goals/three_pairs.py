@@ -39,6 +39,11 @@ The derivative then has the work of r on a beside the work of the supports, and 
 takes the place of phi in the work of r: as u+ may be beyond g by ``t n . a``, its bound
 is the same. V stays as it is.
 
+The shifts of preloads may move, too: u^ has jumps q d at their cuts, and phi has the
+jumps p d with the differences p of the shifts over t. So eps(phi) is the change of the
+elastic strain, loads work on the jumps, and so do the forces of bolts that are given
+(:mod:`erc_contact.error.goals.moved_shifts`).
+
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
 M is of second order if d falls like M. A t that changes the set makes d larger, and
@@ -65,6 +70,7 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.moved_shifts import MovedShifts
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
@@ -250,16 +256,17 @@ def _end(
     size_2 = elastic_work(pair, phi, phi).value
 
     size = float(np.sqrt(max(size_2, 0.0)))
-    product, d_squares = _across(base, phi, more, less, t, size)
+    shifts = MovedShifts.between(first.model, second.model, t)
+    product, d_squares = _across(base, phi, shifts, more, less, t, size)
     d_2 = model.comm.allreduce(float(d_squares.sum()), MPI.SUM)
     if d_2 > size_2:
         # Forces that a contact bears have a tau, and no phi.
-        product, d_squares = _across(base, phi, more, less, t, float(np.sqrt(d_2)))
+        product, d_squares = _across(base, phi, shifts, more, less, t, float(np.sqrt(d_2)))
 
     # The round-off of strains does work on the stress of phi.
     V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
-    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
+    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + shifts.work(pair, t)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
@@ -272,13 +279,20 @@ def _end(
 
 
 def _across(
-    base: Unmoved, phi: fem.Function, more: Admissible, less: Admissible, t: float, size: float
+    base: Unmoved,
+    phi: fem.Function,
+    shifts: MovedShifts,
+    more: Admissible,
+    less: Admissible,
+    t: float,
+    size: float,
 ) -> tuple[BoundedNumber, np.ndarray]:
     """Compute what V has of ``tau - C eps(phi)``, and ``d^2`` of cells; collective.
 
     Args:
         base: The scene, not moved.
         phi: phi.
+        shifts: The jumps of phi.
         more: One of two pairs whose sigma^ have the difference ``t tau``.
         less: The other one.
         t: t.
@@ -288,7 +302,10 @@ def _across(
     model = error.model
     # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
     h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
-    bulks = [_bulk(error.admissible, phi, more, less, sign * h, t) for sign in (0.0, 1.0, -1.0)]
+    bulks = []
+    for step in (0.0, h, -h):
+        moved = shifts.moved(error.admissible, step)
+        bulks.append(_bulk(moved, phi, more, less, step, t))
     squares = [body.gap for body in bulks]
     # Adapted integrals are up to twice their share too large.
     share = 2 * UNKNOWN_SHARE if model.constitution.varies_in_cells else 0.0
