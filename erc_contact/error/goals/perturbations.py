@@ -62,7 +62,7 @@ def perturbation_of(
         case Functional():
             perturbation = functional(base, goal)
         case BoltForce() | Shortening():
-            perturbation = bolt_perturbation(base, goal)
+            perturbation = bolt_perturbation(base, goal, error.admissible)
         case Slip() | Opening():
             perturbation = jump_perturbation(base, goal)
         case MeanDisplacement():
