@@ -329,15 +329,15 @@ def _bulk(
     It is a gap [force length], with the springs at the cell.
     """
     model = pair.model
-    hat = model.function()
-    hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
+    u_hat = model.function()
+    u_hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
     of_springs = []
     triples = zip(pair.spring_tractions, more.spring_tractions, less.spring_tractions, strict=True)
     for value, of_more, of_less in triples:
         of_springs.append(value + h / t * (of_more - of_less))
     moved = replace(
         pair,
-        displacement=hat,
+        displacement=u_hat,
         stress=pair.stress + h / t * (more.stress - less.stress),
         spring_tractions=of_springs,
     )
