@@ -7,12 +7,11 @@ as before. The facets where they meet are made anew, and names and tags stay.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
@@ -127,11 +126,10 @@ class Assembled:
         """
         comm = like.comm
         plains = [member.meshed(like, sizes) for member in self.members]
-        mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
+        tables = spread(comm, PlainMesh.beside_each_other(plains))
         blank: dict[str, Any] = {"curved_facets": None, "glued": None, "seams": None}
         blank |= {"regions": self.regions, "geometry": self}
-        tags: dict[str, Any] = {"facet_tags": facet_tags, "cell_tags": cell_tags}
-        result = replace(like, mesh=mesh, names=self.names, **tags, **blank)
+        result = replace(like, names=self.names, **tables, **blank)
         for here, there, on, tied, apart in self.joints:
             try:
                 glued = joint(result, here, there, on, tied=tied, apart=apart)
@@ -142,9 +140,7 @@ class Assembled:
                     f"be joined again ({reason}) Keep these meshes and refine them: "
                     "domain.refined(cells), or strategy=ec.Mark()."
                 ) from reason
-            mesh, facet_tags, cell_tags = spread(comm, glued.plain)
-            tags = {"facet_tags": facet_tags, "cell_tags": cell_tags}
-            result = replace(like, mesh=mesh, names=glued.names, **tags, **blank)
+            result = replace(like, names=glued.names, **spread(comm, glued.plain), **blank)
         return result
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -163,19 +159,3 @@ def of_model(glued: Bodies) -> Assembled:
     same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
     member = Member(shape, glued.names, glued.regions, 0, same)
     return Assembled((member,), glued.names, glued.regions)
-
-
-def beside_each_other(
-    comm: MPI.Comm, plains: Sequence[PlainMesh]
-) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
-    """Make one mesh of several ones on rank 0, unconnected; collective.
-
-    Returns:
-        The mesh, the tags of its facets and the tags of its cells.
-    """
-    points = 0
-    tables = []
-    for plain in plains:
-        tables.append((plain.x, plain.cells + points, plain.regions, plain.tags))
-        points += len(plain.x)
-    return spread(comm, PlainMesh(*map(np.concatenate, zip(*tables, strict=True))))

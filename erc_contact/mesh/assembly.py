@@ -10,13 +10,13 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.mesh.assembled import Assembled, Member, Shape, beside_each_other
+from erc_contact.mesh.assembled import Assembled, Member, Shape
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.joining.joint import last_tag
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import gathered_mesh
+from erc_contact.mesh.transfer import gathered_mesh, spread
 
 REST = ""
 """Stands for the cells of a body that are in no region."""
@@ -72,8 +72,8 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     whole = None
     if all(member.shape is not None for member in members):
         whole = Assembled(tuple(members), names, regions)
-    mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
-    result = Domain(mesh, facet_tags, names, cell_tags, regions, whole)
+    tables = spread(comm, PlainMesh.beside_each_other(plains))
+    result = Domain(names=names, regions=regions, geometry=whole, **tables)
     return result.cut(tuple(interfaces)) if interfaces else result
 
 

@@ -152,6 +152,12 @@ class Bodies(NamedMesh):
             return ()
         return tuple(interface.names for interface in self.seams.interfaces)
 
+    def is_apart(self, here: str, there: str | None) -> bool:
+        """Tell whether the sides of a pair keep their own places across a distance."""
+        if self.seams is None or there is None:
+            return False
+        return self.seams.distance(here, there) > 0
+
     @property
     def paired_sides(self) -> list[np.ndarray]:
         """Return the sides (cell, local facet) of all pairs, shape (n, 2) each.

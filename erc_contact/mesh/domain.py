@@ -17,6 +17,7 @@ from dolfinx import mesh as dmesh
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
@@ -73,6 +74,8 @@ class Domain(Bodies):
             lies. None if the body is not curved, or not known.
         glued: The domain from which this one was split, see :meth:`split`, or None.
         seams: What relates the nodes and cells of both, or None.
+        places: Places of the corners of the cells [length], shape (cells, d+1, d), of a
+            glued domain whose bodies keep their shapes, or None.
 
     Raises:
         InputError: If the mesh does not fill its space, a cell cannot be split, names
@@ -140,6 +143,8 @@ class Domain(Bodies):
         object.__setattr__(self, "curved_facets", carried.marks(self.curved_facets))
         if self.cell_tags is not None:
             object.__setattr__(self, "cell_tags", carried.cell_tags(self.cell_tags))
+        if self.places is not None:
+            object.__setattr__(self, "places", carried.of_corners(self.places))
 
     def parts(self) -> Parts:
         """List the parts: facets, area, centre, mean normal, regions; collective.
@@ -354,8 +359,8 @@ class Domain(Bodies):
         shape = None
         if isinstance(glued.geometry, Joinable):
             shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
-        mesh, facet_tags, cell_tags = spread(comm, found.plain)
-        whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions, shape)
+        tables = spread(comm, found.plain)
+        whole = Domain(names=found.names, regions=self.regions, geometry=shape, **tables)
         return whole.cut(interfaces) if interfaces else whole
 
     def tied(self, ties: Sequence[tuple[str, str]]) -> Domain:
@@ -389,10 +394,12 @@ class Domain(Bodies):
         cut[closed] = NO_INTERFACE
         interface_of_facet[closed] = NO_INTERFACE
         check_opened(mesh, interfaces, interface_of_facet)
-        numbers, x = numbered(mesh, cut != NO_INTERFACE)
+        numbers, x = numbered(mesh, cut != NO_INTERFACE, self.places)
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
         new.topology.create_connectivity(self.dim, self.dim - 1)
         carried = Carried(mesh, new, numbers)
+        if self.places is not None:
+            carried.check_places(self.places)
         tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, cut)
         facet_tags = carried.facet_tags(tags)
         of_sides = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, interface_of_facet)
@@ -408,7 +415,7 @@ class Domain(Bodies):
             self.geometry,
             carried.marks(self.curved_facets),
             self,
-            carried.seams(interfaces, of_sides),
+            carried.seams(interfaces, of_sides, keep=self.places is not None),
         )
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
@@ -437,7 +444,20 @@ class Domain(Bodies):
         curved = refinement.inherited(self.curved_facets)
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
-        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)
+        places = None
+        if self.places is not None:
+            corners = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]
+            places = refinement.places(corners, self.places)
+        return Domain(
+            fine,
+            facet_tags,
+            self.names,
+            cell_tags,
+            self.regions,
+            self.geometry,
+            curved,
+            places=places,
+        )
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
