@@ -25,6 +25,7 @@ from erc_contact.mesh.partition import patches_complete
 from erc_contact.mesh.tables import described, geometry_of
 from erc_contact.model.promises import bind
 from erc_contact.output.gathered import whole_contacts
+from erc_contact.output.verdict import of_gaps
 from erc_contact.run.states import Restored, level_of
 
 SIDES = ("upper bottom", "lower top")
@@ -188,6 +189,45 @@ def test_a_ring_about_the_axis():
     # Two equal discs of height 1: strain 0.005, area 4 pi.
     assert force[0] == pytest.approx(0.005 * 4 * np.pi, rel=1e-9)
     assert force[1] == pytest.approx(-force[0], rel=1e-12)
+
+
+@pytest.mark.on_ranks("2-1", "3-2")
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_deviation_of_the_linear_gap(d, degree):
+    """A joint that turns by phi: a point slides by phi times the distance, off its partner.
+
+    The lower side turns into the line along (1 + e, phi), and points of the upper side
+    slide along x by -phi D.
+    """
+    distance, phi, e = 0.3, 0.1, -0.01
+    G = e * np.eye(d)
+    G[0, -1], G[-1, 0] = -phi, phi
+
+    def prescribed(down):
+        def component(i):
+            offset = -down * (1 + G[i, i]) if i == d - 1 else 0.0
+            return lambda x: sum(G[i, j] * x[j] for j in range(d)) + offset
+
+        return tuple(component(i) for i in range(d))
+
+    domain = apart(d, distance)
+    supports = []
+    for part in domain.outer:
+        if part not in SIDES:
+            down = distance if part.startswith("upper") else 0.0
+            supports.append(ec.Displacement(part, prescribed(down)))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=ec.Contact(*SIDES))
+    error = certified(scene, domain, degree=degree)
+    assert error.relative < 1e-8
+    exact = phi**2 * distance * (1 + e) / ((1 + e) ** 2 + phi**2)
+    for side in SIDES:
+        assert error.gap_deviation(side) == pytest.approx(exact, rel=1e-8)
+    refused(lambda: error.gap_deviation("upper top"), "No contact is called")
+    claims = dict(of_gaps(error))
+    (words,) = claims.values()
+    assert f"{exact:.2g}" in words
+    assert "0.3 apart" in words
 
 
 # -- shapes

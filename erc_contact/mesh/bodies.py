@@ -152,11 +152,14 @@ class Bodies(NamedMesh):
             return ()
         return tuple(interface.names for interface in self.seams.interfaces)
 
-    def is_apart(self, here: str, there: str | None) -> bool:
-        """Tell whether the sides of a pair keep their own places across a distance."""
+    def distance(self, here: str, there: str | None) -> float:
+        """Return the greatest distance of facing vertices of two parts [length].
+
+        It is zero where both sides of a pair are in one place, and of other parts.
+        """
         if self.seams is None or there is None:
-            return False
-        return self.seams.distance(here, there) > 0
+            return 0.0
+        return self.seams.distance(here, there)
 
     @property
     def paired_sides(self) -> list[np.ndarray]:

@@ -69,7 +69,7 @@ def bind_contact(
             gap = ufl.sqrt(ufl.dot(field, field)) * gap
     trace = Trace(here, direction, None, there, of_corners)
     between = None
-    if space.domain.is_apart(contact.facets, contact.against):
+    if space.domain.distance(contact.facets, contact.against) > 0:
         # Facing facets are one facet in their parameters, so this is linear on each. A
         # jump that is equal to it brings both points together.
         vectors, between = normal_field(space, facets, trace.to_partners)
