@@ -191,6 +191,43 @@ def test_a_ring_about_the_axis():
     assert force[1] == pytest.approx(-force[0], rel=1e-12)
 
 
+@pytest.mark.on_ranks("sides1")
+@pytest.mark.parametrize("sides", [("shaft right", "hub left"), ("hub left", "shaft right")])
+def test_rings_of_other_radii(sides):
+    """Axisymmetric: Lame's pressures of a press fit, each per area of the side named first."""
+    a, b, c = 0.5, 0.4, 1.0
+    bodies = {
+        "shaft": ec.rectangle((0.0, 0.0), (a, 0.5), cells=(6, 4)),
+        "hub": ec.rectangle((b, 0.0), (c, 0.5), cells=(8, 5)),
+    }
+    domain = ec.assembly(bodies).joined(*sides, apart=0.11)
+    held = [f"{body} {end}" for body in bodies for end in ("bottom", "top")]
+    supports = [ec.Displacement(part, (None, 0.0)) for part in held]
+    contact = ec.Contact(sides[0], against=sides[1])
+    material = ec.Elastic(1.0, 0.3, hypothesis="axisymmetric")
+    error = certified(ec.Scene(material, supports, contacts=contact), domain, degree=2)
+    assert error.relative < 0.004
+    # In plane strain. The force p a of the shaft is the force of the hub.
+    stiff, nu = 1 / (1 - 0.3**2), 0.3 / 0.7
+    ratio = (c**2 + b**2) / (c**2 - b**2)
+    force = (a - b) * stiff / (ratio + nu + 1 - nu)
+    for part, sign in (("shaft right", -1.0), ("hub left", 1.0)):
+        radial = error.force(part).force[0]
+        assert radial == pytest.approx(sign * force * np.pi, rel=3e-4)
+    r = a if sides[0].startswith("shaft") else b
+    for profile in (error.profile(sides[0]), error.admissible.solution.profile(sides[1])):
+        assert profile["x"] == pytest.approx(r)
+        assert profile["weight"].sum() == pytest.approx(np.pi * r)
+        normal = (profile["weight"] * profile["pressure"]).sum()
+        assert normal == pytest.approx(force * np.pi, rel=3e-4)
+    surfaces = whole_contacts(error.admissible)
+    for surface in surfaces:
+        assert surface.place[..., 0] == pytest.approx(r)
+        pressure = -surface.traction.normal_component
+        assert pressure == pytest.approx(force / r, rel=0.05)
+    assert COMM.allreduce(len(surfaces)) == 1
+
+
 @pytest.mark.on_ranks("2-1", "3-2")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("d", [2, 3])

@@ -153,6 +153,17 @@ class ContactOnMesh:
         return np.matmul(self.trace.here.shares_of_nodes, self.between)
 
     @property
+    def named_corners(self) -> np.ndarray:
+        """Return the vertices of the facets on the side that the scene names first.
+
+        They are in the order of the vertices of this side [length], shape (f, d, d).
+        """
+        corners = self.trace.here.corners
+        if self.is_exchanged and self.between is not None:
+            corners = corners + self.between
+        return corners
+
+    @property
     def sampled(self) -> bool:
         """Tell whether the friction bound must be sampled on facets.
 
