@@ -52,6 +52,7 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     regions: dict[str, int] = {}
     interfaces: list[Interface] = []
     facet_tag = 0
+    mark = 0
     for name, domain in bodies.items():
         glued = domain if domain.glued is None else domain.glued
         plain = gathered_mesh(glued)
@@ -65,10 +66,11 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
                 interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
         shape = glued.geometry if isinstance(glued.geometry, Shape) else None
         region_tags = tuple(new_tags.values())
-        member = Member(shape, glued.names, glued.regions, facet_tag, region_tags)
+        member = Member(shape, glued.names, glued.regions, facet_tag, region_tags, mark)
         plains.append(member.placed(plain))
         members.append(member)
         facet_tag += last_tag(domain) + 1
+        mark += comm.bcast(int(plain.marks_of_sides.max(initial=0)))
     whole = None
     if all(member.shape is not None for member in members):
         whole = Assembled(tuple(members), names, regions)

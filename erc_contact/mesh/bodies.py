@@ -16,6 +16,7 @@ from erc_contact.base.html import table
 from erc_contact.mesh import parts
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.seams import Seams
+from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.surface import offset
 from erc_contact.mesh.tags import tag_table
 
@@ -138,6 +139,13 @@ class Bodies(NamedMesh):
         of_corners = np.repeat(tag_table(self.curved_facets)[numbers], d)
         normals = self.geometry.normals(self.comm, corners.reshape(-1, d), of_corners)
         return normals.reshape(corners.shape)
+
+    @property
+    def marks_of_sides(self) -> np.ndarray | None:
+        """Return the mark of each side of a cell, shape (cells, d+1), or None."""
+        if self.curved_facets is None:
+            return self.marks
+        return tag_table(self.curved_facets)[facets_of_cells(self.mesh)]
 
     @property
     def knows_shape(self) -> bool:

@@ -145,6 +145,8 @@ class Domain(Bodies):
             object.__setattr__(self, "cell_tags", carried.cell_tags(self.cell_tags))
         if self.places is not None:
             object.__setattr__(self, "places", carried.of_corners(self.places))
+        if self.marks is not None:
+            object.__setattr__(self, "marks", carried.of_sides(self.marks))
 
     def parts(self) -> Parts:
         """List the parts: facets, area, centre, mean normal, regions; collective.
@@ -398,8 +400,15 @@ class Domain(Bodies):
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
         new.topology.create_connectivity(self.dim, self.dim - 1)
         carried = Carried(mesh, new, numbers)
+        whole = self
+        curved = carried.marks(self.curved_facets)
         if self.places is not None:
             carried.check_places(self.places)
+        if self.marks is not None and self.geometry is not None:
+            # Each body has its own true shape.
+            curved = carried.facet_tags(self.marks)
+            snap(new, curved, self.geometry.nearest)
+            whole = replace(self, places=carried.places())
         tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, cut)
         facet_tags = carried.facet_tags(tags)
         of_sides = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, interface_of_facet)
@@ -413,8 +422,8 @@ class Domain(Bodies):
             carried.cell_tags(self.cell_tags),
             self.regions,
             self.geometry,
-            carried.marks(self.curved_facets),
-            self,
+            curved,
+            whole,
             carried.seams(interfaces, of_sides, keep=self.places is not None),
         )
 
@@ -448,6 +457,7 @@ class Domain(Bodies):
         if self.places is not None:
             corners = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]
             places = refinement.places(corners, self.places)
+        marks = None if self.marks is None else refinement.of_sides(self.marks)
         return Domain(
             fine,
             facet_tags,
@@ -457,6 +467,7 @@ class Domain(Bodies):
             self.geometry,
             curved,
             places=places,
+            marks=marks,
         )
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:

@@ -32,6 +32,8 @@ class NamedMesh:
         places: Places of the corners of the cells of this rank [length], shape (cells,
             d+1, d), of a glued mesh whose bodies keep their shapes; None where they are
             the nodes. See :mod:`erc_contact.mesh.closing`.
+        marks: Marks of the true curves or surfaces of the sides of these cells, shape
+            (cells, d+1), where such bodies are curved; None where they are not.
     """
 
     mesh: dmesh.Mesh
@@ -40,6 +42,7 @@ class NamedMesh:
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
     places: np.ndarray | None = field(default=None, repr=False, kw_only=True)
+    marks: np.ndarray | None = field(default=None, repr=False, kw_only=True)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
     _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(
         init=False, repr=False, default_factory=dict

@@ -17,6 +17,7 @@ import numpy as np
 
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.tags import NO_TAG
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,8 @@ class PlainMesh:
         tags: Tag of each side, shape (m, d+1).
         glued: Number in the glued mesh of each point, shape (n,); the same for points
             that are apart and glued. None where all points are in one place.
+        marks: Mark of the true curve or surface of each side, shape (m, d+1); None
+            where it is not known.
     """
 
     x: np.ndarray
@@ -37,6 +40,7 @@ class PlainMesh:
     regions: np.ndarray
     tags: np.ndarray
     glued: np.ndarray | None = None
+    marks: np.ndarray | None = None
 
     @classmethod
     def beside_each_other(cls, plains: Sequence[PlainMesh]) -> PlainMesh:
@@ -48,16 +52,24 @@ class PlainMesh:
             tables.append((plain.x, plain.cells + first, plain.regions, plain.tags))
             numbers.append(first + plain.glued_points)
             first += len(plain.x)
+        marks = None
+        if any(plain.marks is not None for plain in plains):
+            marks = np.concatenate([plain.marks_of_sides for plain in plains])
         glued = None
         if any(plain.glued is not None for plain in plains):
             glued = np.concatenate(numbers)
         x, cells, regions, tags = map(np.concatenate, zip(*tables, strict=True))
-        return cls(x, cells, regions, tags, glued)
+        return cls(x, cells, regions, tags, glued, marks)
 
     @property
     def glued_points(self) -> np.ndarray:
         """Return the number of each point in the glued mesh, below n, shape (n,)."""
         return np.arange(len(self.x)) if self.glued is None else self.glued
+
+    @property
+    def marks_of_sides(self) -> np.ndarray:
+        """Return the mark of each side, shape (m, d+1)."""
+        return np.full_like(self.tags, NO_TAG) if self.marks is None else self.marks
 
     def with_points(self, x: np.ndarray) -> PlainMesh:
         """Return the mesh with more points (k, d) [length], which no cell has yet."""

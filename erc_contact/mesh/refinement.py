@@ -31,11 +31,13 @@ class Refinement:
         parent_cell: The old cell of each child made here, shape (children,).
         parent_facet: The old facets in which the facets of these children lie, -1
             inside, shape (children, d+1).
+        parent_side: Their local numbers in the old cell, -1 inside.
     """
 
     mesh: dmesh.Mesh
     parent_cell: np.ndarray
     parent_facet: np.ndarray
+    parent_side: np.ndarray
 
     def places(self, corners: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return places of the corners of the new cells [length]; collective.
@@ -58,6 +60,12 @@ class Refinement:
         distance = np.linalg.norm(middle[:, None, :, :3] - x[:, :, None], axis=3)
         nearest = distance.argmin(axis=2)
         return np.take_along_axis(middle[..., 3:], nearest[..., None], axis=1)
+
+    def of_sides(self, table: np.ndarray) -> np.ndarray:
+        """Return a table of sides (cells, d+1) for the new cells; collective."""
+        of_parents = table[self.parent_cell]
+        values = np.take_along_axis(of_parents, np.maximum(self.parent_side, 0), axis=1)
+        return self.of_cells(np.where(self.parent_side >= 0, values, NO_TAG), slice(None))
 
     def inherited(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return the tags of the new mesh; collective.
@@ -130,7 +138,7 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
     local = parent_facet.reshape(-1, tdim + 1)
     cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     outer = np.take_along_axis(cell_to_facet[parent_cell], np.maximum(local, 0), axis=1)
-    refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1))
+    refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1), local)
     _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
     return refinement
 

@@ -197,6 +197,16 @@ class Carried:
         """Return vectors at the corners of the glued mesh, shape (cells, d+1, d)."""
         return self._given.of_corners(self._owned(places))
 
+    def places(self) -> np.ndarray:
+        """Return the places of the corners of glued cells [length], (cells, d+1, d)."""
+        d = self.mesh.topology.dim
+        count = len(cell_nodes(self.glued.geometry))
+        corners = self.of_sides(np.tile(np.arange(d + 1), (count, 1)))
+        places = np.empty((count, d + 1, d))
+        here = cell_nodes(self.mesh.geometry)
+        places[self._cells()[:, None], corners] = self.mesh.geometry.x[here, :d]
+        return places
+
     def check_places(self, places: np.ndarray) -> None:
         """Check that each node of the split mesh has one place.
 
@@ -257,11 +267,11 @@ class Carried:
             here, there = _facing(tags, numbers, interface.tags)
             facing[interface.names] = (here, there)
             facing[interface.names[::-1]] = (there, here)
-        cell_map = self.glued.topology.index_map(d)
-        cells = cell_map.global_to_local(self._given.source)
+        cells = self._cells()
+        count = self.glued.topology.index_map(d).size_local
         # A pair is counted by the rank that owns the cell of its first side.
         firsts = [facing[interface.names][0] for interface in interfaces]
-        owned = np.array([(sides[:, 0] < cell_map.size_local).sum() for sides in firsts])
+        owned = np.array([(sides[:, 0] < count).sum() for sides in firsts])
         counts = tuple(map(int, lasting(self.glued.comm).allreduce(owned, MPI.SUM)))
         nodes = self._nodes()
         distances = np.zeros(len(interfaces))
@@ -287,6 +297,11 @@ class Carried:
             order = np.argsort(nodes[vertices], axis=1)
             of_sides.append(self.mesh.geometry.x[np.take_along_axis(vertices, order, axis=1)])
         return float(np.linalg.norm(of_sides[1] - of_sides[0], axis=-1).max(initial=0.0))
+
+    def _cells(self) -> np.ndarray:
+        """Return the cell of the glued mesh on this rank of each cell, shape (n,)."""
+        cell_map = self.glued.topology.index_map(self.glued.topology.dim)
+        return cell_map.global_to_local(self._given.source)
 
     def _nodes(self) -> np.ndarray:
         """Return the node of the glued mesh of each node of the split mesh."""

@@ -45,8 +45,9 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     owned = domain.owned_cells
     facets = domain.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
     tables = {"facets": tag_table(domain.facet_tags)[facets]}
-    if domain.curved_facets is not None:
-        tables["curved"] = tag_table(domain.curved_facets)[facets]
+    marks = domain.marks_of_sides
+    if marks is not None:
+        tables["curved"] = marks[:owned]
     if domain.cell_tags is not None:
         tables["regions"] = tag_table(domain.cell_tags)[:owned]
     return tables
@@ -154,8 +155,8 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
         for one in plain["members"]:
             shape: Any = geometry_of(one["shape"])
             region_tags = tuple(tuple(pair) for pair in one["region_tags"])
-            member = Member(shape, one["names"], one["regions"], one["first_tag"], region_tags)
-            members.append(member)
+            plain_member = {**one, "shape": shape, "region_tags": region_tags}
+            members.append(Member(**plain_member))
         joints = tuple(tuple(joint) for joint in plain["joints"])
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)
     return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))

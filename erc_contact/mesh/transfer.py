@@ -9,16 +9,16 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.releases import cell_nodes
+from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closing import closed
 from erc_contact.mesh.given import GivenCells
-from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
 
-def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
+def gathered_mesh(mesh: Bodies) -> PlainMesh:
     """Return a mesh on rank 0, and one without cells on other ranks; collective.
 
     The order of points and cells does not depend on the number of ranks. Bodies that
@@ -37,9 +37,13 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     x = geometry.x[: geometry.index_map().size_local, :d]
     parts = comm.gather((x, numbers, regions, tags))
     places = None if mesh.places is None else comm.gather(mesh.places[:count])
+    marks = mesh.marks_of_sides
+    all_marks = None if marks is None else comm.gather(marks[:count])
     if parts is None:
         return PlainMesh(x[:0], numbers[:0], regions[:0], tags[:0])
     plain = PlainMesh(*[np.concatenate(tables) for tables in zip(*parts, strict=True)])
+    if all_marks is not None:
+        plain = replace(plain, marks=np.concatenate(all_marks))
     if places is None:
         return _ordered(plain)[0]
     plain, cells, corners = _ordered(plain)
@@ -83,6 +87,9 @@ def _ordered(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
     tags = np.take_along_axis(plain.tags, corners, axis=1)
     rows = np.lexsort(cells.T)
     result = PlainMesh(x[order], cells[rows], plain.regions[rows], tags[rows])
+    if plain.marks is not None:
+        marks = np.take_along_axis(plain.marks, corners, axis=1)
+        result = replace(result, marks=marks[rows])
     return result, rows, corners[rows]
 
 
@@ -108,9 +115,11 @@ def spread(comm: MPI.Comm, plain: PlainMesh) -> dict[str, Any]:
     """Distribute the mesh of rank 0 over all ranks; collective.
 
     Returns:
-        The arguments "mesh", "facet_tags", "cell_tags" and "places" of a domain.
+        The arguments of a domain: "mesh", "facet_tags", "cell_tags", "curved_facets",
+        "places" and "marks".
     """
     places = None
+    has_marks = comm.bcast(plain.marks is not None)
     if comm.bcast(plain.glued is not None):
         places = plain.x[plain.cells]
         if plain.glued is not None:
@@ -122,8 +131,14 @@ def spread(comm: MPI.Comm, plain: PlainMesh) -> dict[str, Any]:
         "mesh": given.mesh,
         "facet_tags": given.facet_tags(plain.tags),
         "cell_tags": given.cell_tags(plain.regions),
+        "curved_facets": None,
         "places": None,
+        "marks": None,
     }
     if places is not None:
         tables["places"] = given.of_corners(places)
+        if has_marks:
+            tables["marks"] = given.of_sides(plain.marks_of_sides)
+    elif has_marks:
+        tables["curved_facets"] = given.facet_tags(plain.marks_of_sides)
     return tables

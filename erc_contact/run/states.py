@@ -289,8 +289,12 @@ class Restored:
         facets = rows.facet_tags(table("facets"))
         # all ranks know from `about` which tags there are
         curved = None
+        marks = None
         if "curved" in about["tags"]:
-            curved = rows.facet_tags(table("curved"))
+            if places is None:
+                curved = rows.facet_tags(table("curved"))
+            else:
+                marks = rows.of_facets(table("curved"))
         cells = None
         if "regions" in about["tags"]:
             cells = rows.cell_tags(table("regions"))
@@ -303,6 +307,7 @@ class Restored:
             self._shape or geometry_of(about["geometry"]),
             curved,
             places=places,
+            marks=marks,
         )
 
     def _function(self, model: Model, name: str) -> fem.Function:

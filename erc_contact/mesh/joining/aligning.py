@@ -159,7 +159,10 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
             parts = cut(moved.x, moved.cells, moved.tags, sides, points)
             regions = plain.regions[parts.parents]
             glued = moved.with_points(parts.x[len(moved.x) :]).glued
-            return PlainMesh(parts.x, parts.triangles, regions, parts.tags, glued)
+            marks = None
+            if moved.marks is not None:
+                marks = cut(moved.x, moved.cells, moved.marks, sides, points).tags
+            return PlainMesh(parts.x, parts.triangles, regions, parts.tags, glued, marks)
     x, y = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
     raise InputError(
         f"joined: the vertices of the second part cannot move to the first one near ({x:.4g}, "

@@ -24,7 +24,6 @@ from erc_contact.mesh.joining.imprint_curved import imprint_curved
 from erc_contact.mesh.joining.imprint_mutual import imprint_mutually
 from erc_contact.mesh.joining.imprint_plane import imprint_plane, plane_sides
 from erc_contact.mesh.joining.matching import matched
-from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.seams import Interface, Regions
@@ -55,7 +54,7 @@ class Joint:
 def check_parts(
     here: object,
     there: object,
-    glued: NamedMesh,
+    glued: Bodies,
     pairs: tuple[tuple[str, str], ...],
     apart: object,
 ) -> None:
@@ -104,7 +103,7 @@ def last_tag(bodies: Bodies) -> int:
 
 
 def joint(
-    glued: NamedMesh, here: str, there: str, on: int, *, tied: bool, apart: float = 0.0
+    glued: Bodies, here: str, there: str, on: int, *, tied: bool, apart: float = 0.0
 ) -> Joint:
     """Glue two parts of the boundary where they meet; collective.
 
@@ -132,6 +131,9 @@ def joint(
             plain, regions = met(drawn, tags, on, apart, keep=keep)
             if keep and plain.glued is None:
                 log_of(comm).warning(_moved_side_words(here, there, apart))
+            if not keep or plain.glued is None:
+                # Vertices of one side are on the facets of the other one.
+                plain = replace(plain, marks=None)
             plain = plain.without_unused_points()
             moved = moved_corner(drawn, plain, tags)
             if moved is not None and moved[1] > (1 + ROUND_OFF) * apart:
