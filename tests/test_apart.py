@@ -404,6 +404,19 @@ def test_checkpoints_keep_both_places():
     assert again.relative == pytest.approx(error.relative, rel=1e-9)
 
 
+@pytest.mark.parametrize("closing, told", [(0.09, False), (0.11, True)])
+def test_a_pair_without_contact_goes_into_each_other(closing, told, caplog):
+    """Only beyond the distance at which it is drawn."""
+    domain = apart(2, 0.1)
+    supports = [
+        ec.Displacement("upper top", (0.0, -closing)),
+        ec.Displacement("lower bottom", (0.0, 0.0)),
+    ]
+    ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), supports), domain)
+    if COMM.rank == 0:
+        assert ("go into each other by 0.01:" in caplog.text) == told
+
+
 # -- input
 # ---------------------------------------------------------------------------------------------------
 

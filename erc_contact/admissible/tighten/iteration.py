@@ -129,7 +129,7 @@ def minimise(
         z = precondition(r)
         new = shared.dot(r, z)
         # At the minimum, or where nothing is free, there is no step.
-        if not new > np.finfo(float).eps ** 2 * square:
+        if not new > np.finfo(float).eps ** 2 * max(square, 0.0):
             break
         p *= new / rz if done else 0.0
         p += z
