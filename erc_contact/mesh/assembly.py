@@ -29,8 +29,8 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     "upper steel" and so on. The boundary parts are called "upper left" and so on, and
     pairs keep to their bodies. :meth:`Domain.joined` then brings them into contact.
 
-    If the true shape of each of them is known, they can be meshed again. A curved body
-    has flat facets in the new mesh, which refinement does not move.
+    If the true shape of each of them is known, they can be meshed again, and refinement
+    follows their curves, see :meth:`Domain.joined`.
 
     Args:
         bodies: Name of each body -> its domain. They have the same dimension and the

@@ -328,15 +328,19 @@ class Domain(Bodies):
         takes the facets of ``here``, or, if that reaches beyond, the other way round.
 
         If the true shape of the bodies is known, ``remeshed`` meshes each of them and
-        joins them again. Facets of curved bodies are flat, and refinement keeps them.
+        joins them again. Refinement keeps the flat facets of curved sides that lie in
+        one place; sides that are apart get their new vertices on their own true curves.
 
         Args:
             here: Name of a part of the boundary of one body.
             there: Name of the part of another body that lies against it.
             tied: Leave the bodies glued there. The joint is a part inside, then.
             apart: Greatest distance of the parts [length]: they are drawn with a
-                clearance or an interference. One of them moves onto the other, so give
-                the distance by ``gap=`` of the contact.
+                clearance or an interference. Each keeps its place, and their distance
+                along the normal is the gap, to which ``gap=`` of the contact adds. Two
+                parts move onto each other all the same if they are tied, or in space if
+                their facets do not match, which a warning says: then ``gap=`` gives the
+                distance.
 
         Returns:
             The domain with the pair. Its other parts can be joined or split, too.

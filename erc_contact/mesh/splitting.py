@@ -30,6 +30,8 @@ from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
+ONE_PLACE = 1e-12
+"""Distance of two sides over the greatest coordinate that is round-off [-]."""
 NO_INTERFACE = -1
 """Number that stands for no interface."""
 
@@ -279,6 +281,9 @@ class Carried:
             for number, interface in enumerate(interfaces):
                 distances[number] = self._distance(nodes, *facing[interface.names])
             lasting(self.glued.comm).Allreduce(MPI.IN_PLACE, distances, MPI.MAX)
+            extent = float(abs(self.mesh.geometry.x).max(initial=0.0))
+            extent = lasting(self.glued.comm).allreduce(extent, MPI.MAX)
+            distances[distances <= ONE_PLACE * extent] = 0.0
         return Seams(tuple(interfaces), facing, cells, nodes, counts, tuple(map(float, distances)))
 
     def _distance(self, nodes: np.ndarray, here: np.ndarray, there: np.ndarray) -> float:
