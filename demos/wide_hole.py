@@ -39,7 +39,7 @@ FACING = 50.0
 
 
 def body(centre, radius, outline, names, size):
-    """A body with an arc of a circle from (10, 0) to the angle FACING, and on to its end.
+    """A body with half a circle from (10, 0), cut at the angle FACING.
 
     The points of the outline follow, each with a straight line to it.
     """

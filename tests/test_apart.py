@@ -24,6 +24,7 @@ import erc_contact as ec
 from erc_contact.mesh.partition import patches_complete
 from erc_contact.mesh.tables import described, geometry_of
 from erc_contact.model.promises import bind
+from erc_contact.model.trace import Side, Trace
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
 from erc_contact.run.states import Restored, level_of
@@ -338,6 +339,35 @@ def test_partners_face_each_other_along_the_normal():
     sine /= np.linalg.norm(x, axis=2) * np.linalg.norm(away, axis=2)
     # The mean normal of two facets of other lengths is not the ray.
     assert abs(sine[contact.trace.here.owned]).max(initial=0.0) < 0.05
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_nodes_of_facets_that_are_turned_against_each_other(degree):
+    """By 75 degrees: vertices face vertices, and middles middles."""
+
+    def side(start, end, nodes):
+        corners = np.array([[start, end]])
+        numbers = np.array([nodes[: degree + 1]])
+        one = np.ones(1)
+        return Side(np.zeros((1, 2), int), numbers, corners, one > 0, one, degree, 6, 2)
+
+    turned = (0.1 + np.cos(np.radians(75)), 1.0 + np.sin(np.radians(75)))
+    here, there = side((0.0, 0.0), (1.0, 0.0), [0, 1, 2]), side(turned, (0.1, 1.0), [3, 4, 5])
+    trace = Trace(here, np.array([[0.0, 1.0]]), None, there)
+    assert trace.partners.tolist() == [[4, 3, 5][: degree + 1]]
+    assert trace.to_partners[0] == pytest.approx(
+        np.array([(0.1, 1.0), np.subtract(turned, (1, 0))])
+    )
+
+
+def test_bodies_beside_each_other_follow_their_curves():
+    """An assembly keeps the curves of its bodies before they are joined, too."""
+    domain = discs(0.5, 0.6, (0.12, 0.2))
+    assert domain.knows_shape
+    fine = domain.refined()
+    assert_on_circle(fine, "pin rim", 0.5)
+    assert_on_circle(fine, "ring bore", 0.6)
 
 
 def test_bodies_that_keep_their_shapes_are_meshed_again(measures):

@@ -372,10 +372,16 @@ class Trace:
         assert self.there is not None
         here = _about_middle(self.here.places)
         there = _about_middle(self.there.places)
-        # Facets that face each other may be apart, and of other sizes; their vertices
-        # are in any order.
-        distance = np.linalg.norm(there[:, :, None] - here[:, None], axis=-1)
-        return distance.argmin(axis=2)
+        # Facets that face each other may be apart, of other sizes, and turned against
+        # each other; their vertices are in any order. Vertices face vertices, and
+        # middles of edges face middles.
+        orders = []
+        for first, last in ((0, self.here.d), (self.here.d, here.shape[1])):
+            away = there[:, first:last, None] - here[:, None, first:last]
+            distance = np.linalg.norm(away, axis=-1)
+            if last > first:
+                orders.append(first + distance.argmin(axis=2))
+        return np.concatenate(orders, axis=1)
 
 
 def _in_a_row(here: np.ndarray, there: np.ndarray | None) -> np.ndarray:
