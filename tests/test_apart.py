@@ -434,7 +434,7 @@ def test_checkpoints_keep_both_places():
     assert again.relative == pytest.approx(error.relative, rel=1e-9)
 
 
-@pytest.mark.parametrize("closing, told", [(0.09, False), (0.11, True)])
+@pytest.mark.parametrize(("closing", "told"), [(0.09, False), (0.11, True)])
 def test_a_pair_without_contact_goes_into_each_other(closing, told, caplog):
     """Only beyond the distance at which it is drawn."""
     domain = apart(2, 0.1)
@@ -493,3 +493,10 @@ def test_pictures_measure_the_gap_that_is_drawn():
         assert surface.drawn == pytest.approx(0.3)
         assert surface.missing(1.0).gap == pytest.approx(0.001)
         assert surface.missing(2.0).gap == pytest.approx(0.151)
+    circles = pin_in_hole(3, 0.5, 0.49, 0.3).joined("pin side", "ring side", apart=0.011)
+    contact = ec.Contact("pin side", against="ring side", friction=0.1)
+    held = [ec.Spring(f"{body} others", 0.1, 0.1) for body in ("pin", "ring")]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), contacts=contact, springs=held)
+    # An interference of turning normals is drawn to round-off.
+    for surface in whole_contacts(ec.equilibrate(ec.solve(scene, circles, degree=2))):
+        assert not surface.missing(1.0).gap.any()

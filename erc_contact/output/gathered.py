@@ -23,6 +23,8 @@ from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
 
+SAME_GAP = 1e-12
+"""Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
 AXIS = 1e-6
 """Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
 
@@ -66,7 +68,9 @@ class Surface:
 
         It magnifies the gap by the factor, and the mesh has the part that is drawn.
         """
-        return replace(self, gap=self.gap - self.drawn / factor)
+        gap = self.gap - self.drawn / factor
+        round_off = SAME_GAP * abs(self.drawn).max(initial=0.0)
+        return replace(self, gap=np.where(abs(gap) <= round_off, 0.0, gap))
 
     @property
     def d(self) -> int:
