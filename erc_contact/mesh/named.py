@@ -74,6 +74,11 @@ class NamedMesh:
         return self.mesh.topology.index_map(0).size_global
 
     @property
+    def marks_of_sides(self) -> np.ndarray | None:
+        """Return the mark of each side of a cell, shape (cells, d+1), or None."""
+        return self.marks
+
+    @property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the bodies, and which of them each cell has.
 

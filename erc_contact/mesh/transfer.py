@@ -9,16 +9,16 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closing import closed
 from erc_contact.mesh.given import GivenCells
+from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
 
-def gathered_mesh(mesh: Bodies) -> PlainMesh:
+def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     """Return a mesh on rank 0, and one without cells on other ranks; collective.
 
     The order of points and cells does not depend on the number of ranks. Bodies that

@@ -20,8 +20,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.quadrature import facet_pieces
 from erc_contact.mesh.simplex import lagrange
-from erc_contact.model.profile import OPEN
-from erc_contact.results.profile import contact_of, contact_status
+from erc_contact.model.profile import OPEN, facet_status, greatest_pressure
 
 
 def gap_deviation(result: Any, name: str) -> float:
@@ -40,8 +39,7 @@ def gap_deviation(result: Any, name: str) -> float:
     """
     pair = pair_of(result)
     model = pair.model
-    traction = contact_of(pair, name)
-    contact = traction.contact
+    contact = model.contact(name)
     trace = contact.trace
     if trace.there is None or contact in model.ties:
         raise InputError(f"gap_deviation: {name!r} is no contact between bodies; give one of them.")
@@ -56,7 +54,9 @@ def gap_deviation(result: Any, name: str) -> float:
     of_ranks = model.comm.allgather(of_pieces.reshape(-1, model.d, model.d))
     corners = np.concatenate(of_ranks)
 
-    is_closed = own & (contact_status(traction) != OPEN)
+    law = pair.tractions[model.contacts.index(contact)].in_law()
+    peak = greatest_pressure(model, law[0])
+    is_closed = own & (facet_status(contact, *law, peak) != OPEN)
     n = np.broadcast_to(trace.normals, (*trace.here.nodes.shape, model.d))[is_closed]
     left = ((contact.to_partners - trace.of(u))[is_closed] * n).sum(axis=-1)
     x = places[trace.here.nodes[is_closed]].reshape(-1, model.d)
