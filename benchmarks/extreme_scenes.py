@@ -209,7 +209,10 @@ def _meshes() -> dict[str, Extreme]:
 
 def _loads() -> dict[str, Extreme]:
     """Make scenes of no load, of extreme loads, and of loads that nothing balances."""
-    scenes = {"zero load": Extreme(lambda: pressed(square(), (0.0, 0.0)))}
+    scenes = {
+        "zero load": Extreme(lambda: pressed(square(), (0.0, 0.0))),
+        "free sideways": Extreme(lambda: standing((0.0, -1.0), friction=0.0)),
+    }
     for k in (-300, -150, -100, -50, 0, 50, 100, 150, 300):
         for what, build, force in (("displacement", pressed, 0.4), ("force", standing, 0.3)):
             scenes[f"{what} 1e{k:+d}"] = Extreme(
@@ -218,7 +221,7 @@ def _loads() -> dict[str, Extreme]:
                 same_as=f"{what} 1e+0",
             )
     unsolvable: dict[str, Callable[[], Pair]] = {
-        "nothing holds it sideways": lambda: standing((0.0, -1.0), friction=0.0),
+        "nothing holds it sideways": lambda: standing((0.1, -1.0), friction=0.0),
         "pulled off": lambda: standing((0.0, 1.0)),
         "pulled off and sideways": lambda: standing((0.3, 0.5)),
         "pulled off a roller": lambda: roller_pulled_off(0.0),

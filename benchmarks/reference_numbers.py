@@ -17,6 +17,8 @@ UP = (0.0, 1.0)
 """Direction of a force in the plane [-]."""
 FOURIER = "Fourier integrals"
 """Source of numbers of :mod:`reference_fourier`, in words."""
+FINE = "elements of degree 4 to 7"
+"""Source of numbers of a second code with mesh lines on the rim of the contact."""
 LAST_MESHES = 3
 """Number of meshes whose spread is the estimate of a number without a bound."""
 ROUND_OFF = 1e-9
@@ -204,15 +206,48 @@ def opening_ends(contact: str, reach: float = 1.3) -> Probe:
     return read
 
 
-def pressure_at(contact: str, x: float, reach: float) -> Probe:
+def pressure_at(contact: str, place: float, reach: float, axis: str = "x") -> Probe:
     """Read the pressure at a place, by a parabola through the points near it."""
 
     def read(error: ec.ConstitutiveError) -> float:
         profile = error.profile(contact)
-        away = profile["x"] - x
+        away = profile[axis] - place
         near = abs(away) < reach
         if np.count_nonzero(near) < 4:
             near = abs(away) <= np.sort(abs(away))[3]
         return float(np.polyfit(away[near], profile["pressure"][near], 2)[-1])
 
     return read
+
+
+@dataclass(frozen=True)
+class Told:
+    """Hold a number that is read from each mesh, and its reference.
+
+    Attributes:
+        probe: How it is read.
+        unit: Its unit.
+        value: The reference.
+    """
+
+    probe: Probe
+    unit: str
+    value: float
+
+
+def moved(place: tuple[float, float], component: int, value: float) -> Told:
+    """Tell a component of u^ at a place."""
+    return Told(lambda error: float(error.at(place).displacement[0, component]), "length", value)
+
+
+def run(scene: ec.Scene, domain: ec.Domain, accuracy: float, told: Mapping[str, Told]) -> Meshes:
+    """Run a scene, and read the numbers that are told from each mesh."""
+    return Meshes(scene, domain, accuracy, {name: each.probe for name, each in told.items()})
+
+
+def beside(meshes: Meshes, told: Mapping[str, Told], source: str = "closed form") -> list[Number]:
+    """Return numbers of probes beside their references."""
+    return [
+        says(meshes.probe(name, each.unit), Other(source, each.value))
+        for name, each in told.items()
+    ]

@@ -61,7 +61,7 @@ SOURCES = """\
   closed forms of tubes, shells, spinning and heated cylinders are Lame's.
 - SSNV104: code_aster, V6.04.104, validation manual. Its force, 586 081, is Hertz's for
   half-spaces with the approach of the hemispheres; the force of the hemispheres is 12.6%
-  higher.
+  higher. SSNA102 is of the same manual; its contact follows the geometry on coarse triangles.
 - GetFEM 5 and CalculiX 2.20: [one scene side by side](comparison.md#one-scene-side-by-side).
 - Hertz, Cattaneo, Mindlin, the flat punch: K. L. Johnson, Contact Mechanics, 1985. The beam:
   S. Timoshenko, J. Opt. Soc. Am. 11 (1925).

@@ -26,6 +26,7 @@ import reference_bodies as bodies  # isort: skip
 import reference_cases as cases  # isort: skip
 import reference_punches as punches  # isort: skip
 import reference_turned as turned  # isort: skip
+import reference_turned_contacts as edges  # isort: skip
 from reference_numbers import Number, Other, Result  # isort: skip
 from reference_page import page  # isort: skip
 
@@ -63,15 +64,22 @@ CASES: dict[str, Callable[[], Result]] = {
         turned.thick_shell,
         turned.spinning_cylinder,
         turned.column_in_a_tube,
+        turned.column_on_a_plane,
         turned.fit_in_plane_strain,
+        turned.spinning_fit,
         turned.shrink_fit,
-        turned.ball_on_a_layer,
-        turned.ball_on_a_rough_layer,
-        turned.punch_on_a_layer,
-        turned.receding_disc,
-        turned.rough_platens,
-        turned.rough_fit,
-        turned.two_hemispheres,
+        edges.ball_on_a_layer,
+        edges.ball_on_a_rough_layer,
+        edges.two_layers,
+        edges.punch_on_a_layer,
+        edges.receding_disc,
+        edges.receding_discs,
+        edges.ball_on_a_cylinder,
+        edges.rough_platens,
+        edges.bonded_platens,
+        edges.rough_fit,
+        edges.two_hemispheres,
+        edges.balls_between_pads,
     )
 }
 

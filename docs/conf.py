@@ -40,6 +40,7 @@ nitpick_ignore = [
         "newton.linear.solver.ElasticSolver",
         "output.curves.Run",
         "error.runs.Run",
+        "output.mesh_pictures.RunOfMeshes",
     )
 ]
 nitpick_ignore_regex = [

@@ -60,7 +60,17 @@ from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
-from erc_contact.scene.goal import Energy, Functional, MeanDisplacement, Moment, Resultant, Rotation
+from erc_contact.scene.goal import (
+    Energy,
+    Functional,
+    MeanDisplacement,
+    Moment,
+    Opening,
+    Resultant,
+    Rotation,
+    Slip,
+    StressIntensity,
+)
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
@@ -106,6 +116,7 @@ __all__ = [
     "NotBalanced",
     "NotConverged",
     "NotHeldError",
+    "Opening",
     "Oscillations",
     "Preload",
     "Resultant",
@@ -114,10 +125,12 @@ __all__ = [
     "Scene",
     "SizeMap",
     "Sizes",
+    "Slip",
     "Solution",
     "Spring",
     "Step",
     "Strategy",
+    "StressIntensity",
     "Symmetry",
     "ThermalStrain",
     "Tied",

@@ -70,11 +70,12 @@ SOLVABLE: dict[str, Callable[[], Pair]] = {
     "contact between two clamps": lambda: partly_clamped(lambda x: abs(x[0] - 0.5) > 0.25),
     "Hertz mu 0.3, sheared": lambda: hertz((0.01, -0.02), 0.3, size=0.05),
     "zero load": lambda: pressed(square(), (0.0, 0.0)),
+    "free sideways": lambda: standing((0.0, -1.0), friction=0.0),
 }
 """Scenes that have a solution."""
 
 UNSOLVABLE: dict[str, Callable[[], Pair]] = {
-    "nothing holds it sideways": lambda: standing((0.0, -1.0), friction=0.0),
+    "nothing holds it sideways": lambda: standing((0.1, -1.0), friction=0.0),
     "pulled off": lambda: standing((0.0, 1.0)),
     "pulled off and sideways": lambda: standing((0.3, 0.5)),
     "pulled off a roller": lambda: roller_pulled_off(0.0),

@@ -239,6 +239,18 @@ def test_goals():
         ec.interval(error, ec.Resultant("bottom", (1.0, 0.0)))
 
 
+def test_interval_of_an_exact_pair():
+    """A column in a tube: nothing of its stress works on what moves the tube."""
+    column = ec.rectangle((0.0, 0.0), (10.0, 40.0), cells=(2, 8))
+    tube = ec.Displacement("right", (0.0, None))
+    top, foot = ec.Traction("top", pressure=1.0), ec.Contact("bottom")
+    error = certified(ec.Scene(RINGS, tube, top, foot), column, degree=2)
+    force = ec.interval(error, ec.Resultant("right", (-1.0, 0.0)))
+    assert force.guaranteed
+    assert force.value == pytest.approx(800 * np.pi * NU / (1 - NU), rel=1e-9)
+    assert force.high - force.low < 1e-9 * force.value
+
+
 def test_rigid_faces_move_along_the_axis():
     _, domain = pressed(0.0, (4, 4))
     face = ec.Rigid("top", displacement=(0.0, None), rotation=0.0, force=(None, -10.0))
@@ -260,7 +272,7 @@ def test_what_the_axis_refuses():
     with pytest.raises(ec.InputError, match=r"x\[0\] = -1 < 0"):
         certified(scene, ec.rectangle((-1.0, 0.0), (1.0, 1.0), cells=(2, 2)))
     with pytest.raises(ec.NotHeldError, match="along the axis z"):
-        certified(ec.Scene(RINGS, loads=ec.Traction("right", pressure=1.0)), domain)
+        certified(ec.Scene(RINGS, loads=ec.Traction("top", pressure=1.0)), domain)
     cube = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
     with pytest.raises(ec.InputError, match="half plane"):
         certified(ec.Scene(RINGS, ec.Displacement("top", (0.0, 0.0, 0.0))), cube)

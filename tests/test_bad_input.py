@@ -405,9 +405,10 @@ def test_normals_of_a_curved_body(gmsh_session):
     ids=["nothing", "frictionless contact", "roller", "roller and frictionless contact"],
 )
 def test_body_that_nothing_holds(supports, contacts, words, block):
-    words = (*words, "Add a Displacement")
+    words = (*words, "not in balance", "Add a Displacement")
+    loads = ec.BodyForce((0.01, 0.02))
     refused_scene(
-        block, *words, error=ec.NotHeldError, supports=supports, contacts=contacts, loads=[]
+        block, *words, error=ec.NotHeldError, supports=supports, contacts=contacts, loads=loads
     )
 
 
@@ -419,7 +420,8 @@ def test_one_of_two_bodies_that_nothing_holds():
         "rotation",
         "'bottom2', 'left2', 'right2', 'top2'",
     )
-    refused_scene(domain, *everything, error=ec.NotHeldError, supports=held)
+    loads = ec.BodyForce((0.01, 0.02))
+    refused_scene(domain, *everything, error=ec.NotHeldError, supports=held, loads=loads)
     on_floor = [ec.Contact("bottom2")]
     refused_scene(
         domain,
@@ -428,14 +430,17 @@ def test_one_of_two_bodies_that_nothing_holds():
         error=ec.NotHeldError,
         supports=held,
         contacts=on_floor,
+        loads=loads,
     )
     wrong = [*held, ec.Displacement("left2", (0.0, None))]
-    refused_scene(domain, "translation in y of", "'top2'", error=ec.NotHeldError, supports=wrong)
+    words = "translation in y of", "'top2'"
+    refused_scene(domain, *words, error=ec.NotHeldError, supports=wrong, loads=loads)
 
 
 def test_body_in_space_that_nothing_holds(cube):
     words = ("translation in x", "translation in y", "rotation in the plane xy")
-    entries = {"supports": [], "contacts": [ec.Contact("bottom")]}
+    loads = ec.BodyForce((0.1, 0.0, -1.0))
+    entries = {"supports": [], "contacts": [ec.Contact("bottom")], "loads": loads}
     refused_scene(cube, *words, error=ec.NotHeldError, **entries)
 
 

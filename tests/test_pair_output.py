@@ -65,8 +65,10 @@ def drawn(monkeypatch):
     """What rank 0 would draw: skin, positions of its nodes, lines and foundations."""
     record = []
 
-    def draw_map(ax, skin, x, values, scale, views, lines=(), grounds=(), title="", letters="xyz"):
+    def draw_map(ax, skin, x, values, scale, views, lines, grounds, title, letters, *, mirrored):
         from matplotlib.figure import Figure
+
+        assert not mirrored
 
         record.append((skin, x, lines, grounds))
         axes = Figure().subplots(1, len(views))

@@ -54,7 +54,20 @@ def run_3d(comm: MPI.Comm) -> ec.History:
     return ec.adapt(scene, domain, accuracy=1e-6, strategy=ec.Mark(0.3), max_steps=3)
 
 
-@pytest.mark.parametrize("run", [run_2d, run_unstructured, run_degree_2, run_3d])
+def run_free(comm: MPI.Comm) -> ec.History:
+    """A block on a smooth plane, bent by tractions in balance: it may slide."""
+    # Marks of symmetric scenes are chosen by round-off.
+    loads = [ec.Traction("right", (lambda x: 0.002 * (x[1] - 3.5) ** 3, 0.0))]
+    loads.append(ec.Traction("left", (lambda x: -0.0147 * (x[1] - 3.5), 0.0)))
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        loads=[*loads, ec.Traction("top", (0.0, -0.05))],
+        contacts=ec.Contact("bottom"),
+    )
+    return ec.adapt(scene, block(4, comm), accuracy=1e-6, max_steps=4)
+
+
+@pytest.mark.parametrize("run", [run_2d, run_unstructured, run_degree_2, run_3d, run_free])
 def test_rank_independence(run):
     alone, together = run(MPI.COMM_SELF), run(MPI.COMM_WORLD)
     assert len(alone.steps) == len(together.steps) >= 3

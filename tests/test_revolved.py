@@ -1,6 +1,7 @@
 """Pictures of axisymmetric bodies: r and z, pressures per area, and the body in space.
 
 - Labels say r and z, and curves of a contact show the pressure per area.
+- A mirrored picture has each element and line on both sides of the axis, and no r < 0.
 - The report has forces along r and z, and no moments.
 - The file for ParaView is the surface of the revolved body: its area is the area of
   cut and sides, and its displacement is radial and axial.
@@ -12,7 +13,13 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.output import draw_deformed, draw_error, draw_revolved, plot_contact
+from erc_contact.output import (
+    draw_deformed,
+    draw_error,
+    draw_meshes,
+    draw_revolved,
+    plot_contact,
+)
 
 COMM = MPI.COMM_WORLD
 SQUASHED = 0.2
@@ -43,6 +50,24 @@ def test_pictures_of_the_half_plane(degree):
         assert curve.get_ydata() == pytest.approx(10.0 * SQUASHED / 2)
 
 
+@pytest.mark.parametrize("draw", [draw_error, draw_deformed])
+def test_mirrored_pictures(draw):
+    error = certified("axisymmetric", 2)
+    half, whole = draw(error), draw(error, mirrored=True)
+    if COMM.rank == 0:
+        low, high = whole.get_xlim()
+        assert low == pytest.approx(-high)
+        assert high > 3.0
+        assert whole.get_ylim()[1] == pytest.approx(half.get_ylim()[1], rel=0.05)
+        assert len(whole.collections) == 2 * len(half.collections)
+        paths = [path for drawn in whole.collections for path in drawn.get_paths()]
+        r = np.sort(np.concatenate([path.vertices[:, 0] for path in paths]))
+        assert r == pytest.approx(-r[::-1])
+        assert whole.xaxis.get_major_formatter()(-2.0) == "2"
+    with pytest.raises(ec.InputError, match="not axisymmetric"):
+        draw(certified("plane strain", 1), mirrored=True)
+
+
 def test_report_has_no_moments(shared_tmp_path):
     tube = ec.rectangle((1.0, 0.0), (3.0, 2.0), cells=(4, 4))
     material = ec.Elastic(10.0, 0.25, hypothesis="axisymmetric")
@@ -53,6 +78,9 @@ def test_report_has_no_moments(shared_tmp_path):
     report = (shared_tmp_path / "report.html").read_text()
     assert "<th>Fr</th><th>Fz</th></tr>" in report
     assert "<th>M" not in report
+    axes = draw_meshes(history)
+    if COMM.rank == 0:
+        assert axes[-1].get_xlabel() == "r [length]"
 
 
 @pytest.mark.parametrize("degree", [1, 2])

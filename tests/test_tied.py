@@ -154,7 +154,8 @@ def test_a_loose_body_beside_a_joint_is_told():
     contacts.append(ec.Contact("b bottom", against="c top outside"))
     tie = ec.Tied("a right", "b left")
     material = ec.Elastic({"a": 1.0, "b": 5.0, "c": 2.0}, 0.3)
-    loose = ec.Scene(material, supports, [], contacts, ties=tie)
+    loads = ec.BodyForce((0.001, -0.001))
+    loose = ec.Scene(material, supports, loads, contacts, ties=tie)
     with pytest.raises(ec.NotHeldError, match="translation in x"):
         ec.solve(loose, domain)
 

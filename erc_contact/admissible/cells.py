@@ -35,6 +35,7 @@ class CellGeometry:
         side: The two places of each facet, as flat index cell * (d+1) + i, shape (2,
             facets). The cell of smaller global number is first. Both are equal on the
             boundary of the rank's cells, and -1 for facets of no cell.
+        corners: Coordinates of these vertices [length], shape (n, d+1, d).
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
@@ -52,6 +53,7 @@ class CellGeometry:
     nodes: np.ndarray
     facets: np.ndarray
     side: np.ndarray
+    corners: np.ndarray
     J: np.ndarray
     volume: np.ndarray
     area: np.ndarray
@@ -110,15 +112,16 @@ def cell_geometry(space: Space) -> CellGeometry:
     facets = np.take_along_axis(facets, order, axis=1)
     side = _sides(space, facets)
 
-    x = np.take_along_axis(space.cell_corners(), order[:, :, None], axis=1)
-    edges = x[:, 1:] - x[:, :1]
+    corners = np.take_along_axis(space.cell_corners(), order[:, :, None], axis=1)
+    edges = corners[:, 1:] - corners[:, :1]
     determinant, cofactor = _cofactor(edges)
     # The gradient of barycentric i points into the cell: -d |T| grad is an area.
     area = np.empty((len(nodes), d + 1, d))
     area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / factorial(d - 1)
     area[:, 0] = -area[:, 1:].sum(axis=1)
     volume = abs(determinant) / factorial(d)
-    return CellGeometry(k, places, nodes, facets, side, edges.transpose(0, 2, 1), volume, area)
+    connectivity = (places, nodes, facets, side)
+    return CellGeometry(k, *connectivity, corners, edges.transpose(0, 2, 1), volume, area)
 
 
 def _sides(space: Space, facets: np.ndarray) -> np.ndarray:
@@ -137,11 +140,6 @@ def _sides(space: Space, facets: np.ndarray) -> np.ndarray:
     global_cells = topology.index_map(d).local_to_global(cells)
     number = global_cells[side // (d + 1)]
     return np.where(number[0] <= number[1], side, side[::-1])
-
-
-def sorted_corners(space: Space, cells: CellGeometry) -> np.ndarray:
-    """Return the coordinates of the sorted vertices [length], shape (n, d+1, d)."""
-    return np.take_along_axis(space.cell_corners(), cells.order[:, :, None], axis=1)
 
 
 def _cofactor(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

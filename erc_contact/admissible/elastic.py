@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import tensors
@@ -25,6 +26,9 @@ from erc_contact.mesh.simplex import (
 from erc_contact.model.constitution import act
 from erc_contact.model.model import Model
 from erc_contact.model.values import DATA_DEGREE
+
+CHUNK = 2048
+"""Number of cells that are worked on at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +67,37 @@ class CellStrains:
         Returns:
             Mandel components, shape (n, q, s).
         """
-        strain = np.matmul(polynomials(self.degree - 1, places), self.in_plane[cell])
+        in_plane = polynomials(self.degree - 1, places), self.in_plane[cell]
         if self.radial is None:
-            return strain
-        radial = np.matmul(polynomials(self.degree, places), self.radial[cell][..., None])
-        return np.concatenate([strain, radial / x[..., :1]], axis=-1)
+            return np.matmul(*in_plane)
+        radial = polynomials(self.degree, places), self.radial[cell][..., None]
+        return _with_hoop(in_plane, radial, x)
+
+    def at_points(self, chunk: slice, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the strain at the same points of some cells [-], as :meth:`at`.
+
+        Args:
+            chunk: The n cells.
+            points: Reference points, shape (q, d).
+            x: The points [length], shape (n, q, d).
+        """
+        d = points.shape[1]
+        in_plane = bernstein(d, self.degree - 1, points), self.in_plane[chunk]
+        if self.radial is None:
+            return np.matmul(*in_plane)
+        radial = bernstein(d, self.degree, points), self.radial[chunk, :, None]
+        return _with_hoop(in_plane, radial, x)
+
+
+def _with_hoop(
+    in_plane: tuple[np.ndarray, np.ndarray], radial: tuple[np.ndarray, np.ndarray], x: np.ndarray
+) -> np.ndarray:
+    """Return strains of rings at points from polynomials and their coefficients."""
+    strain = np.empty((*x.shape[:2], in_plane[1].shape[2] + 1))
+    np.matmul(*in_plane, out=strain[..., :-1])
+    np.matmul(*radial, out=strain[..., -1:])
+    strain[..., -1] /= x[..., 0]
+    return strain
 
 
 class CellStress(NamedTuple):
@@ -144,20 +174,33 @@ def elastic_coefficients(
     """
     d, k = cells.d, cells.degree
     _, points, _ = macro_points(d, k)
-    stiffness = macro_moduli(model, cells, count)
-    given = None
     if model.axisymmetric:
-        strain = strains_at(model, cells, u, points, count)
-    else:
-        strain = strains(cells, u)[:count]
+        return _coefficients_of_rings(model, cells, u, count)
+    stiffness = macro_moduli(model, cells, count)
+    strain = strains(cells, u)[:count]
+    given = None
     if model.strains is not None:
         given = given_strains(model, cells, points, count)
     data_vary = stiffness.shape[1] > 1 or (given is not None and given.shape[1] > 1)
-    if k > 1 and data_vary and not model.axisymmetric:
+    if k > 1 and data_vary:
         strain = np.matmul(bernstein(d, k - 1, points), strain)
     if given is not None:
         strain = strain - given
     return act(stiffness, strain)
+
+
+def _coefficients_of_rings(
+    model: Model, cells: CellGeometry, u: fem.Function, count: int
+) -> np.ndarray:
+    """Return :func:`elastic_coefficients` of an axisymmetric body."""
+    strain = CellStrains.of(model, cells, u)
+    _, points, _ = macro_points(cells.d, cells.degree)
+    values = np.empty((count, len(points), strain.in_plane.shape[2] + 1))
+    for chunk in _chunks(count):
+        x = np.matmul(barycentric(points), cells.corners[chunk])
+        numbers = _numbers(count)[chunk]
+        values[chunk] = model.constitution.stress(strain.at_points(chunk, points, x), x, numbers)
+    return values
 
 
 def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: int) -> np.ndarray:
@@ -181,15 +224,14 @@ def strains_at(
 
     See :func:`moduli` for the arguments. Shape (count, q, s).
     """
-    places = np.broadcast_to(barycentric(points), (count, len(points), cells.d + 1))
-    x = _places(model, cells, points, count, True)
-    return CellStrains.of(model, cells, u).at(_numbers(count), places, x)
+    x = _places(cells, points, count, True)
+    return CellStrains.of(model, cells, u).at_points(slice(count), points, x)
 
 
 def macro_places(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the points of :func:`macro_points` in the first cells, (count, q, d)."""
     _, points, _ = macro_points(model.d, model.degree)
-    return _places(model, cells, points, count, True)
+    return _places(cells, points, count, True)
 
 
 def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: int) -> np.ndarray:
@@ -203,7 +245,7 @@ def given_strains(model: Model, cells: CellGeometry, points: np.ndarray, count: 
     """
     assert model.strains is not None
     varying = model.strains.varies_in_cells
-    return model.strains(_places(model, cells, points, count, varying), _numbers(count))
+    return model.strains(_places(cells, points, count, varying), _numbers(count))
 
 
 def moduli(
@@ -227,20 +269,18 @@ def moduli(
     if matrix.plain is not None:
         return matrix.plain[None, None]
     varying = matrix.varies_in_cells
-    return matrix(_places(model, cells, points, count, varying), _numbers(count))
+    return matrix(_places(cells, points, count, varying), _numbers(count))
 
 
-def _places(
-    model: Model, cells: CellGeometry, points: np.ndarray, count: int, varying: bool
-) -> np.ndarray:
+def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:
     """Return reference points of the cells in space, or only the middle of each cell.
 
     Shape (count, q, d), or (count, 1, d) where data do not vary inside cells.
     """
-    places = np.full((1, model.d + 1), 1 / (model.d + 1))
+    places = np.full((1, cells.d + 1), 1 / (cells.d + 1))
     if varying:
         places = barycentric(points)
-    return np.matmul(places, sorted_corners(model, cells)[:count])
+    return np.matmul(places, cells.corners[:count])
 
 
 def _numbers(count: int) -> np.ndarray:
@@ -277,9 +317,9 @@ def cell_stress(
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
-    stiffness = moduli(model, cells, points, count)
     if model.axisymmetric:
-        return _stress_of_rings(model, cells, u, change, stiffness)
+        return _stress_of_rings(model, cells, u, change)
+    stiffness = moduli(model, cells, points, count)
     strain = strains(cells, u)
     given = None
     if model.strains is not None and not change:
@@ -297,21 +337,32 @@ def cell_stress(
 
 
 def _stress_of_rings(
-    model: Model, cells: CellGeometry, u: fem.Function, change: bool, stiffness: np.ndarray
+    model: Model, cells: CellGeometry, u: fem.Function, change: bool
 ) -> CellStress:
     """Return :func:`cell_stress` of an axisymmetric body, by the rule of the solver."""
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
+    to_hoop = weights[:, None] * bernstein(d, k, points)
+    to_in_plane = projection(d, k - 1, points, weights)
+    strain = CellStrains.of(model, cells, u)
+    law = model.constitution
+    stress = law.stress_change if change else law.stress
     count = len(cells.nodes)
-    elastic = strains_at(model, cells, u, points, count)
-    if model.strains is not None and not change:
-        elastic = elastic - given_strains(model, cells, points, count)
-    values = act(stiffness, elastic)
-    x = _places(model, cells, points, count, True)
-    if model.hoop_load is not None and not change:
-        values[..., -1] -= model.hoop_load(x, _numbers(count))
-    # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
-    force = values[..., -1] / x[..., 0]
-    hoop = cells.volume[:, None] * (force @ (weights[:, None] * bernstein(d, k, points)))
-    in_plane = np.matmul(projection(d, k - 1, points, weights), values[..., :-1])
-    return CellStress(tensors(in_plane, d), hoop)
+    in_plane = np.empty_like(strain.in_plane)
+    hoop = np.empty((count, to_hoop.shape[1]))
+    for chunk in _chunks(count):
+        x = np.matmul(barycentric(points), cells.corners[chunk])
+        numbers = _numbers(count)[chunk]
+        values = stress(strain.at_points(chunk, points, x), x, numbers)
+        if model.hoop_load is not None and not change:
+            values[..., -1] -= model.hoop_load(x, numbers)
+        # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
+        hoop[chunk] = (values[..., -1] / x[..., 0]) @ to_hoop
+        np.matmul(to_in_plane, values[..., :-1], out=in_plane[chunk])
+    return CellStress(tensors(in_plane, d), cells.volume[:, None] * hoop)
+
+
+def _chunks(count: int) -> Iterator[slice]:
+    """Return slices of some cells each, whose values stay in the cache."""
+    for start in range(0, count, CHUNK):
+        yield slice(start, min(start + CHUNK, count))

@@ -33,6 +33,7 @@ from erc_contact.admissible.loads import cell_forces
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.rebalance import (
     Rebalanced,
+    balanced_forces,
     load_forces,
     other_forces,
     rebalanced_stress,
@@ -98,7 +99,8 @@ def equilibrated(
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported(model, cells)
-    data = _Data(solution, cells, force, loads, fixed)
+    force, relief = balanced_forces(model, cells, loads, fixed, force)
+    data = _Data(solution, cells, force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
     try:
@@ -163,6 +165,7 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
         stress=sigma,
         facet_moments=moment,
         cell_forces=None,
+        relief=None,
         tightening=0,
         correction=None,
         imbalance=0.0,
@@ -178,6 +181,7 @@ class _Data:
         solution: The state.
         cells: Geometry, n cells.
         force: Body force times volume of each cell [force], or None.
+        relief: What it has more than the loads [force/volume], or None.
         loads: Moments of the loads on all facets [force], shape (facets, m, d).
         fixed: Which components of a facet have any traction, shape (facets, d).
     """
@@ -185,6 +189,7 @@ class _Data:
     solution: Solution
     cells: CellGeometry
     force: np.ndarray | None
+    relief: np.ndarray | None
     loads: np.ndarray
     fixed: np.ndarray
 
@@ -238,6 +243,7 @@ def _make_pair(
         stress=bulk.stress,
         facet_moments=bulk.moment,
         cell_forces=data.force,
+        relief=data.relief,
         tightening=bulk.iterations,
         correction=bulk.correction,
         imbalance=imbalance,

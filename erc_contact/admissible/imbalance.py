@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem, la
 
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.traction import ContactTraction
@@ -162,7 +162,7 @@ def _worst(model: Model, cells: CellGeometry, found: list[Found], scales: np.nda
         ratios = _ratios(amounts, scales[body[cells.nodes[of_cells, 0]]])
         if ratios.max(initial=0.0) > worst.ratio:
             at = int(np.argmax(ratios))
-            middle = sorted_corners(model, cells)[of_cells[at]].mean(axis=0)
+            middle = cells.corners[of_cells[at]].mean(axis=0)
             worst = _Worst(float(ratios[at]), float(amounts[at]), where, tuple(middle.tolist()))
     return max(model.comm.allgather(worst), key=lambda found: found.ratio)
 

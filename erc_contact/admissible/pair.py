@@ -54,6 +54,9 @@ class Admissible:
             [force], shape (facets, m, d).
         cell_forces: Body force times volume of each cell, projected on degree k-1
             [force], shape (n, N_(k-1), d), or None without body force.
+        relief: What ``cell_forces`` have more than the loads, for projected loads to be
+            in balance on motions that nothing holds [force/volume], shape (n, d); None
+            without.
         tightening: Number of iterations that tightened sigma^.
         correction: What they have added to ``facet_moments`` [force]; None without any.
         imbalance: Greatest force that is missing in the equilibrium of sigma^, over the
@@ -75,6 +78,7 @@ class Admissible:
     stress: np.ndarray
     facet_moments: np.ndarray
     cell_forces: np.ndarray | None
+    relief: np.ndarray | None
     tightening: int
     correction: np.ndarray | None
     imbalance: float

@@ -26,9 +26,10 @@ from erc_contact.admissible.springs import (
     spring_stiffness,
     spring_tractions,
 )
-from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass
+from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass, nodes
 from erc_contact.model.bolt_halves import motions_of_halves
-from erc_contact.model.held_motions import unsupported_motions
+from erc_contact.model.held_motions import free_motions
+from erc_contact.model.load_balance import is_round_off, taking_up, works_on
 from erc_contact.model.model import Model
 from erc_contact.model.motions import greatest_of_bodies
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -39,6 +40,11 @@ BALANCE_SOLVES = 4
 """Greatest number of solves for unbalanced forces.
 
 One is usual, two if the body slides far.
+"""
+OSCILLATING_SHARE = 0.01
+"""Share of a pressure down to which forces are balanced to :data:`FORCE_ROUND_OFF` [-].
+
+More digits than these a solve does not have.
 """
 SOLVE_SHARE = 0.3
 """What such a solve may leave of :data:`FORCE_ROUND_OFF` [-]."""
@@ -86,6 +92,43 @@ def load_forces(
     return b
 
 
+def balanced_forces(
+    model: Model,
+    cells: CellGeometry,
+    loads: np.ndarray,
+    fixed: np.ndarray,
+    force: np.ndarray | None,
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Balance projected loads on motions that nothing holds; collective.
+
+    A body force that is projected on constants has another moment, and adapted
+    integrals have other digits than the quadrature of the solver.
+
+    Args:
+        model: The scene on a mesh.
+        cells: Geometry, n cells.
+        loads: Moments of the loads [force], shape (facets, m, d).
+        fixed: Which components of a facet supports take up, shape (facets, d).
+        force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
+            None.
+
+    Returns:
+        The body force that is in balance, and what it has more [force/volume], constant
+        in cells, shape (n, d); None without.
+    """
+    functions = model.unheld.functions
+    if not functions:
+        return force, None
+    b = load_forces(model, cells, np.where(fixed[:, None, :], 0.0, loads), force)
+    works, sizes = works_on(model, functions, b)
+    if is_round_off(works, sizes):
+        return force, None
+    relief = taking_up(model, functions, works)
+    shape = (len(cells.volume), len(nodes(model.d, model.degree - 1)), model.d)
+    before = np.zeros(shape) if force is None else force
+    return before + (relief * cells.volume[:, None])[:, None], relief
+
+
 def other_forces(
     model: Model,
     cells: CellGeometry,
@@ -116,7 +159,7 @@ def other_forces(
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
-        motions = unsupported_motions(model, model.bodies, model.held, model.loose_faces)
+        motions = free_motions(model, model.bodies, model.held_or_anchored, faces=model.loose_faces)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
@@ -248,7 +291,8 @@ def _residual(
 
     Returns:
         The difference, not yet summed over ranks, and its greatest size over the
-        greatest force of the stress on a facet or of b in the same body [-].
+        greatest force of b or, see :func:`_forces_that_stay`, of the stress on a facet
+        in the same body [-].
     """
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
@@ -268,11 +312,12 @@ def _residual(
     nodal = total.x.array.reshape(-1, d)
     bodies = model.bodies
     nodes = np.arange(model.V.dofmap.index_map.size_local)
-    left = np.where(model.fixed[nodes], 0.0, abs(nodal[nodes]))
+    left = np.where(model.supported[nodes], 0.0, abs(nodal[nodes]))
     unbalanced = greatest_of_bodies(model.comm, bodies, nodes, left)
-    loads = np.where(model.fixed, 0.0, abs(b.x.array.reshape(-1, d)))
+    loads = np.where(model.supported, 0.0, abs(b.x.array.reshape(-1, d)))
     of_loads = greatest_of_bodies(model.comm, bodies, np.arange(len(loads)), loads)
-    of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], abs(by_cell))
+    forces = _forces_that_stay(cells, stress.in_plane[:owned], on_facets)
+    of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], forces)
     greatest = np.maximum(of_loads, of_stress)
     for face in model.loose_faces:
         # On the free motions of a face its resultants and the reactions do no work.
@@ -283,3 +328,21 @@ def _residual(
     greatest = np.maximum(greatest, np.finfo(float).eps / FORCE_ROUND_OFF * greatest.max())
     sizes = np.divide(unbalanced, greatest, out=np.zeros_like(greatest), where=greatest > 0)
     return residual, float(sizes.max())
+
+
+def _forces_that_stay(cells: CellGeometry, stress: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return the size of forces of a stress on facets that sigma^ has, too [force].
+
+    In nearly incompressible cells the pressure of the displacement oscillates, a
+    thousand times as large as what is left of it in sigma^. So the size is the force of
+    the deviator, in the unit in which a uniaxial stress has all of its force.
+
+    Args:
+        cells: Geometry.
+        stress: Coefficients of the stress [force/area], shape (n, b, d, d).
+        forces: Its forces on facets [force], shape (n, d+1, b, d).
+    """
+    d = cells.d
+    pressure = np.trace(stress, axis1=2, axis2=3)[..., None, None] / d * np.eye(d)
+    deviator = facet_forces(cells.area[: len(stress)], stress - pressure)
+    return np.maximum(d / (d - 1) * abs(deviator), OSCILLATING_SHARE * abs(forces))

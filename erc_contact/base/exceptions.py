@@ -37,7 +37,7 @@ class InputError(ErcContactError, ValueError):
 
 
 class NotHeldError(InputError):
-    """Tell that no support and no contact holds a rigid motion of the body.
+    """Tell that loads are not in balance on a rigid motion that nothing holds.
 
     Example:
         >>> ec.solve(ec.Scene(scene.material, loads=[ec.BodyForce((0.0, -1.0))]), block)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import CellStrains, elastic_coefficients, macro_moduli
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points, macro_values
@@ -16,18 +15,10 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
-from erc_contact.mesh.quadrature import Integrand, cell_pieces, integrate
-from erc_contact.mesh.simplex import barycentric, bernstein, rule
+from erc_contact.error.rings import is_rational, squares_of_rings
+from erc_contact.mesh.quadrature import cell_pieces, integrate
+from erc_contact.mesh.simplex import bernstein
 from erc_contact.mesh.surface import pairs, swept
-from erc_contact.model.model import Model
-from erc_contact.model.symbolic import varies_in_cells
-
-SERIES = (1, 2, 4, 8)
-"""Degrees of the series of 1/r beyond which rules are not exact."""
-SERIES_SHARE = 0.1
-"""What the series may leave of what integrals may leave unknown [-]."""
-CHUNK = 4096
-"""Number of cells that are worked on at once."""
 
 
 def body_error(admissible: Admissible) -> LawError:
@@ -78,15 +69,16 @@ def _adapted_squares(admissible: Admissible) -> LawError:
             sigma[..., -1] += model.hoop_load(x, of_cells[cell])
         return model.constitution.squares(strain.at(cell, places, x), sigma, x, of_cells[cell])
 
-    corners = sorted_corners(model, cells)[:owned]
+    corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     value, rest = np.zeros((2, owned, 2))
     is_done = np.zeros(owned, dtype=bool)
-    if model.axisymmetric and _is_rational(model):
-        is_done = _far_from_axis(squares, corners, volume, k, (value, rest))
-    middles = np.full((owned, 1, model.d + 1), 1 / (model.d + 1))
-    in_middles = squares(np.arange(owned), middles, corners.mean(axis=1, keepdims=True))
-    size = float(volume @ in_middles[:, 0, 1])
+    if is_rational(model):
+        value, rest, is_done = squares_of_rings(model, cells, admissible.stress, strain)
+    left = np.flatnonzero(~is_done)
+    middles = np.full((len(left), 1, model.d + 1), 1 / (model.d + 1))
+    in_middles = squares(left, middles, corners[left].mean(axis=1, keepdims=True))
+    size = float(value[:, 1].sum() + volume[left] @ in_middles[:, 0, 1])
     # An error that is round-off of the stresses need not be resolved.
     floor = np.array([DATA_ROUND_OFF**2 * model.comm.allreduce(size, MPI.SUM), 0.0])
     total = integrate(
@@ -102,57 +94,6 @@ def _adapted_squares(admissible: Admissible) -> LawError:
     value += total.value
     rest += total.rest
     return LawError(value[:, 0] + rest[:, 0], value[:, 1], unknown)
-
-
-def _is_rational(model: Model) -> bool:
-    """Tell whether the squares of rings are polynomials of degree 2k over r."""
-    of_material = any(varies_in_cells(value) for value in model.parameters.values())
-    return model.strains is None and model.hoop_load is None and not of_material
-
-
-def _far_from_axis(
-    squares: Integrand,
-    corners: np.ndarray,
-    volume: np.ndarray,
-    k: int,
-    result: tuple[np.ndarray, np.ndarray],
-) -> np.ndarray:
-    """Integrate squares of rings over cells far from the axis by rules.
-
-    A rule of degree ``2k + p`` is exact for a polynomial of degree 2k times p + 1 terms
-    of the geometric series of 1/r about the middle of a cell. What the series leaves is
-    at most ``rho^(p+1)/r``, with rho the greatest distance from the middle over its
-    radius. As squares and weights are not negative, the error is at most twice
-    ``rho^(p+1)`` of the integral.
-
-    Args:
-        squares: The squares.
-        corners: Vertices of the cells [length], shape (n, 3, 2).
-        volume: Their volumes.
-        k: Degree of the displacement.
-        result: Integrals and bounds of their errors, which are set in place, shape (n,
-            2) each.
-
-    Returns:
-        Which cells are done, shape (n,).
-    """
-    value, rest = result
-    middle = corners[..., 0].mean(axis=1)
-    rho = abs(corners[..., 0] - middle[:, None]).max(axis=1) / middle
-    done = np.zeros(len(volume), dtype=bool)
-    for more in SERIES:
-        near = ~done & (2 * rho ** (more + 1) <= SERIES_SHARE * UNKNOWN_SHARE)
-        points, weights = rule(2, 2 * k + more)
-        for piece in cell_pieces(2):
-            in_piece = barycentric(points) @ piece
-            for numbers in np.array_split(np.flatnonzero(near), 1 + near.sum() // CHUNK):
-                places = np.broadcast_to(in_piece, (len(numbers), *in_piece.shape))
-                at_points = squares(numbers, places, np.matmul(in_piece, corners[numbers]))
-                means = np.tensordot(at_points, weights, axes=(1, 0))
-                value[numbers] += means * volume[numbers, None] / len(cell_pieces(2))
-        rest[near] = 2 * rho[near, None] ** (more + 1) * value[near]
-        done |= near
-    return done
 
 
 def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:

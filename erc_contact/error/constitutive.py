@@ -300,7 +300,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     both_2 = body.both + springs.both + contacts.both
     # In the order of the attributes of Oscillations.
     of_data_2 = [
-        of_loads(model, admissible.cell_geometry, admissible.cell_forces),
+        of_loads(model, admissible.cell_geometry, admissible.cell_forces, admissible.relief),
         of_supports(model),
         body.moduli,
         contacts.gaps,

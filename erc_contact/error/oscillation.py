@@ -25,7 +25,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
@@ -81,19 +81,25 @@ class Oscillations:
         return float(np.linalg.norm(astuple(self)))
 
 
-def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> float:
+def of_loads(
+    model: Model, cells: CellGeometry, force: np.ndarray | None, relief: np.ndarray | None
+) -> float:
     """Compute the square of the oscillation of the loads on this rank; collective.
 
     Args:
         model: The scene on a mesh.
         cells: Geometry.
-        force: Body force times volume, projected on degree k-1 [force], shape (n,
-            N_(k-1), d), or None.
+        force: Body force times volume that sigma^ balances, of degree k-1 [force],
+            shape (n, N_(k-1), d), or None.
+        relief: What it has more than the projected loads [force/volume], constant in
+            cells, shape (n, d), or None.
     """
     d, k = model.d, model.degree
     total = 0.0
-    if force is not None and varies_in_cells(_carried(model)):
-        total += _of_body_force(model, cells, force)
+    if model.body_force is not None and varies_in_cells(_carried(model)):
+        total += _of_body_force(model, cells, force, relief)
+    if relief is not None:
+        total += _of_relief(model, cells, relief)
     for load in model.surface_loads:
         if load.varies:
             facets = model.domain.owned_facets(load.facets)
@@ -108,13 +114,30 @@ def of_loads(model: Model, cells: CellGeometry, force: np.ndarray | None) -> flo
     return total
 
 
-def _of_body_force(model: Model, cells: CellGeometry, force: np.ndarray) -> float:
+def _of_relief(model: Model, cells: CellGeometry, relief: np.ndarray) -> float:
+    """Compute the square of what forces cost that balance projected loads; collective.
+
+    Their means in cells are not zero, so the size of the body stands for the cell size.
+    The least modulus does for the modulus.
+    """
+    owned = model.domain.owned_cells
+    square = cells.volume[:owned] @ (relief[:owned] ** 2).sum(axis=1)
+    modulus, _ = model.extremes(model.at_middles(model.modulus, model.owned_cells))
+    return float(model.domain.extent**2 / np.pi**2 * square / modulus)
+
+
+def _of_body_force(
+    model: Model, cells: CellGeometry, force: np.ndarray | None, relief: np.ndarray | None
+) -> float:
     """Compute the square of the oscillation of the body force; collective."""
     d, k = model.d, model.degree
     owned = model.domain.owned_cells
     volume = cells.volume[:owned]
-    corners = sorted_corners(model, cells)[:owned]
+    corners = cells.corners[:owned]
+    assert force is not None
     projected = force[:owned] / volume[:, None, None]
+    if relief is not None:
+        projected = projected - relief[:owned, None]
     data = Everywhere(_carried(model), model.mesh)
     difference = _squares(model, data, model.owned_cells, projected, k - 1)
     integral = integrate(

@@ -11,7 +11,6 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import CellStrains, macro_moduli, strains, strains_at
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -20,7 +19,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import foundation_energies
 from erc_contact.error.load_work import assembled
-from erc_contact.error.numbers import BoundedNumber
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
@@ -50,17 +49,21 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     strain_v = CellStrains.of(model, cells, v)
     strain_w = CellStrains.of(model, cells, w)
 
-    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        stress = law.stress_change(strain_v.at(entity, places, x), x, numbers[entity])
-        return (stress * strain_w.at(entity, places, x)).sum(axis=-1, keepdims=True)
+    def stress_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return law.stress_change(strain_v.at(entity, places, x), x, numbers[entity])
 
-    return _over_cells(pair, density) + of_springs
+    return _over_cells(pair, stress_at, strain_w.at) + of_springs
 
 
-def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
+def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> BoundedNumber:
     """Compute ``int C eps_0 : eps(v)`` [force length]; collective.
 
     It is zero without given strains.
+
+    Args:
+        pair: The pair whose given strains are meant.
+        v: A displacement [length].
+        floor: What may always stay unknown [force length].
     """
     model = pair.model
     given = model.strains
@@ -70,15 +73,12 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
         return BoundedNumber(assembled(model, model.strain_loads(v)))
     cells = pair.cell_geometry
     of_cells = model.owned_cells
-    strain_v = CellStrains.of(model, cells, v)
 
-    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        strain = strain_v.at(entity, places, x)
+    def stress_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         cell = of_cells[entity]
-        stress = model.constitution.stress_change(given(x, cell), x, cell)
-        return (stress * strain).sum(axis=-1, keepdims=True)
+        return model.constitution.stress_change(given(x, cell), x, cell)
 
-    return _over_cells(pair, density)
+    return _over_cells(pair, stress_at, CellStrains.of(model, cells, v).at, floor)
 
 
 def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
@@ -93,22 +93,41 @@ def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
         return energy
     of_cells = model.owned_cells
 
-    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        strain = given(x, of_cells[entity])
-        stress = model.constitution.stress_change(strain, x, of_cells[entity])
-        return 0.5 * (stress * strain).sum(axis=-1, keepdims=True)
+    def strain_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return given(x, of_cells[entity])
 
-    return energy - strain_work(pair, u) + _over_cells(pair, density)
+    def stress_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        strain = strain_at(entity, places, x)
+        return model.constitution.stress_change(strain, x, of_cells[entity])
+
+    return energy - strain_work(pair, u) + 0.5 * _over_cells(pair, stress_at, strain_at)
 
 
-def _over_cells(pair: Admissible, density: Integrand) -> BoundedNumber:
-    """Integrate a density over all cells, adapted to it; collective."""
+def _over_cells(
+    pair: Admissible, stress_at: Integrand, strain_at: Integrand, floor: float = 0.0
+) -> BoundedNumber:
+    """Integrate the work of a stress on a strain over all cells; collective.
+
+    The integral is adapted to them. Where they do no work on each other, what is left
+    is round-off of the products that cancel, which needs no resolution.
+    """
     model = pair.model
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
-    corners = sorted_corners(model, cells)[:owned]
+    corners = cells.corners[:owned]
     volume = cells.volume[:owned]
-    integral = integrate(model.comm, density, corners, volume, cell_pieces(model.d))
+
+    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        product = stress_at(entity, places, x) * strain_at(entity, places, x)
+        return product.sum(axis=-1, keepdims=True)
+
+    middles = np.full((owned, 1, model.d + 1), 1 / (model.d + 1))
+    at_middles = (np.arange(owned), middles, corners.mean(axis=1, keepdims=True))
+    sizes = [np.linalg.norm(field(*at_middles), axis=-1)[:, 0] for field in (stress_at, strain_at)]
+    size = model.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
+    pieces = cell_pieces(model.d)
+    floor = max(ROUND_OFF * size, floor)
+    integral = integrate(model.comm, density, corners, volume, pieces, floor=floor)
     return BoundedNumber.summed(model.comm, integral)
 
 
@@ -142,11 +161,13 @@ def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     of_cells = pair.model.owned_cells
     strain_v = CellStrains.of(pair.model, pair.cell_geometry, v)
 
-    def density(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        hoop = load(x, of_cells[entity])[..., None]
-        return hoop * strain_v.at(entity, places, x)[..., -1:]
+    def hoop_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return load(x, of_cells[entity])[..., None]
 
-    return _over_cells(pair, density)
+    def strain_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return strain_v.at(entity, places, x)[..., -1:]
+
+    return _over_cells(pair, hoop_at, strain_at)
 
 
 def friction_work(

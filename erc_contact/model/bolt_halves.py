@@ -63,7 +63,7 @@ def _free_half(model: Any, preload: PreloadOnMesh) -> tuple[fem.Function, float]
     if (halves[0] & halves[1]).any():
         return None
     held = np.zeros(count, dtype=bool)
-    held[body[(model.held & (preload.axis != 0.0)).any(axis=1)]] = True
+    held[body[(model.held_or_anchored & (preload.axis != 0.0)).any(axis=1)]] = True
     for spring in model.springs:
         held[body[spring.side.nodes.ravel()]] = True
     held = np.logical_or.reduce(model.comm.allgather(held))

@@ -87,7 +87,7 @@ class Constitution:
 
     def stress_change(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress ``C eps`` of a change of the strain [force/area]."""
-        return act(self.stiffness(x, cells), strain)
+        return self.stiffness.times(strain, x, cells)
 
     def squares(
         self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
@@ -98,11 +98,10 @@ class Constitution:
             ``|sigma - C (eps - eps_0)|^2`` and ``|sigma + C (eps - eps_0)|^2`` in the
             metric [force/area], shape (n, q, 2).
         """
-        metric = self.metric(x, cells)
         elastic = self.stress(strain, x, cells)
         squares = []
         for tensor in (stress - elastic, stress + elastic):
-            squares.append((act(metric, tensor) * tensor).sum(axis=-1))
+            squares.append((self.metric.times(tensor, x, cells) * tensor).sum(axis=-1))
         return np.stack(squares, axis=-1)
 
 
@@ -137,8 +136,8 @@ class ElasticMatrix:
         self.size = len(tensor_basis(material, d))
         self.on_rings = space.axisymmetric
         self._exponent = -1 if inverse else 1
-        of_parameters = any(varies_in_cells(value) for value in parameters.values())
-        self.varies_in_cells = self.on_rings or of_parameters
+        self._parameters_vary = any(varies_in_cells(value) for value in parameters.values())
+        self.varies_in_cells = self.on_rings or self._parameters_vary
         self._constant: np.ndarray | None = None
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
         constants = {}
@@ -172,22 +171,41 @@ class ElasticMatrix:
         Returns:
             Shape (n, q, s, s).
         """
-        matrix = self._of_material(x, cells)
-        if not self.on_rings:
-            return matrix
-        factor = circumferences(x) ** self._exponent
-        return factor[..., None, None] * matrix
+        matrix = self.of_material(x, cells)
+        if self.on_rings:
+            matrix = self._circumferences(x)[..., None] * matrix
+        return np.broadcast_to(matrix, (*x.shape[:2], self.size, self.size))
 
-    def _of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Evaluate the matrix of the material at points, as :meth:`__call__` does."""
-        n, q, _ = x.shape
-        shape = (n, q, self.size, self.size)
+    def times(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Multiply the matrix and tensors (n, q, s) at points, see :meth:`__call__`."""
+        result = act(self.of_material(x, cells), tensor)
+        if self.on_rings:
+            result *= self._circumferences(x)
+        return result
+
+    def of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Evaluate the matrix of the material, without a circumference, at points.
+
+        Args:
+            x: Points of each cell [length], shape (n, q, d).
+            cells: The cells, shape (n,).
+
+        Returns:
+            Shape (n, q, s, s), with 1 in place of n or q where it does not vary.
+        """
         if self._constant is not None:
-            return np.broadcast_to(self._constant, shape)
+            return self._constant[None, None]
+        if not self._parameters_vary:
+            x = x[:, :1]
+        n, q, _ = x.shape
         values = {}
         for name, parameter in self._parameters.items():
             values[self._numbers[name]] = parameter(x, cells).reshape(-1, 1)
-        return self._matrix(values, n * q).reshape(shape)
+        return self._matrix(values, n * q).reshape(n, q, self.size, self.size)
+
+    def _circumferences(self, x: np.ndarray) -> np.ndarray:
+        """Return the factor of the matrix of the material on rings, shape (n, q, 1)."""
+        return circumferences(x)[..., None] ** self._exponent
 
 
 def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, Ufl]) -> Ufl:
@@ -203,6 +221,8 @@ def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
         moduli: Shape (n or 1, q or 1, s, s).
         tensor: Shape (n, q or 1, s).
     """
+    if moduli.shape[:2] == (1, 1):
+        return tensor @ moduli[0, 0].T
     if moduli.shape[1] == 1:
         return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
     return np.matmul(moduli, tensor[..., None])[..., 0]

@@ -8,8 +8,10 @@ from functools import cached_property, partial
 import numpy as np
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.connections import Connections
@@ -19,9 +21,10 @@ from erc_contact.model.contacts import bind_contact
 from erc_contact.model.dimension import check_dimension, check_half_plane
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.held_motions import free_motions
+from erc_contact.model.held_motions import free_motions, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
+from erc_contact.model.load_balance import Relief, relief_of
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes
@@ -32,9 +35,10 @@ from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.strains import bind_strains
-from erc_contact.model.supports import bind_supports
+from erc_contact.model.supports import bind_supports, dirichlet_conditions
 from erc_contact.model.symbolic import has_arguments, varies_in_cells
 from erc_contact.model.ties import bind_tie
+from erc_contact.model.unheld import find_unheld
 from erc_contact.model.users import try_material
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb
@@ -65,7 +69,8 @@ class Model(Space):
         hoop_load: The radial body force f_r of an axisymmetric body as the hoop
             component ``c r f_r`` of a stress (``erc_contact.model.meridian``), a
             function of points and cells; None without any.
-        fixed: Which components are prescribed at each node, shape (nodes, d).
+        fixed: Which components are prescribed, or anchored, at each node, shape (nodes,
+            d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
         bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
         held: Which components have a given value; on a loose rigid face components are
@@ -79,8 +84,10 @@ class Model(Space):
         preloads: Its preloads, each one of the joints.
         connections: The nodes that contacts between bodies connect.
         bodies: Number of the body of each node of this rank, and number of bodies.
-        free_motions: Rigid motions that no support holds, Functions of V, see
-            :func:`free_motions`.
+        unheld: The motions that nothing holds, and their anchors.
+        relief: What takes up a small resultant of loads on these; None without any.
+        free_motions: Rigid motions that neither supports nor anchors hold, Functions of
+            V, see :func:`free_motions`.
         is_later_step: Whether the scene is a step of a history after another one.
         greatest_before: The sizes of the history before this step, 0 without one.
         gap_limits: Polynomials below the gap that were found [length], shape (f, c, m),
@@ -89,7 +96,7 @@ class Model(Space):
     Raises:
         InputError: If a name is unknown, a value or the degree is out of range, or
             supports contradict each other.
-        NotHeldError: If neither supports nor contacts hold a rigid motion.
+        NotHeldError: If loads are not in balance on a rigid motion that nothing holds.
     """
 
     domain: Domain
@@ -118,12 +125,17 @@ class Model(Space):
         for contact in scene.contacts:
             self.contacts.append(bind_contact(self, contact, self.modulus, last))
         self.gap_limits: dict[ContactOnMesh, np.ndarray] = {}
-        self.bind_connections()
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
         check_beside_cuts(self, self.preloads, self._held_facets(), self.contacts)
         self.bodies = bodies_of_nodes(self)
-        self.free_motions = free_motions(
+        by_all = resisted_by_all(
             self, self.bodies, self.held, self.springs, self.contacts, self.loose_faces
+        )
+        self.unheld = find_unheld(self, self.bodies, self.fixed, by_all, self.contacts)
+        self.anchor()
+        self.bind_connections()
+        self.free_motions = free_motions(
+            self, self.bodies, self.held_or_anchored, self.springs, self.loose_faces
         )
 
     def bind_supports_and_loads(self, scene: Scene) -> None:
@@ -131,12 +143,17 @@ class Model(Space):
         supports = bind_supports(self, scene.supports)
         self.fixed = supports.fixed
         self.prescribed = supports.prescribed
-        self.bcs = supports.bcs
+        self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
         self.fixed_facets = supports.facets
         self.held = supports.held
         self.loose_faces = supports.loose_faces
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
+        self.relief: Relief | None = None
+        self._bind_hoop_load()
+
+    def _bind_hoop_load(self) -> None:
+        """Put the radial force in axisymmetric bodies on the mesh."""
         self.hoop_load = None
         if self.axisymmetric and self.body_force is not None:
             self.hoop_load = Everywhere(self.x[0] * self.body_force[0], self.mesh)
@@ -164,6 +181,58 @@ class Model(Space):
         for spring in self.springs:
             held.append((spring.name, spring.side.facets, np.ones(self.d, dtype=bool)))
         return held
+
+    def anchor(self) -> None:
+        """Anchor the motions that nothing holds, if loads are in balance; collective.
+
+        Raises:
+            NotHeldError: If they are not.
+        """
+        if not self.unheld.functions:
+            return
+        loads = self.load_forces(strains=False)
+        self.relief = relief_of(
+            self, self.unheld, loads, [load.facets for load in self.surface_loads]
+        )
+        if self.relief is not None:
+            force = self.relief.density
+            self.body_force = force if self.body_force is None else self.body_force + force
+            self._bind_hoop_load()
+        self.fixed = self.fixed | self.unheld.anchors
+        self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
+
+    @property
+    def held_or_anchored(self) -> np.ndarray:
+        """Tell which components supports or anchors hold, shape (nodes, d)."""
+        return self.held | self.unheld.anchors
+
+    @property
+    def supported(self) -> np.ndarray:
+        """Tell which fixed components supports prescribe, shape (nodes, d)."""
+        return self.fixed & ~self.unheld.anchors
+
+    def without_unheld(self, u: fem.Function) -> fem.Function:
+        """Return a displacement less its motions that nothing holds; collective.
+
+        What is left has ``int u . q = 0`` for each of these motions q.
+        """
+        functions = self.unheld.functions
+        if not functions:
+            return u
+        products = np.zeros((len(functions), len(functions) + 1))
+        for k, q in enumerate(functions):
+            for i, v in enumerate([*functions, u]):
+                products[k, i] = self._product(q, v)
+        amounts = np.linalg.solve(products[:, :-1], products[:, -1])
+        rest = u.copy()
+        for amount, q in zip(amounts, functions, strict=True):
+            rest.x.array[:] -= amount * q.x.array
+        return rest
+
+    def _product(self, u: fem.Function, v: fem.Function) -> float:
+        """Return ``int u . v`` over the bodies; collective."""
+        form = compiled.form(self.on_meridian(ufl.inner(u, v)) * self.dx)
+        return float(self.comm.allreduce(fem.assemble_scalar(form), MPI.SUM))
 
     def bind_connections(self) -> None:
         """Find the nodes that contacts connect, given supports; collective."""
@@ -231,6 +300,21 @@ class Model(Space):
         both know the same body.
         """
         return self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varying else self.dx
+
+    def load_forces(self, *, strains: bool) -> fem.Function:
+        """Return the nodal forces of the loads [force], not yet summed over ranks.
+
+        Args:
+            strains: Whether they are with the forces of given strains.
+        """
+        b = self.function()
+        v = ufl.TestFunction(self.V)
+        loads = self.right_side(v) if strains else self.loads(v)
+        if loads is not None:
+            fem.assemble_vector(b.x.array, compiled.form(loads))
+        if self.face_forces is not None:
+            b.x.array[:] += self.face_forces.x.array
+        return b
 
     def loads(
         self, v: Ufl, *, varying: bool = True, on: Collection[str | None] | None = None

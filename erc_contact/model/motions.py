@@ -14,6 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.mesh.graphs import components
+from erc_contact.model.body_motions import BodyMotions
 from erc_contact.model.rigid_shapes import translations_and_rotations
 from erc_contact.model.space import Space
 
@@ -28,7 +29,7 @@ def rigid_motions(space: Space) -> np.ndarray:
         Shape (nodes, d, motions); a motion of a body is zero on the others.
     """
     body, count = bodies_of_nodes(space)
-    motions, _ = body_motions(space, body, count)
+    motions = body_motions(space, body, count).values
     of_bodies = [(body == number)[:, None, None] * motions for number in range(count)]
     return np.concatenate(of_bodies, axis=2)
 
@@ -163,10 +164,8 @@ def kernel(products: np.ndarray) -> np.ndarray:
     return vectors[:, values <= FREE_SHARE * max(values[-1], 1.0)]
 
 
-def body_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarray, list[str]]:
-    """Compute rigid motions (nodes, d, m) at the nodes, and their names; collective.
-
-    Rotations are about the centre of the body, and divided by its size.
+def body_motions(space: Space, body: np.ndarray, count: int) -> BodyMotions:
+    """Compute the rigid motions of bodies; collective.
 
     Args:
         space: The mesh.
@@ -179,22 +178,22 @@ def body_motions(space: Space, body: np.ndarray, count: int) -> tuple[np.ndarray
     sums = np.zeros((count, d + 1))
     np.add.at(sums, body[:owned], np.column_stack([x[:owned], np.ones(owned)]))
     sums = space.comm.allreduce(sums, MPI.SUM)
-    centre = sums[:, :-1] / sums[:, -1:]
+    centres = sums[:, :-1] / sums[:, -1:]
     low = np.full((count, d), np.inf)
     high = np.full((count, d), -np.inf)
     np.minimum.at(low, body, x)
     np.maximum.at(high, body, x)
     space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
-    size = np.linalg.norm(high - low, axis=1)
-    motions = translations_and_rotations((x - centre[body]) / size[body, None])
+    sizes = np.linalg.norm(high - low, axis=1)
+    motions = translations_and_rotations((x - centres[body]) / sizes[body, None])
     if space.axisymmetric:
         # Rings resist all motions but along their axis.
-        return motions[:, :, 1:2], ["translation along the axis z"]
+        return BodyMotions(motions[:, :, 1:2], ["translation along the axis z"], centres, sizes)
     axes = "xyz"
     names = [f"translation in {axes[i]}" for i in range(d)]
     names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in combinations(range(d), 2)]
-    return motions, names
+    return BodyMotions(motions, names, centres, sizes)
 
 
 def block_diagonal(blocks: Iterable[np.ndarray]) -> np.ndarray:

@@ -13,18 +13,19 @@ def nearby_model(scene: Scene, near: Model) -> Model:
     """Return the model of a moved scene, which shares what is the same; collective.
 
     Args:
-        scene: A scene with other loads, values of supports, shifts of preloads, or
-            contacts. A contact is the object of ``near``, unless something has moved in
-            it.
+        scene: A scene with other loads, values of supports, shifts of preloads, given
+            strains, or contacts. A contact is the object of ``near``, unless something
+            has moved in it.
         near: The model of the scene that it is moved from.
 
     Raises:
         InputError: If supports contradict each other, or a load cannot be worked with.
+        NotHeldError: If loads are not in balance on a motion that nothing holds.
     """
     model = copy(near)
     model.scene = scene
     model.bind_supports_and_loads(scene)
-    if scene.ties != near.scene.ties:
+    if scene.ties != near.scene.ties or scene.strains != near.scene.strains:
         model.bind_strains(scene)
     model.contacts = []
     entries = zip(scene.contacts, near.scene.contacts, near.contacts, strict=True)
@@ -32,5 +33,6 @@ def nearby_model(scene: Scene, near: Model) -> Model:
         # Forms with the contact of the other model serve this one, too.
         is_same = entry is near_entry
         model.contacts.append(contact if is_same else bind_contact(model, entry, model.modulus))
+    model.anchor()
     model.bind_connections()
     return model

@@ -78,3 +78,11 @@ def matrix_of_ranks(
     matrix.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
     matrix.setValuesCOO(values)
     return matrix
+
+
+def marks_of_owners(space: Space, marks: np.ndarray) -> np.ndarray:
+    """Return marks (nodes, d) as the owners of the nodes have them; collective."""
+    of_ranks = space.function()
+    of_ranks.x.array[:] = marks.ravel()
+    of_ranks.x.scatter_forward()
+    return of_ranks.x.array.reshape(-1, space.d) > 0.5

@@ -52,7 +52,7 @@ def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = 
     Raises:
         InputError: If scene and mesh do not fit, a check fails, or the last step was
             one of another body.
-        NotHeldError: If neither supports nor contacts hold a rigid motion.
+        NotHeldError: If loads are not in balance on a rigid motion that nothing holds.
     """
     model = Model(scene, domain, degree, last)
     if type(model.scene.material) is not Elastic:

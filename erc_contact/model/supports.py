@@ -13,6 +13,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.meridian import nodes_on_axis
+from erc_contact.model.over_ranks import marks_of_owners
 from erc_contact.model.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
 from erc_contact.model.values import number
@@ -32,7 +33,6 @@ class Supports:
             loose rigid face, up to its motion.
         held: Which of them have a value that is given, shape (nodes, d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
-        bcs: The prescribed displacement as a Dirichlet condition of DOLFINx, in a list.
         facets: Facets (cell, local facet) and prescribed components of each support.
         loose_faces: The rigid faces whose motions are not all given.
     """
@@ -40,7 +40,6 @@ class Supports:
     fixed: np.ndarray
     held: np.ndarray
     prescribed: fem.Function
-    bcs: list[Any]
     facets: list[tuple[np.ndarray, np.ndarray]]
     loose_faces: list[RigidFace]
 
@@ -104,11 +103,21 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
     raise_together(space.comm, error)
     # A rank may see a node without the facet that fixes it: its owner sees all.
     prescribed.x.scatter_forward()
-    fixed = _of_owners(space, fixed)
-    held = _of_owners(space, held)
+    fixed = marks_of_owners(space, fixed)
+    held = marks_of_owners(space, held)
+    return Supports(fixed, held, prescribed, on_facets, loose_faces)
+
+
+def dirichlet_conditions(space: Space, prescribed: fem.Function, fixed: np.ndarray) -> list[Any]:
+    """Return prescribed displacements of fixed components as conditions of DOLFINx.
+
+    Args:
+        space: The mesh.
+        prescribed: The displacement, a Function of V [length].
+        fixed: Which components are prescribed at each node, shape (nodes, d).
+    """
     dofs = np.flatnonzero(fixed).astype(np.int32)
-    bcs = [fem.dirichletbc(prescribed, [dofs, dofs], space.V)]
-    return Supports(fixed, held, prescribed, bcs, on_facets, loose_faces)
+    return [fem.dirichletbc(prescribed, [dofs, dofs], space.V)]
 
 
 def _or_axis(space: Space) -> str:
@@ -122,14 +131,6 @@ def _rigid_values(space: Space, rigid: Any, face: RigidFace, nodes: np.ndarray) 
     at_nodes = np.zeros((space.node_count, space.d))
     at_nodes[face.nodes] = face.shapes @ given
     return at_nodes[nodes]
-
-
-def _of_owners(space: Space, marks: np.ndarray) -> np.ndarray:
-    """Return marks (nodes, d) as the owners of the nodes have them; collective."""
-    of_ranks = space.function()
-    of_ranks.x.array[:] = marks.ravel()
-    of_ranks.x.scatter_forward()
-    return of_ranks.x.array.reshape(-1, space.d) > 0.5
 
 
 def _jumps(space: Space, nodes: np.ndarray, at_nodes: np.ndarray) -> bool:

@@ -81,7 +81,7 @@ def solution_of(
     for face in model.loose_faces:
         # Any motion of the face is admissible: here it is the motion that u has.
         face.follow(model.prescribed, values)
-    fixed = model.fixed.ravel()
+    fixed = model.supported.ravel()
     prescribed = model.prescribed.x.array
     off = float(abs(values.ravel() - prescribed)[fixed].max(initial=0.0))
     displacement.x.array[:] = np.where(fixed, prescribed, values.ravel())

@@ -30,7 +30,22 @@ def solution_of(
     start: Solution | None,
     tolerance: float | None,
 ) -> Solution:
-    """Solve a model with one kind of solver."""
+    """Solve a model with one kind of solver.
+
+    The displacement has no part in motions that nothing holds.
+    """
+    solution = _solution_of(kind, model, method, start, tolerance)
+    return replace(solution, u=model.without_unheld(solution.u))
+
+
+def _solution_of(
+    kind: Callable[[Model], Solver],
+    model: Model,
+    method: Method | None,
+    start: Solution | None,
+    tolerance: float | None,
+) -> Solution:
+    """Solve a model, with its anchors at rest."""
     solver = kind(model)
     try:
         loads = solver.elastic.load_vector()

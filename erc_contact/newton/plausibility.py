@@ -15,10 +15,10 @@ from mpi4py import MPI
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.mesh.simplex import rule
+from erc_contact.model.body_words import lying_words
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.held_motions import lying_words
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
 from erc_contact.newton.solution import Solution
@@ -77,6 +77,8 @@ def doubts(solution: Solution) -> Doubts:
             "the error does not contain what this costs. Look at the units, or take a code for "
             "large displacements."
         )
+    if model.unheld.functions:
+        found["unheld", ""] = _of_unheld(model)
     lying = lying_words(model, *model.bodies)
     if lying:
         found["lying", ""] = lying
@@ -129,6 +131,21 @@ class DoubtsOfRun:
     def end(self) -> None:
         """Tell which contacts nothing has touched."""
         tell(self.comm, self._untouched or {})
+
+
+def _of_unheld(model: Model) -> str:
+    """Say which motions nothing holds, and what takes up what loads leave there."""
+    words = (
+        f"Nothing holds the body against: {model.unheld.words}. The loads are in balance there, so "
+        "stresses, forces and errors are known, and u is known up to these motions: it is given "
+        "with a mean of zero in them."
+    )
+    if model.relief is not None:
+        words += (
+            f" They leave {model.relief.words}, as rounded numbers or flat facets do: forces per "
+            "volume take it up."
+        )
+    return words
 
 
 def _rotated(solution: Solution) -> tuple[float, float]:

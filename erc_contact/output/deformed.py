@@ -23,7 +23,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
 from erc_contact.output.bodies import Skin, outline, skin_of
-from erc_contact.output.drawing import draw_figure, only_in_2d, weighted_level
+from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned, weighted_level
 from erc_contact.output.files import gathered
 from erc_contact.output.foundations import (
     CLOSED_COLOUR,
@@ -66,6 +66,7 @@ def draw_deformed(
     *,
     pull: float | None = None,
     stress: str = "admissible",
+    mirrored: bool = False,
     ax: Any = None,
 ) -> Any:
     """Draw the deformed body on its foundation, or several bodies; collective.
@@ -102,19 +103,22 @@ def draw_deformed(
             picture, to show what is between them [length]; None pulls nothing apart.
         stress: "admissible" for sigma^, "best" for the mean of sigma^ and C eps(u^),
             whose error is known best, "elastic" for C eps(u^).
+        mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
 
     Raises:
-        InputError: If the distance is not > 0, the stress is another one, or axes are
-            given in 3D.
+        InputError: If the distance is not > 0, the stress is another one, axes are
+            given in 3D, or a body is to be mirrored that is not axisymmetric.
     """
     admissible = error.admissible
     model = error.model
     if pull is not None:
         positive("draw_deformed: pull", pull, "a distance > 0 [length], or None")
+    if mirrored:
+        only_turned("draw_deformed: mirrored", model)
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
     d = model.d
@@ -153,7 +157,8 @@ def draw_deformed(
         if closed:
             title += colours_in_words(contacts)
         views = views_of(d, up)
-        return draw_map(ax, skin, x, colours, scale, views, lines, grounds, title, letters)
+        drawn = (skin, x, colours, scale, views, lines, grounds, title, letters)
+        return draw_map(ax, *drawn, mirrored=mirrored)
 
     return draw_figure(model.comm, path, ax, draw)
 

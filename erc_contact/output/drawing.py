@@ -14,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.model.model import Model
 from erc_contact.output.files import STYLE, on_root
 
 COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
@@ -114,6 +115,15 @@ def only_in_2d(what: str, ax: Any, d: int) -> None:
         raise InputError(
             f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are "
             "returned."
+        )
+
+
+def only_turned(what: str, model: Model) -> None:
+    """Refuse a body that is not axisymmetric."""
+    if not model.axisymmetric:
+        raise InputError(
+            f"{what}: the body is not axisymmetric; give its material the hypothesis "
+            "'axisymmetric', or use draw_deformed as it is."
         )
 
 

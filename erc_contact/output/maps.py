@@ -11,7 +11,7 @@ import numpy as np
 from erc_contact.output.bodies import Skin
 from erc_contact.output.drawing import bar_axes, log_ticks, new_figure
 from erc_contact.output.placing import place
-from erc_contact.output.views import SPACE, Part, seen, show
+from erc_contact.output.views import SPACE, Part, mirror_images, seen, show
 
 WIDE_BODY = 1.6
 """Width over height of a body above which its colour bar is below [-]."""
@@ -57,6 +57,8 @@ def draw_map(
     grounds: Sequence[Part] = (),
     title: str = "",
     letters: str = "xyz",
+    *,
+    mirrored: bool = False,
 ) -> Any:
     """Draw a body with coloured elements and a colour bar in axes.
 
@@ -73,6 +75,8 @@ def draw_map(
             above has them, because they hide the contact.
         title: Title of the body, in 3D of both views.
         letters: Names of the coordinates.
+        mirrored: Whether the mirror image at the axis is drawn, too, as of a turned
+            body that is cut along its axis.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
@@ -83,6 +87,9 @@ def draw_map(
     if skin.cell.max() < FEW_CELLS:
         parts.append(skin.edges(x, color="#404040", opacity=0.4, line_width=0.8))
     parts += lines
+    if mirrored:
+        parts += mirror_images(parts)
+        grounds = [*grounds, *mirror_images(grounds)]
     shown = {}
     corners = []
     for name, view in views.items():
@@ -100,6 +107,8 @@ def draw_map(
         ax = new_figure(width, width / ratio).subplots(1, len(views))
     panels = np.ravel(ax)
     show(panels, [(shown[name], view) for name, view in views.items()], letters)
+    if mirrored:
+        panels[0].xaxis.set_major_formatter(lambda r, _: f"{abs(r):g}")
     if not is_flat:
         for panel, name in zip(panels, views, strict=True):
             panel.set_title(name, fontsize=11)

@@ -4,26 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
+from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
-from erc_contact.output.gathered import body_mesh
+from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.views import SPACE, WORDS, Part, seen, show, views_of
 
 MOST_MESHES = {2: 6, 3: 3}
 """Greatest number of meshes in a new figure, for each dimension."""
 
 
+MeshErrors = Sequence[tuple[Domain, np.ndarray]]
+"""Type of domains and eps_E of their owned cells."""
+
+
+class RunOfMeshes(Protocol):
+    """Represent an adaptive run, as far as its meshes are drawn.
+
+    A ``History`` has these members.
+    """
+
+    @property
+    def meshes(self) -> MeshErrors:
+        """Return the meshes of the run."""
+
+    @property
+    def error(self) -> ConstitutiveError:
+        """Return the best result."""
+
+
 def draw_meshes(
-    meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path | None = None, *, ax: Any = None
+    meshes: RunOfMeshes | MeshErrors, path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
     """Draw meshes of a sequence side by side; collective.
 
@@ -31,8 +51,8 @@ def draw_meshes(
     and three in 3D.
 
     Args:
-        meshes: Pairs of a domain and eps_E of its owned cells, as in
-            ``History.meshes``.
+        meshes: A ``History``, or pairs of a domain and eps_E of its owned cells, as in
+            ``History.meshes``. A history knows whether its coordinates are r and z.
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on, in 2D: one for each mesh that is drawn. By
             default they belong to a new figure.
@@ -43,10 +63,12 @@ def draw_meshes(
     Raises:
         InputError: If there is no mesh, or axes are given in 3D.
     """
+    letters = "xyz"
+    if not isinstance(meshes, Sequence):
+        letters = letters_of(meshes.error.model)
+        meshes = meshes.meshes
     if not meshes:
-        raise InputError(
-            "draw_meshes: no mesh is given; give pairs (domain, eps_E), as in history.meshes."
-        )
+        raise InputError("draw_meshes: no mesh is given; give a history, or pairs (domain, eps_E).")
     comm, dim = meshes[0][0].comm, meshes[0][0].dim
     greatest = MOST_MESHES[dim] if ax is None else np.size(ax)
     # Only rank 0 has the user's axes.
@@ -71,7 +93,7 @@ def draw_meshes(
         # Each view has a row, with all meshes side by side.
         pictures = [(parts, view) for view in views for parts in shown]
         used = panels[: len(pictures)]
-        show(used, pictures)
+        show(used, pictures, letters)
         if ax is None:
             for panel in used:
                 panel.label_outer(remove_inner_ticks=True)
@@ -85,9 +107,7 @@ def draw_meshes(
     return draw_figure(comm, path, ax, draw)
 
 
-def _chosen(
-    meshes: Sequence[tuple[Domain, np.ndarray]], greatest: int
-) -> list[tuple[Domain, np.ndarray]]:
+def _chosen(meshes: MeshErrors, greatest: int) -> list[tuple[Domain, np.ndarray]]:
     """Choose the last mesh, the first and some between, at most so many of them."""
     places = np.linspace(len(meshes) - 1, 0, greatest).round().astype(int)
     return [meshes[place] for place in np.unique(places)]

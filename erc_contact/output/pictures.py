@@ -14,24 +14,37 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.bodies import skin_of
-from erc_contact.output.drawing import draw_figure, only_in_2d
+from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned
 from erc_contact.output.files import gathered
 from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import upward, views_of
 
 
-def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: Any = None) -> Any:
+def draw_error(
+    error: ConstitutiveError,
+    path: str | Path | None = None,
+    *,
+    mirrored: bool = False,
+    ax: Any = None,
+) -> Any:
     """Draw eps_E of each element on a logarithmic colour scale; collective.
 
     Args:
         error: The error, whose ``indicators`` are drawn.
         path: Picture file, or None.
+        mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks; in 3D an array of two.
+
+    Raises:
+        InputError: If axes are given in 3D, or a body is to be mirrored that is not
+            axisymmetric.
     """
+    if mirrored:
+        only_turned("draw_error: mirrored", error.model)
 
     def scale(eps: np.ndarray) -> Scale:
         from matplotlib.colors import LogNorm, Normalize  # noqa: PLC0415
@@ -43,7 +56,7 @@ def draw_error(error: ConstitutiveError, path: str | Path | None = None, *, ax: 
         norm = LogNorm(low, top) if top > 0 else Normalize(0, 1)
         return Scale(norm, "min", "eps_E [-]")
 
-    return draw_cells(error.admissible, error.indicators, scale, path, ax)
+    return draw_cells(error.admissible, error.indicators, scale, path, ax, mirrored=mirrored)
 
 
 def draw_cells(
@@ -52,6 +65,8 @@ def draw_cells(
     scale: Callable[..., Scale],
     path: str | Path | None,
     ax: Any,
+    *,
+    mirrored: bool = False,
 ) -> Any:
     """Draw a value in each element on the body before the deformation; collective.
 
@@ -61,6 +76,7 @@ def draw_cells(
         scale: Gives the colours for the values of all cells; called on rank 0.
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on, in 2D, or None.
+        mirrored: Whether the mirror image at the axis is drawn, too.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -77,6 +93,7 @@ def draw_cells(
         skin = skin_of(**body, d=domain.dim)
         shown = cells["values"]
         views = views_of(domain.dim, up)
-        return draw_map(ax, skin, skin.points, shown, scale(shown), views, letters=letters)
+        values = (skin, skin.points, shown, scale(shown), views)
+        return draw_map(ax, *values, letters=letters, mirrored=mirrored)
 
     return draw_figure(comm, path, ax, draw)

@@ -27,7 +27,7 @@ from erc_contact.output.deformed import (
     mises_scale,
     shift_of,
 )
-from erc_contact.output.drawing import draw_figure
+from erc_contact.output.drawing import draw_figure, only_turned
 from erc_contact.output.files import gathered, grid_of, on_root, save_grid
 from erc_contact.output.foundations import rounded
 from erc_contact.output.gathered import body_nodes, nodal_fields, whole_contacts
@@ -76,11 +76,7 @@ def draw_revolved(
         InputError: If the body is not axisymmetric, or the angle is not in (0, 360].
     """
     model = error.model
-    if not model.axisymmetric:
-        raise InputError(
-            "draw_revolved: the body is not axisymmetric; give its material the hypothesis "
-            "'axisymmetric', or use draw_deformed."
-        )
+    only_turned("draw_revolved", model)
     if not 0.0 < angle <= 360.0:
         raise InputError(f"draw_revolved: angle is {angle!r}; give degrees in (0, 360].")
     size = model.domain.extent

@@ -162,6 +162,25 @@ def of_gaps(error: ConstitutiveError) -> list[tuple[str, str]]:
     return statements
 
 
+def of_slips(error: ConstitutiveError, shares: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Say of contacts that the error of their slip may be greater than eps.
+
+    Args:
+        error: The error.
+        shares: Share of the slip of each of them in the energy, by their names.
+    """
+    statements = []
+    for name, share in shares.items():
+        direction = "" if error.model.d == 2 else ", (1.0, 0.0, 0.0)"
+        words = (
+            f"The slip of {error.model.contact(name).title} has about {percent(share, 2)} of the "
+            f"energy. Its error may be greater than eps = {percent(error.relative)}: a run with "
+            f"goal=ec.Slip({name!r}{direction}) aims at it, and has an interval for its mean."
+        )
+        statements.append((NOT_KNOWN, words))
+    return statements
+
+
 def of_maxima(maxima: Mapping[str, Maximum]) -> list[tuple[str, str]]:
     """Say of maxima of a run, by their quantities, which of them grow with refinement.
 

@@ -94,6 +94,16 @@ def seen(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
     return np.array([low - margin, high + margin])
 
 
+def mirror_images(parts: Sequence[Part]) -> list[Part]:
+    """Return the mirror images of parts at x = 0, the axis of turned bodies."""
+    images = []
+    for data, look in parts:
+        image = data.copy()
+        image.points[:, 0] *= -1
+        images.append((image, look))
+    return images
+
+
 def rendered(pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> list[np.ndarray]:
     """Draw images of parts in parallel projection, each from where :func:`seen` says.
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.cells import sorted_corners
 from erc_contact.admissible.elastic import elastic_stress, macro_places
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
@@ -217,7 +216,7 @@ def _fe_means(admissible: Admissible) -> np.ndarray:
         return stress_in_space(model, in_plane)
     # Means over the mean circumference; the hoop force is 2 pi sigma_tt.
     cells = admissible.cell_geometry
-    middles = sorted_corners(model, cells)[:owned].mean(axis=1)
+    middles = cells.corners[:owned].mean(axis=1)
     around = hoop[:owned].sum(axis=1) / (2 * np.pi * cells.volume[:owned])
     if model.body_force is not None:
         of_load = evaluate(model.body_force, model.mesh, nodes(2, 0), model.owned_cells)

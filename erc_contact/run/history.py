@@ -18,6 +18,7 @@ from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
 from erc_contact.error.numbers import Bounds
+from erc_contact.error.slip_share import small_slips
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
@@ -30,7 +31,7 @@ from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
-from erc_contact.output.verdict import of_gaps, of_maxima, verdict
+from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.result import RunResult
@@ -50,7 +51,7 @@ class History(RunResult):
     closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
     run time and degrees of freedom) of meshes that tell a slope. By default only those
     are drawn, in this order, for which there is time. There are more in
-    :mod:`erc_contact.output`, for instance ``draw_meshes(history.meshes, path)``.
+    :mod:`erc_contact.output`, for instance ``draw_meshes(history, path)``.
 
     Attributes:
         steps: The rows.
@@ -222,7 +223,8 @@ class History(RunResult):
         # pressure and shear exist on a contact alone
         quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}
-        claims = [*verdict(self.best), *of_gaps(self.best), *of_maxima(maxima)]
+        slips = of_slips(self.best, small_slips(self.best)) if self.bounds is None else []
+        claims = [*verdict(self.best), *of_gaps(self.best), *slips, *of_maxima(maxima)]
         self._write_report(folder, gallery, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:

@@ -5,10 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from erc_contact.base.checks import positive
 from erc_contact.base.code import code_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.load import LOAD_MEMBERS, Load
+
+
+def _numbers(what: str, direction: Sequence[float]) -> tuple[float, ...]:
+    """Return a direction as numbers.
+
+    Raises:
+        InputError: If it is no sequence of two or three numbers.
+    """
+    check_vector(what, direction)
+    if callable(direction) or any(callable(component) for component in direction):
+        raise InputError(f"{what}: the direction must be numbers, and the same everywhere.")
+    return tuple(direction)
 
 
 @dataclass(frozen=True)
@@ -22,8 +35,8 @@ class _PartInDirection:
         """Check the arguments."""
         kind = type(self).__name__
         check_name(kind, self.part)
-        check_vector(f"{kind}({self.part!r})", self.direction, free=False)
-        object.__setattr__(self, "direction", tuple(self.direction))
+        direction = _numbers(f"{kind}({self.part!r})", self.direction)
+        object.__setattr__(self, "direction", direction)
 
 
 @dataclass(frozen=True)
@@ -131,6 +144,65 @@ class Rotation(_PartAboutAxis):
     """
 
 
+@dataclass(frozen=True)
+class Slip:
+    """Ask for the mean slip of a contact: of its part against what it touches.
+
+    It is the mean over the contact, or over its ring, where it is open, too.
+
+    Args:
+        part: Name of the boundary part; of a contact between two bodies either side.
+        direction: d numbers, of any length: the slip is taken along it, times its
+            length. In the plane it may be left out: the slip is then along the tangent,
+            which is the outward normal of the part turned counterclockwise.
+
+    Raises:
+        InputError: If the direction is no such sequence.
+
+    Source: the derivative of the energy by a shear that drives the slip. The greatest
+    slip is ``history.maximum("slip")``, an estimate.
+
+    Example:
+        >>> ec.Slip("bottom")
+        Slip(part='bottom', direction=None)
+    """
+
+    part: str
+    direction: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        check_name("Slip", self.part)
+        if self.direction is not None:
+            direction = _numbers(f"Slip({self.part!r})", self.direction)
+            object.__setattr__(self, "direction", direction)
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Ask for the mean distance of a contact from what it touches [length].
+
+    It is the gap that is left along the normals of the contact; between curved sides
+    along the normals of their flat facets.
+
+    Args:
+        part: Name of the boundary part; of a contact between two bodies either side.
+
+    Source: the derivative of the energy by a pressure that drives the sides apart. The
+    greatest distance is ``history.maximum("gap")``, an estimate.
+
+    Example:
+        >>> ec.Opening("bottom")
+        Opening(part='bottom')
+    """
+
+    part: str
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        check_name("Opening", self.part)
+
+
 @dataclass(frozen=True, repr=False)
 class Functional:
     """Ask for a number that is linear in the displacement, ``int psi . u``.
@@ -172,6 +244,55 @@ class Functional:
 
 
 @dataclass(frozen=True)
+class StressIntensity:
+    """Ask for a stress intensity factor at the tip of a crack in the plane.
+
+    Within the radius around the tip there must be nothing but the crack: two straight
+    faces behind the tip, in one isotropic material, without body forces and given
+    strains. Loads on the faces are allowed. Faces may be in contact; where they touch
+    within the radius, the number is an estimate if their tractions have a part in it.
+
+    Args:
+        tip: Position of the tip [length], two numbers.
+        direction: Direction in which the crack points, away from its faces: two
+            numbers, of any length.
+        radius: Radius around the tip in which the stress is asked [length].
+        mode: "I" for opening, "II" for sliding: K_II > 0 where the face on the left of
+            the direction moves in it.
+
+    Raises:
+        InputError: If an argument is none of these.
+
+    Source: the derivative of the energy by a given strain on a ring around the tip, in
+    the place of the interaction integral, see
+    ``erc_contact.error.goals.singular_strain``.
+
+    Example:
+        >>> ec.StressIntensity((0.5, 0.0), (1.0, 0.0), radius=0.3)
+        StressIntensity(tip=(0.5, 0.0), direction=(1.0, 0.0), radius=0.3, mode='I')
+    """
+
+    tip: Sequence[float]
+    direction: Sequence[float]
+    radius: float
+    mode: str = "I"
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        for name in ("tip", "direction"):
+            value = getattr(self, name)
+            check_vector(f"StressIntensity: {name}", value)
+            object.__setattr__(self, name, tuple(float(entry) for entry in value))
+            if len(value) != 2:
+                raise InputError(f"StressIntensity: {name} is {value!r}; give two numbers.")
+        if not any(self.direction):
+            raise InputError("StressIntensity: direction is zero; give a vector along the crack.")
+        positive("StressIntensity: radius", self.radius, "a radius > 0 [length]")
+        if self.mode not in ("I", "II"):
+            raise InputError(f'StressIntensity: mode is {self.mode!r}; give "I" or "II".')
+
+
+@dataclass(frozen=True)
 class Energy:
     """Ask for the potential energy [force length].
 
@@ -186,11 +307,24 @@ class Energy:
     """
 
 
-GOALS = (Resultant, Moment, MeanDisplacement, Rotation, Functional, Energy)
+GOALS = (
+    Resultant,
+    Moment,
+    MeanDisplacement,
+    Rotation,
+    Slip,
+    Opening,
+    Functional,
+    StressIntensity,
+    Energy,
+)
 """The kinds of goals."""
 
 type GoalOfPart = Resultant | Moment | MeanDisplacement | Rotation
 """A number of a boundary part."""
 
-type Goal = GoalOfPart | Functional | Energy
+type GoalOfContact = Slip | Opening
+"""A displacement of a contact."""
+
+type Goal = GoalOfPart | GoalOfContact | Functional | StressIntensity | Energy
 """A number of the solution."""

@@ -7,6 +7,7 @@ density.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -131,3 +132,27 @@ class BodyForce:
     def density(self, x: Ufl, n: Ufl, value: Ufl) -> Ufl:
         """Return ``f`` [force/volume], UFL, shape (d,)."""
         return value
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Represent a force on a side of a contact, beside the traction of the contact.
+
+    Goals drive slip or opening by it. It is the only load that may act on a contact.
+
+    Attributes:
+        facets: Name of the side.
+        factor: Its size [force/area].
+        along: Its direction by the unit normal out of the body, UFL in, UFL out.
+        normal: This normal, UFL; None for the normal of the facets.
+    """
+
+    facets: str
+    factor: float
+    along: Callable[[Ufl], Ufl]
+    normal: Ufl | None = None
+    parameters: ClassVar[tuple[str, ...]] = ()
+
+    def density(self, x: Ufl, n: Ufl) -> Ufl:
+        """Return the force per area [force/area], UFL, shape (d,)."""
+        return self.factor * self.along(n if self.normal is None else self.normal)

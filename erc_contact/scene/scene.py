@@ -17,7 +17,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
-from erc_contact.scene.load import LOAD_MEMBERS, Load
+from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import Material, of_regions
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
@@ -160,7 +160,8 @@ class Scene:
                     " of them."
                 )
         for facets in _sides(self.contacts, "contacts"):
-            others: list[Any] = [*self.supports, *self.loads, *self.springs]
+            loads = [load for load in self.loads if not isinstance(load, Drive)]
+            others: list[Any] = [*self.supports, *loads, *self.springs]
             for entry in others:
                 if entry.facets == facets:
                     raise InputError(

@@ -17,57 +17,39 @@ facets vanish: in a piece then ``S n = 0`` on its facet, so that ``S = a t t``, 
 such pieces have the same traction on their common facet only if a is zero. In the
 middle of an edge on the axis, at k = 2, S_zz = 0 is a condition of its own.
 
-Symbols: n cells, m nodes of a facet, b of a polynomial of degree k-1, N_k of degree k,
-x forces of facets ``|F| t`` by coefficients, y free inner amounts, c circumference, h
-size of a cell.
+Symbols: n cells, P points, m nodes of a facet, b of a polynomial of degree k-1, N_k of
+degree k, x forces of facets ``|F| t`` by coefficients, y free inner amounts, c
+circumference. The inputs of a cell are inner amounts (hoop forces ``tau |T|`` of the
+pieces, then bubbles), the forces of its facets, and its axial body force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
-from erc_contact.admissible.cells import CellGeometry, sorted_corners
-from erc_contact.admissible.elastic import macro_moduli
+from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
+from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.mesh.quadrature import cell_pieces
 from erc_contact.mesh.simplex import (
+    barycentric,
     bernstein,
-    facet_vertices,
     local_facet_nodes,
-    mass,
     node_vertices,
     nodes,
+    rule,
 )
+from erc_contact.model.constitution import ElasticMatrix
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
-from erc_contact.scene.material import mandel_basis
 
-CHUNK = 1024
-"""Number of cells whose maps are worked on at once: they stay in the cache."""
 VERTICES = 3
 """Vertices, facets and pieces of a cell."""
-
-
-class Maps(NamedTuple):
-    """Hold the stresses of n cells as linear functions of forces and inner amounts.
-
-    All are coefficients on the pieces, in components, shape (n, 3, N_k, 4, number).
-
-    Attributes:
-        of_facets: From x, (3, m, 2) in one.
-        of_inner: From y.
-        of_body: From the axial body force times volume, b coefficients.
-    """
-
-    of_facets: np.ndarray
-    of_inner: np.ndarray
-    of_body: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,19 +60,18 @@ class Energies:
     e``. Here S_0 is a given stress.
 
     Attributes:
-        matrix: A, shape (n, 6 m, 6 m).
+        matrix: A, by blocks between facets f >= g, row by row of them, shape
+            (n, 6, 2 m, 2 m).
         slope: g of the owned cells, shape (owned, 6 m).
         least: e of the owned cells, shape (owned,).
-        inner_of_facets: What the least amounts y of cells have of x: they are
-            ``-inner_of_facets x - inner``, shape (n, amounts, 6 m).
-        inner: Shape (owned, amounts).
+        upper: What the least amounts of the owned cells have of the amounts behind
+            them, of x, and of 1, shape (owned, amounts, inner amounts + 6 m + 1).
     """
 
     matrix: np.ndarray
     slope: np.ndarray
     least: np.ndarray
-    inner_of_facets: np.ndarray
-    inner: np.ndarray
+    upper: np.ndarray
 
 
 class Elements:
@@ -106,28 +87,40 @@ class Elements:
     def __init__(self, model: Model, cells: CellGeometry, force: np.ndarray | None) -> None:
         self.model = model
         self.cells = cells
-        self.corners = sorted_corners(model, cells)
-        radius = self.corners[..., 0]
-        self.on_axis = abs(radius) <= ON_AXIS * model.domain.extent
+        self.corners = cells.corners
+        self.on_axis = abs(self.corners[..., 0]) <= ON_AXIS * model.domain.extent
         b = len(nodes(2, cells.degree - 1))
-        self._inverse = cells.inverse
-        self.force = np.zeros((len(radius), b)) if force is None else force[..., 1]
+        axial = np.zeros((len(self.corners), b)) if force is None else force[..., 1]
+        self.force = np.ascontiguousarray(axial)
 
     def energies(self, elastic: np.ndarray) -> Energies:
         """Compute the energies of cells.
 
         Args:
             elastic: S_0 of the owned cells at the points of
-                :func:`.macro.macro_points`, shape (owned, q, 4).
+                :func:`.macro.macro_points`, shape (owned, P, 4).
         """
-        count = len(self.corners)
-        parts = []
-        compliance = macro_moduli(self.model, self.cells, count, inverse=True)
-        for chunk in self._chunks(count):
-            maps = self._maps(chunk)
-            of_owned = slice(chunk.start, min(chunk.stop, len(elastic)))
-            parts.append(self._parts(chunk, maps, compliance[chunk], elastic[of_owned]))
-        return Energies(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+        k = self.cells.degree
+        count, owned = len(self.corners), len(elastic)
+        tables = _tables(k)
+        of_facet = 2 * len(nodes(1, k))
+        forces = VERTICES * of_facet
+        inner = _inner(k)
+        matrix = np.empty((count, 6, of_facet, of_facet))
+        slope = np.empty((owned, forces))
+        least = np.empty(owned)
+        # Radial force and moment take two amounts.
+        upper = np.empty((owned, inner - 2, inner + forces + 1))
+        _, points, weights = macro_points(2, k)
+        compliance = law_of_cells(self.model.constitution.metric, self.corners, points)
+        ring_kernels()(
+            "ring_energies",
+            *(k, count, owned, self.corners, self.on_axis, tables.at_middles),
+            *(len(points), tables.at_points, barycentric(points), weights, tables.of_points),
+            *(*strides(compliance), compliance, self.force, np.ascontiguousarray(elastic)),
+            *(matrix, slope, least, upper),
+        )
+        return Energies(matrix, slope, least, upper)
 
     def stresses(self, x: np.ndarray, energies: Energies) -> np.ndarray:
         """Return the stresses of the owned cells with the least energies.
@@ -139,233 +132,86 @@ class Elements:
         Returns:
             Coefficients, shape (owned, 3, N_k, 4).
         """
-        owned = len(x)
-        forces = x.reshape(owned, -1, 1)
-        inner = energies.inner_of_facets[:owned]
-        y = -np.matmul(inner, forces) - energies.inner[..., None]
-        body = self.force[:owned, :, None]
-        sigma = np.empty((owned, VERTICES, len(nodes(2, self.cells.degree)), 4))
-        for chunk in self._chunks(owned):
-            sigma[chunk] = 0.0
-            for of, amounts in zip(self._maps(chunk), (forces, y, body), strict=True):
-                sigma[chunk] += _times(of, amounts[chunk])[..., 0]
-        return sigma
-
-    @staticmethod
-    def _chunks(count: int) -> Iterator[slice]:
-        """Return slices of some cells each."""
-        for start in range(0, count, CHUNK):
-            yield slice(start, min(start + CHUNK, count))
-
-    def _parts(
-        self, chunk: slice, maps: Maps, compliance: np.ndarray, elastic: np.ndarray
-    ) -> _Parts:
-        """Eliminate the inner amounts of cells.
-
-        Args:
-            chunk: The cells, of which the first ones are owned.
-            maps: Their stresses.
-            compliance: C^-1 at the points, shape (n, q, 4, 4).
-            elastic: S_0 of the owned cells, shape (owned, q, 4).
-        """
         k = self.cells.degree
-        near, _, weights = macro_points(2, k)
-        volume = self.cells.volume[chunk]
-        metric = compliance * (volume[:, None] * weights)[..., None, None]
-        n, owned = len(volume), len(elastic)
-        both = np.concatenate([maps.of_facets, maps.of_inner], axis=-1)
-        at_points = _values(near, both).reshape(n, len(weights), 4, -1)
-        weighted = np.matmul(metric, at_points)
-        size = at_points.shape[-1]
-        products = np.matmul(
-            at_points.reshape(n, -1, size).swapaxes(1, 2), weighted.reshape(n, -1, size)
+        tables = _tables(k)
+        stress = np.empty((len(x), VERTICES, len(nodes(2, k)), 4))
+        ring_kernels()(
+            "ring_stresses",
+            *(k, len(x), self.corners, self.on_axis, tables.at_middles, tables.at_nodes),
+            *(times_linear(k), self.force, energies.upper, np.ascontiguousarray(x), stress),
         )
-        x = maps.of_facets.shape[-1]
-        of_facets, of_inner = products[:, :x, :x], products[:, x:, x:]
-        mixed = products[:, x:, :x]
-        # An amount that a cell does not have stays zero.
-        diagonal = np.einsum("nyy->ny", of_inner)
-        diagonal[diagonal == 0.0] = 1.0
-        given = _times(maps.of_body[:owned], self.force[chunk][:owned, :, None])
-        offset = _values(near, given).reshape(owned, len(weights), 4) - elastic
-        row = offset.reshape(owned, 1, -1)
-        slopes = np.matmul(row, weighted[:owned].reshape(owned, -1, size))[:, 0]
-        least = (np.matmul(metric[:owned], offset[..., None])[..., 0] * offset).sum(axis=(1, 2))
-        slope_x, slope_y = slopes[:, :x], slopes[:, x:]
-        inner = np.linalg.solve(of_inner[:owned], slope_y[..., None])[..., 0]
-        inner_of_facets = np.linalg.solve(of_inner, mixed)
-        return _Parts(
-            matrix=of_facets - np.matmul(mixed.swapaxes(1, 2), inner_of_facets),
-            slope=slope_x - np.einsum("nyx,ny->nx", mixed[:owned], inner),
-            least=least - (slope_y * inner).sum(axis=1),
-            inner_of_facets=inner_of_facets,
-            inner=inner,
-        )
-
-    def _maps(self, chunk: slice) -> Maps:
-        """Return the stresses of some cells by forces and inner amounts."""
-        cells = self.cells
-        k = cells.degree
-        m, b = len(nodes(1, k)), len(nodes(2, k - 1))
-        n = len(cells.volume[chunk])
-        table = reference_map(2, k, on_pieces=True)
-        bubble = bubbles(2, k)
-        J = cells.J[chunk]
-        piola = _piola(J)
-        N = table.shape[1]
-        inputs = table.shape[3]
-        # The Piola transform maps a stress from the reference cell, and forces to it.
-        of_vectors = np.matmul(table.reshape(-1, 2), self._inverse[chunk])
-        of_nodes = of_vectors.reshape(n, VERTICES * N, 3, 2 * inputs)
-        from_forces = np.matmul(piola[:, None], of_nodes)
-        from_forces = from_forces.reshape(n, VERTICES, N, 3, inputs, 2)
-        of_bubbles = np.matmul(piola[:, None, None], bubble)
-        of_facets = np.zeros((n, VERTICES, N, 4, 6 * m))
-        of_facets[..., :3, :] = from_forces[..., : 3 * m, :].reshape(n, VERTICES, N, 3, 6 * m)
-        # The radial body force is -tau, with tau |T| by its coefficients.
-        hoop = -from_forces[..., 3 * m :, 0]
-        of_inner = np.zeros((n, VERTICES, N, 4, 3 * b + bubble.shape[-1]))
-        of_inner[..., :3, : 3 * b] = hoop
-        of_inner[..., :3, 3 * b :] = of_bubbles
-        of_inner[..., 3, : 3 * b] = self._hoop_stress(chunk)
-        axial = from_forces[..., 3 * m :, 1].reshape(n, VERTICES, N, 3, 3, b)
-        of_body = np.zeros((n, VERTICES, N, 4, b))
-        of_body[..., :3, :] = np.matmul(
-            axial.reshape(*axial.shape[:4], 3 * b), on_pieces(k).reshape(3 * b, b)
-        )
-        return self._balanced(chunk, of_facets, of_inner, of_body)
-
-    def _hoop_stress(self, chunk: slice) -> np.ndarray:
-        """Return the coefficients of ``r tau`` from ``tau |T|``, (n, 3, N_k, 3 b)."""
-        k = self.cells.degree
-        radius = self.corners[chunk, :, 0]
-        volume = self.cells.volume[chunk]
-        n, b = len(volume), len(nodes(2, k - 1))
-        of_pieces = np.matmul(cell_pieces(2), radius[:, None, :, None])[..., 0]
-        of_pieces /= volume[:, None, None]
-        table = times_linear(k)
-        products = np.tensordot(of_pieces, table, axes=(2, 1))
-        result = np.zeros((n, VERTICES, products.shape[2], VERTICES, b))
-        for piece in range(VERTICES):
-            result[:, piece, :, piece] = products[:, piece]
-        return result.reshape(n, VERTICES, products.shape[2], VERTICES * b)
-
-    def _balanced(
-        self, chunk: slice, of_facets: np.ndarray, of_inner: np.ndarray, of_body: np.ndarray
-    ) -> Maps:
-        """Choose inner amounts that balance radial force and moment of cells.
-
-        Args:
-            chunk: The cells.
-            of_facets: Stresses by x.
-            of_inner: Stresses by ``tau |T|`` and bubbles, not yet balanced.
-            of_body: Stresses by the axial body force.
-        """
-        by_facets, by_inner, by_body = self._conditions(chunk, of_inner.shape[-1])
-        # Cells with an edge on the axis have a condition more from degree 2 on.
-        on_edge = self.on_axis[chunk].sum(axis=1) == 2
-        has_more = on_edge & (self.cells.degree > 1)
-        # The amounts that are left are as many for all cells: those that S_zz takes
-        # from a cell at the axis are zero there.
-        amounts = of_inner.shape[-1] - by_inner.shape[1]
-        n = len(of_facets)
-        particular_x = np.empty((n, of_inner.shape[-1], of_facets.shape[-1]))
-        particular_b = np.empty((n, of_inner.shape[-1], of_body.shape[-1]))
-        kernel = np.zeros((n, of_inner.shape[-1], amounts))
-        for chosen in (~has_more, has_more):
-            if not chosen.any():
-                continue
-            rows = [by_inner[chosen], by_facets[chosen], by_body[chosen]]
-            if has_more[chosen].any():
-                of_axis = self._on_axis_edges(chunk, chosen, (of_inner, of_facets, of_body))
-                rows = [np.concatenate(pair, axis=1) for pair in zip(rows, of_axis, strict=True)]
-            count = rows[0].shape[1]
-            q, r = np.linalg.qr(rows[0].swapaxes(1, 2), mode="complete")
-            # rows w = -data: w = -Q_1 R^-T data
-            to_amounts = -np.linalg.solve(
-                r[:, :count].swapaxes(1, 2), np.concatenate(rows[1:], axis=2)
-            )
-            particular = np.matmul(q[:, :, :count], to_amounts)
-            particular_x[chosen] = particular[..., : of_facets.shape[-1]]
-            particular_b[chosen] = particular[..., of_facets.shape[-1] :]
-            kernel[chosen, :, : q.shape[2] - count] = q[:, :, count:]
-        return Maps(
-            of_facets + _times(of_inner, particular_x),
-            _times(of_inner, kernel),
-            of_body + _times(of_inner, particular_b),
-        )
-
-    def _conditions(self, chunk: slice, amounts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the balance of radial force and of moment over the size of each cell.
-
-        Returns:
-            Rows for x, for the inner amounts, and for the axial body force, shapes (n,
-            2, number).
-        """
-        k = self.cells.degree
-        m, b = len(nodes(1, k)), len(nodes(2, k - 1))
-        corners = self.corners[chunk]
-        about = corners - corners[:, :1]
-        about = about - about.mean(axis=1, keepdims=True)
-        about = about / abs(about).max(axis=(1, 2), keepdims=True)
-        n = len(about)
-        by_facets = np.zeros((n, 2, 3, m, 2))
-        by_facets[:, 0, :, :, 0] = 1 / m
-        on_facets = np.einsum("am,nfai->nfmi", mass(1, 1, k), about[:, facet_vertices(2)])
-        by_facets[:, 1, :, :, 0] = -on_facets[..., 1]
-        by_facets[:, 1, :, :, 1] = on_facets[..., 0]
-        by_inner = np.zeros((n, 2, amounts))
-        by_inner[:, 0, : 3 * b] = -1 / (3 * b)
-        of_pieces = np.einsum("piv,nv->npi", cell_pieces(2), about[..., 1])
-        by_inner[:, 1, : 3 * b] = (of_pieces @ mass(2, 1, k - 1)).reshape(n, -1) / 3
-        by_body = np.zeros((n, 2, b))
-        by_body[:, 1] = about[..., 0] @ mass(2, 1, k - 1)
-        return by_facets.reshape(n, 2, -1), by_inner, by_body
-
-    def _on_axis_edges(
-        self, chunk: slice, chosen: np.ndarray, maps: tuple[np.ndarray, ...]
-    ) -> list[np.ndarray]:
-        """Return S_zz amid the edge on the axis of cells, shapes (n, 1, s)."""
-        facet = self.on_axis[chunk][chosen].argmin(axis=1)
-        middle = local_facet_nodes(2, self.cells.degree)[facet, -1]
-        rows = []
-        for stresses in maps:
-            of_edges = stresses[chosen][np.arange(len(facet)), facet, middle, 1]
-            scale = abs(maps[0][chosen][np.arange(len(facet)), facet, middle, 1]).max(axis=1)
-            rows.append((of_edges / scale[:, None])[:, None])
-        return rows
+        return stress
 
 
-class _Parts(NamedTuple):
-    """Hold the :class:`Energies` of some cells."""
+def law_of_cells(matrix: ElasticMatrix, corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the matrix of the material, without circumference, at points of cells.
 
-    matrix: np.ndarray
-    slope: np.ndarray
-    least: np.ndarray
-    inner_of_facets: np.ndarray
-    inner: np.ndarray
+    Args:
+        matrix: The matrix.
+        corners: Vertices of the first cells [length], shape (n, 3, 2).
+        points: Reference points, shape (P, 2).
 
-
-def _values(near: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Evaluate coefficients (n, 3, N_k, ...) at points of pieces (n, 3, q, ...)."""
-    n, pieces, N = coefficients.shape[:3]
-    flat = coefficients.reshape(n * pieces, N, -1)
-    return np.matmul(near, flat).reshape(n, pieces, len(near), *coefficients.shape[3:])
-
-
-def _times(maps: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Multiply maps (n, 3, N_k, 4, a) and matrices (n, a, z)."""
-    n, *shape, a = maps.shape
-    return np.matmul(maps.reshape(n, -1, a), matrix).reshape(n, *shape, matrix.shape[2])
+    Returns:
+        Shape (n, P, 4, 4), with 1 in place of n or P where it does not vary.
+    """
+    numbers = np.arange(len(corners), dtype=np.int32)
+    places = np.matmul(barycentric(points), corners)
+    return np.ascontiguousarray(matrix.of_material(places, numbers))
 
 
-def _piola(J: np.ndarray) -> np.ndarray:
-    """Return the Piola transform of symmetric tensors, Mandel components (n, 3, 3)."""
-    basis = mandel_basis(2)
-    images = np.matmul(np.matmul(J[:, None], basis), J.swapaxes(1, 2)[:, None])
-    determinant = abs(np.linalg.det(J))
-    components = np.matmul(basis.reshape(3, 4), images.reshape(-1, 3, 4).swapaxes(1, 2))
-    return np.asarray(components / determinant[:, None, None])
+def strides(matrices: np.ndarray) -> tuple[int, int]:
+    """Return how far matrices (n or 1, P or 1, s, s) of the next cell and point are."""
+    n, points, s, _ = matrices.shape
+    return (points * s * s if n > 1 else 0), (s * s if points > 1 else 0)
+
+
+class _Tables(NamedTuple):
+    """Hold stresses of the reference cell for each input, as its two components.
+
+    Rows are filled up with zeros to whole blocks.
+
+    Attributes:
+        at_points: Stress at the points of :func:`.macro.macro_points`, shape (P, 3, 2,
+            inputs).
+        at_nodes: Coefficients of the pieces, shape (3 N_k, 3, 2, inputs).
+        at_middles: Stress amid the facets, shape (3, 3, 2, inputs).
+        of_points: Hoop force of a piece at its points, shape (P/3, b).
+    """
+
+    at_points: np.ndarray
+    at_nodes: np.ndarray
+    at_middles: np.ndarray
+    of_points: np.ndarray
+
+
+@cache
+def _tables(k: int) -> _Tables:
+    """Return the tables of a degree."""
+    table = reference_map(2, k, on_pieces=True)
+    bubble = bubbles(2, k)
+    m, b = len(nodes(1, k)), len(nodes(2, k - 1))
+    of_facets = np.repeat(table[..., : 3 * m, :], 2, axis=-2)
+    of_pieces = table[..., 3 * m :, :]
+    # Bubbles are no vectors: their first component is all of them.
+    of_bubbles = np.stack([bubble, np.zeros_like(bubble)], axis=-1)
+    of_body = np.einsum("pnsbi,bc->pnsci", of_pieces, on_pieces(k).reshape(3 * b, b))
+    inputs = np.concatenate([of_pieces, of_bubbles, of_facets, of_body], axis=-2)
+    to_blocks = [(0, 0)] * 4 + [(0, -inputs.shape[-2] % BLOCK)]
+    at_nodes = np.pad(inputs.swapaxes(-1, -2), to_blocks)
+    points, _ = rule(2, 2 * k)
+    at_points = np.tensordot(bernstein(2, k, points), at_nodes, axes=(1, 1)).swapaxes(0, 1)
+    middles = at_nodes[np.arange(VERTICES), local_facet_nodes(2, k)[:, -1]]
+    return _Tables(
+        at_points=np.ascontiguousarray(at_points),
+        at_nodes=np.ascontiguousarray(at_nodes),
+        at_middles=np.ascontiguousarray(middles),
+        of_points=np.ascontiguousarray(bernstein(2, k - 1, points)),
+    )
+
+
+def _inner(k: int) -> int:
+    """Return the number of inner amounts of a cell, before they are balanced."""
+    return 3 * len(nodes(2, k - 1)) + bubbles(2, k).shape[-1]
 
 
 @cache

@@ -14,23 +14,21 @@ All of them leave the axial forces of every cell in balance, the only condition.
 has the flux of its vertex and what is free on the facets of its ring. Coefficients of
 nodes on the axis are zero.
 
-Symbols: F facets, m nodes of a facet, n cells, H patches of a size, f facets of a ring,
-l = 2 m - 1 free amounts of a facet.
+Symbols: F facets, m nodes of a facet, n cells, l = 2 m - 1 free amounts of a facet.
 """
 
 from __future__ import annotations
 
-from functools import cache
-from typing import NamedTuple
+from itertools import product
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.elements import Elements, Energies
+from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.tighten.iteration import SharedMoments, minimise
 from erc_contact.admissible.tighten.rings import rings
-from erc_contact.mesh.simplex import nodes
 from erc_contact.model.space import Space
 
 
@@ -80,55 +78,21 @@ class _Energy:
     """
 
     def __init__(self, cells: CellGeometry, energies: Energies) -> None:
-        self._owned = len(energies.slope)
-        self._energies = energies
-        self._facets = cells.facets[: self._owned]
-        places = np.arange(cells.facets.size).reshape(cells.facets.shape)
-        self._sign = np.where(cells.side[0][cells.facets] == places, 1.0, -1.0)[: self._owned]
-        self._side = cells.side
-        self._has_second = cells.has_second
+        owned = len(energies.slope)
+        of_cells = (cells.degree, owned, cells.facets, cells.side, energies.matrix)
+        self._least = float(energies.least.sum())
+        self._energy = ring_kernels().bound("ring_energy", *of_cells)
+        self._slope = energies.slope
 
     def __call__(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         """Compute the energy of facet forces x, and half its derivative, (F, m, 2)."""
-        of_cells = self._of_cells(x)
-        image = np.matmul(self._energies.matrix[: self._owned], of_cells[..., None])[..., 0]
-        return float(np.einsum("nx,nx->", of_cells, image)), self._on_facets(image, x.shape)
+        half = np.zeros_like(x)
+        return self._energy(None, x, half), half
 
     def start(self, x: np.ndarray) -> tuple[float, np.ndarray]:
         """Compute ``|S - S_0|^2`` of facet forces, and half its derivative."""
-        of_cells = self._of_cells(x)
-        energies = self._energies
-        image = np.matmul(energies.matrix[: self._owned], of_cells[..., None])[..., 0]
-        square = np.einsum("nx,nx->", of_cells, image + 2 * energies.slope) + energies.least.sum()
-        return float(square), self._on_facets(image + energies.slope, x.shape)
-
-    def _of_cells(self, x: np.ndarray) -> np.ndarray:
-        """Return the facet forces of each owned cell, shape (owned, 6 m)."""
-        signed = self._sign[..., None, None] * x[self._facets]
-        return signed.reshape(self._owned, 3 * x.shape[1] * x.shape[2])
-
-    def _on_facets(self, image: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-        """Add up values of cells on their facets, the transpose of ``_of_cells``."""
-        flat = np.zeros((self._side.max() + 2, *shape[1:]))
-        flat[: 3 * self._owned] = image.reshape(-1, *shape[1:])
-        first, second = self._side
-        # Places of no cell are the last one, which is zero.
-        on_second = np.where(self._has_second[:, None, None], flat[second], 0.0)
-        return np.where((first >= 0)[:, None, None], flat[first] - on_second, 0.0)
-
-
-class _Batch(NamedTuple):
-    """Hold the patches of one size.
-
-    Attributes:
-        facets: Facets of each ring, shape (H, f).
-        sense: Sign of the flux on each facet, 0 where there is none, shape (H, f).
-        inverse: Inverse of the matrix of each patch, shape (H, 1 + f l, 1 + f l).
-    """
-
-    facets: np.ndarray
-    sense: np.ndarray
-    inverse: np.ndarray
+        half = np.zeros_like(x)
+        return self._energy(self._slope, x, half) + self._least, half
 
 
 class _Patches:
@@ -137,114 +101,44 @@ class _Patches:
     Args:
         space: The mesh.
         cells: Geometry.
-        matrix: Energies of the cells, shape (n, 6 m, 6 m).
+        matrix: Energies of the cells, see :class:`Energies`.
         free: Coefficients that are not given, shape (F, m, 2).
     """
 
     def __init__(
         self, space: Space, cells: CellGeometry, matrix: np.ndarray, free: np.ndarray
     ) -> None:
-        steps, sizes = rings(space, cells)
-        self._along, self._spread = _amounts(cells.degree, free)
-        self._batches = []
-        start = 0
-        for size in np.unique(sizes):
-            count = int((sizes == size).sum())
-            of_batch = steps[start : start + count * size].reshape(count, size)
-            start += count * size
-            self._batches.append(self._batch(cells, matrix, free, of_batch))
+        ring, size = rings(space, cells)
+        kinds, bases = _bases(free)
+        m = free.shape[1]
+        # A flux goes around, or from one free facet of the boundary to another one.
+        can_flow = free[..., 1].any(axis=1) | cells.has_second
+        start = np.cumsum(size) - size
+        flows = np.logical_and.reduceat(can_flow[ring // 4], start) if len(size) else can_flow[:0]
+        unknowns = 1 + size.astype(np.int64) * (2 * m - 1)
+        factor = np.empty(int((unknowns * (unknowns + 1) // 2).sum()))
+        of_rings = (m, len(size), ring, size)
+        geometry = (cells.facets, cells.side, len(free))
+        ring_kernels()("ring_patches", *of_rings, *geometry, kinds, bases, flows, matrix, factor)
+        self._corrections = ring_kernels().bound(
+            "ring_corrections", *of_rings, kinds, bases, flows, factor
+        )
 
     def __call__(self, r: np.ndarray) -> np.ndarray:
         """Sum the corrections of all patches for a residual, shape (F, m, 2)."""
-        count = len(r)
-        flux = np.einsum("fm,fm->f", self._spread, r[..., 1])
-        local = np.einsum("fmcl,fmc->fl", self._along, r, optimize=True)
-        of_flux = np.zeros(count)
-        of_local = np.zeros_like(local)
-        for facets, sense, inverse in self._batches:
-            patches, f = facets.shape
-            right = np.empty((patches, 1 + f * local.shape[1]))
-            right[:, 0] = (sense * flux[facets]).sum(axis=1)
-            right[:, 1:] = local[facets].reshape(patches, -1)
-            amounts = np.matmul(inverse, right[..., None])[..., 0]
-            np.add.at(of_flux, facets, sense * amounts[:, :1])
-            np.add.at(of_local, facets, amounts[:, 1:].reshape(patches, f, -1))
-        z = np.einsum("fmcl,fl->fmc", self._along, of_local, optimize=True)
-        z[..., 1] += self._spread * of_flux[:, None]
+        z = np.zeros_like(r)
+        self._corrections(np.ascontiguousarray(r), z)
         return z
 
-    def _batch(
-        self, cells: CellGeometry, matrix: np.ndarray, free: np.ndarray, steps: np.ndarray
-    ) -> _Batch:
-        """Invert the matrices of patches of one size.
 
-        Args:
-            cells: Geometry.
-            matrix: Energies of the cells.
-            free: Coefficients that are not given.
-            steps: Steps of their rings, shape (H, f).
-        """
-        pair, comes_after = np.divmod(steps, 2)
-        facets = pair // 2
-        patches, f = facets.shape
-        sign = np.where(comes_after == 1, 1.0, -1.0)
-        # A flux goes around, or from one free facet of the boundary to another one.
-        is_open = ~cells.has_second[facets]
-        can_flow = (free[facets, :, 1].any(axis=2) | ~is_open).all(axis=1)
-        sense = sign * can_flow[:, None]
-        m = self._along.shape[1]
-        amounts = self._along.shape[3]
-        size = 1 + f * amounts
-        total = np.zeros((patches, size, size))
-        each = np.arange(patches)
-        for after in range(f):
-            # The cell after a facet of the ring is between it and the next one.
-            here = np.where(comes_after[:, after] == 1, 0, 1)
-            place = cells.side[here, facets[:, after]]
-            exists = cells.has_second[facets[:, after]] | (here == 0)
-            following = (after + 1) % f
-            ends = [after, following] if following != after else [after]
-            cell, _ = np.divmod(np.maximum(place, 0), 3)
-            # The flux, then the amounts of both facets.
-            to_cell = np.zeros((patches, 3, m, 2, 1 + len(ends) * amounts))
-            columns = [np.zeros(1, dtype=int)]
-            for number, end in enumerate(ends):
-                facet = facets[:, end]
-                local = (cells.facets[cell] == facet[:, None]).argmax(axis=1)
-                is_first = cells.side[0][facet] == 3 * cell + local
-                of_cell = np.where(is_first, 1.0, -1.0)
-                here_columns = slice(1 + number * amounts, 1 + (number + 1) * amounts)
-                to_cell[each, local, :, :, here_columns] = (
-                    of_cell[:, None, None, None] * self._along[facet]
-                )
-                flux = (of_cell * sense[:, end])[:, None] * self._spread[facet]
-                to_cell[each, local, :, 1, 0] = flux
-                columns.append(1 + end * amounts + np.arange(amounts))
-            flat = to_cell.reshape(patches, 6 * m, -1)
-            part = np.matmul(flat.swapaxes(1, 2), np.matmul(matrix[cell], flat))
-            part *= np.where(exists, 1.0, 0.0)[:, None, None]
-            of_ends = np.concatenate(columns)
-            total[:, of_ends[:, None], of_ends] += part
-        diagonal = np.einsum("hss->hs", total)
-        is_dead = diagonal == 0.0
-        diagonal[is_dead] = 1.0
-        # Scaled, so that its digits do not depend on units.
-        root = np.sqrt(diagonal)
-        scale = root[:, :, None] * root[:, None, :]
-        inverse = np.linalg.inv(total / scale) / scale
-        live = ~is_dead
-        inverse *= live[:, :, None] & live[:, None, :]
-        return _Batch(facets, sense, inverse)
-
-
-@cache
-def _spreads(m: int, marks: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return coefficients of resultant 1, and of resultant 0, on the nodes marked.
+def _spreads(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return coefficients of resultant 1, and of resultant 0, on the free nodes (m,).
 
     Returns:
         Shapes (m,) and (m, m-1); columns that there are not are zero.
     """
-    chosen = np.flatnonzero(marks)
+    m = len(free)
+    chosen = np.flatnonzero(free)
     spread = np.zeros(m)
     spread[chosen] = m / max(len(chosen), 1)
     without = np.zeros((m, m - 1))
@@ -254,26 +148,24 @@ def _spreads(m: int, marks: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
     return spread, without
 
 
-def _amounts(degree: int, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the free amounts of each facet as coefficients.
+def _bases(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return what acts on each facet as coefficients.
 
     Args:
-        degree: Degree k.
         free: Coefficients that are not given, shape (F, m, 2).
 
     Returns:
-        Coefficients of the l amounts without axial resultant, shape (F, m, 2, l), and
-        of an axial resultant of 1, shape (F, m).
+        The kind of each facet, shape (F,), and for each kind an axial resultant of 1,
+        then the l amounts without axial resultant, then zeros, shape (kinds, m, 2,
+        BLOCK). A kind is a set of free coefficients.
     """
-    count, m, _ = free.shape
-    along = np.zeros((count, m, 2, 2 * m - 1))
-    spread = np.zeros((count, m))
-    for marks in np.unique(free[..., 1], axis=0):
-        facets = (free[..., 1] == marks).all(axis=1)
-        of_marks, without = _spreads(m, tuple(marks.tolist()))
-        spread[facets] = of_marks
-        along[facets, :, 1, : m - 1] = without
-    for node in range(m):
-        along[:, node, 0, m - 1 + node] = free[:, node, 0]
-    assert m == len(nodes(1, degree))
-    return along, spread
+    m = free.shape[1]
+    kinds = np.array(list(product((False, True), repeat=2 * m))).reshape(-1, m, 2)
+    bases = np.zeros((len(kinds), m, 2, BLOCK))
+    for basis, of_kind in zip(bases, kinds, strict=True):
+        spread, without = _spreads(of_kind[:, 1])
+        basis[:, 1, :m] = np.column_stack([spread, without])
+        basis[range(m), 0, range(m, 2 * m)] = of_kind[:, 0]
+    places = 1 << np.arange(2 * m)[::-1]
+    kind = free.reshape(len(free), 2 * m) @ places
+    return kind.astype(np.int32), bases

@@ -128,7 +128,8 @@ def minimise(
         at(comm, f"tightening {done + 1} of at most {iterations}")
         z = precondition(r)
         new = shared.dot(r, z)
-        # At the minimum, or where nothing is free, there is no step.
+        # At the minimum, or where nothing is free, there is no step. The square may
+        # end below zero, by round-off.
         if not new > np.finfo(float).eps ** 2 * max(square, 0.0):
             break
         p *= new / rz if done else 0.0

@@ -24,6 +24,8 @@ from erc_contact.scene.goal import Energy, Goal, Resultant
 
 LARGEST_COUNT = 6
 """Number of values of t that are tried at most."""
+SAME = 1e-9
+"""Change of a number by a motion that counts as none, over its size [-]."""
 NARROWER = 0.9
 """Width over the width of the best t so far from which no other t is tried [-]."""
 
@@ -75,9 +77,22 @@ def perturbation_or_number(error: ConstitutiveError, goal: Goal) -> Perturbation
     if error.model.is_later_step:
         raise InputError("interval: a step of a history has none; solve its scene alone.")
     perturbation = perturbation_of(error, goal)
+    _check_known(error, goal, perturbation)
     if perturbation.scene_at is None:
         return _told_by_loads(error, perturbation.constant)
     return perturbation
+
+
+def _check_known(error: ConstitutiveError, goal: Goal, perturbation: Perturbation) -> None:
+    """Check that motions that nothing holds do not change a number; collective."""
+    unheld = error.model.unheld
+    for motion in unheld.functions:
+        if abs(perturbation.psi(motion).value) > SAME * perturbation.size:
+            raise InputError(
+                f"{goal!r}: nothing holds the body against {unheld.words}, and these motions "
+                "change the number. Ask for a Functional whose load is in balance, or hold the "
+                "body."
+            )
 
 
 def with_lifting(error: ConstitutiveError, goal: Goal, bounds: Bounds) -> Bounds:

@@ -61,7 +61,7 @@ def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) ->
 
     size = float(np.linalg.norm(a))
     step = base.e * base.norm / (base.length * size)
-    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step)
+    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step, size=size)
 
 
 def _translation(
@@ -123,7 +123,7 @@ def _motion(base: BaseScene, face: RigidFace, amounts: np.ndarray) -> Perturbati
     # A rotation by an angle moves the face by the angle times its size.
     size = float(np.linalg.norm(amounts / face.sizes))
     step = base.e * base.norm / (base.length * size)
-    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step)
+    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step, size=size)
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def functional(base: BaseScene, goal: Functional) -> Perturbation:
     # A load on a support or in contact has no place in a scene, which says so.
     replace(scene, loads=(*scene.loads, goal.load))
     step = base.e * base.norm / (base.length * size)
-    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step, varies)
+    return Perturbation(scene_at, psi, 1.0, BoundedNumber(0.0), step, varies, size)
 
 
 def _grown(resultants: Sequence[float | None], growth: np.ndarray) -> tuple[Any, ...]:

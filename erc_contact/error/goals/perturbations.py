@@ -15,6 +15,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
+from erc_contact.error.goals.intensity_perturbation import stress_intensity
+from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
@@ -23,15 +25,21 @@ from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
 from erc_contact.scene.goal import (
     Functional,
+    GoalOfContact,
     GoalOfPart,
     MeanDisplacement,
     Moment,
+    Opening,
     Resultant,
     Rotation,
+    Slip,
+    StressIntensity,
 )
 
 
-def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> Perturbation:
+def perturbation_of(
+    error: ConstitutiveError, goal: GoalOfPart | GoalOfContact | Functional | StressIntensity
+) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
     soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
@@ -42,6 +50,18 @@ def perturbation_of(error: ConstitutiveError, goal: GoalOfPart | Functional) -> 
         )
     if isinstance(goal, Functional):
         return functional(_base_scene(error), goal)
+    if isinstance(goal, StressIntensity):
+        return stress_intensity(error, _base_scene(error), goal)
+    if isinstance(goal, Slip | Opening):
+        if isinstance(goal, Slip) and goal.direction is not None:
+            _checked(goal, goal.direction, model.d)
+        return jump_perturbation(_base_scene(error), goal)
+    return _of_part(error, goal)
+
+
+def _of_part(error: ConstitutiveError, goal: GoalOfPart) -> Perturbation:
+    """Return what a goal of a boundary part moves; collective."""
+    model = error.model
     vector = _checked_vector(goal, model.d)
     if model.axisymmetric:
         _check_on_rings(model, goal, vector)
@@ -103,7 +123,7 @@ def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:
     return np.ones(1)
 
 
-def _checked(goal: GoalOfPart, vector: Sequence[float], d: int) -> np.ndarray:
+def _checked(goal: GoalOfPart | Slip, vector: Sequence[float], d: int) -> np.ndarray:
     """Return a vector of a goal, of d finite numbers."""
     a = np.asarray(vector, dtype=float)
     if a.shape != (d,) or not np.isfinite(a).all() or not a.any():

@@ -39,6 +39,10 @@ The derivative then has the work of r on a beside the work of the supports, and 
 takes the place of phi in the work of r: as u+ may be beyond g by ``t n . a``, its bound
 is the same. V stays as it is.
 
+The law may move, too, by a given strain t G. Then ``Q = psi(u) + int sigma : G``. In
+C eps(phi) the place of eps(phi) is taken by ``eps(phi) - G``, and V has a term beside
+psi(u^), ``int C G : (eps(u^) - eps_0)``.
+
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
 M is of second order if d falls like M. A t that changes the set makes d larger, and
@@ -56,6 +60,7 @@ Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,11 +70,13 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.perturbation import with_law
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.oscillation import UNKNOWN_SHARE
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
+from erc_contact.model.model import Model
 
 UNKNOWN = 1e-4
 """What integrals may leave unknown, over the square of M [-]."""
@@ -112,12 +119,14 @@ class Unmoved:
         psi: ``psi(u^)``.
         frictions: Work of friction on u^ on each contact [force length].
         M: M, see above [sqrt(force length)].
+        law_at: Makes the model whose law is moved by t; None where the law stays.
     """
 
     error: ConstitutiveError
     psi: BoundedNumber
     frictions: list[BoundedNumber]
     M: float
+    law_at: Callable[[float], Model] | None = None
 
     @property
     def floor(self) -> float:
@@ -128,16 +137,21 @@ class Unmoved:
         return max(ROUND_OFF * self.error.scale**2, UNKNOWN * self.M**2)
 
 
-def unmoved(error: ConstitutiveError, psi: BoundedNumber) -> Unmoved:
+def unmoved(
+    error: ConstitutiveError,
+    psi: BoundedNumber,
+    law_at: Callable[[float], Model] | None = None,
+) -> Unmoved:
     """Compute what the intervals of all t share; collective.
 
     Args:
         error: The error of the pair of the scene.
         psi: ``psi(u^)``.
+        law_at: Makes the model whose law is moved by t; None where the law stays.
     """
     square = error.absolute**2 + error.geometry_error**2
     M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
-    base = Unmoved(error, psi, [], M)
+    base = Unmoved(error, psi, [], M, law_at)
     pair = error.admissible
     for traction in pair.tractions:
         work = friction_work(pair.model, traction, pair.displacement, base.floor)
@@ -249,21 +263,15 @@ def _end(
     u = pair.displacement
     size_2 = elastic_work(pair, phi, phi).value
 
-    # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
-    h = max(error.absolute, ROUND_OFF * error.scale) / np.sqrt(max(size_2, 1e-300))
-    bulks = [_bulk(pair, phi, more, less, sign * h, t) for sign in (0.0, 1.0, -1.0)]
-    squares = [body.gap for body in bulks]
-    # Adapted integrals are up to twice their share too large.
-    share = 2 * UNKNOWN_SHARE if model.constitution.varies_in_cells else 0.0
-    d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
-    d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
-    local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
-    unresolved = sum(body.moduli for body in bulks)
-    product, lost, left = model.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
+    size = float(np.sqrt(max(size_2, 0.0)))
+    product, d_squares = _across(base, phi, more, less, t, size)
+    d_2 = model.comm.allreduce(float(d_squares.sum()), MPI.SUM)
+    if d_2 > size_2:
+        # Forces that a contact bears have a tau, and no phi.
+        product, d_squares = _across(base, phi, more, less, t, float(np.sqrt(d_2)))
 
     # The round-off of strains does work on the stress of phi.
-    unknown = error.round_off * float(np.sqrt(max(size_2, 0.0))) + lost / (8 * h)
-    V = base.psi + BoundedNumber(product / (8 * h), unknown, bool(left == 0.0))
+    V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
@@ -275,6 +283,42 @@ def _end(
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
     return V, d_squares
+
+
+def _across(
+    base: Unmoved, phi: fem.Function, more: Admissible, less: Admissible, t: float, size: float
+) -> tuple[BoundedNumber, np.ndarray]:
+    """Compute what V has of ``tau - C eps(phi)``, and ``d^2`` of cells; collective.
+
+    Args:
+        base: The scene, not moved.
+        phi: phi.
+        more: One of two pairs whose sigma^ have the difference ``t tau``.
+        less: The other one.
+        t: t.
+        size: About the energy norm of phi or tau, whichever is larger.
+    """
+    error = base.error
+    model = error.model
+    # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
+    h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
+    pairs = [error.admissible] * 3
+    if base.law_at is not None:
+        pairs[1:] = [with_law(error.admissible, base.law_at(sign * h)) for sign in (1.0, -1.0)]
+    squares = []
+    unresolved = 0.0
+    for pair, sign in zip(pairs, (0.0, 1.0, -1.0), strict=True):
+        body = _bulk(pair, phi, more, less, sign * h, t)
+        squares.append(body.gap)
+        unresolved += body.moduli
+    # Adapted integrals are up to twice their share too large.
+    varies = any(pair.model.constitution.varies_in_cells for pair in pairs)
+    share = 2 * UNKNOWN_SHARE if varies else 0.0
+    d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
+    d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
+    local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
+    product, lost, left = model.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
+    return BoundedNumber(product / (8 * h), lost / (8 * h), bool(left == 0.0)), d_squares
 
 
 def _bulk(

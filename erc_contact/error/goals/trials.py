@@ -82,7 +82,7 @@ class Trials:
         """Return what all values of t share."""
         if self._base is None:
             psi = self.perturbation.psi(self.error.admissible.displacement)
-            self._base = unmoved(self.error, psi)
+            self._base = unmoved(self.error, psi, self.perturbation.law_at)
         return self._base
 
     @property
@@ -184,8 +184,8 @@ class Trials:
         """Return the interval of the number from an interval of Q."""
         constant = self.perturbation.constant
         ends = sorted((self.perturbation.sign * low, self.perturbation.sign * high))
-        least = ends[0] + constant.value - constant.bound
-        most = ends[1] + constant.value + constant.bound
+        least = max(ends[0] + constant.value - constant.bound, self.perturbation.least)
+        most = max(ends[1] + constant.value + constant.bound, least)
         return Bounds((least + most) / 2, least, most, proved)
 
     def shares(self, ends: Ends) -> np.ndarray:

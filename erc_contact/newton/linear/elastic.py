@@ -111,13 +111,7 @@ class Elastic:
     @cached_property
     def _loads(self) -> fem.Function:
         """Assemble the nodal forces of loads and given strains [force]."""
-        b = self.model.function()
-        loads = self.model.right_side(ufl.TestFunction(self.model.V))
-        if loads is not None:
-            fem.assemble_vector(b.x.array, compiled.form(loads))
-        if self.model.face_forces is not None:
-            b.x.array[:] += self.model.face_forces.x.array
-        return b
+        return self.model.load_forces(strains=True)
 
     def stiffness(self) -> PETSc.Mat:
         """Assemble K [force/length].

@@ -1,8 +1,8 @@
 """Solve the two blocks of other_codes.py with GetFEM, in the Python that has it.
 
-    python3 other_codes_getfem.py FOLDER
+    python3 other_codes_getfem_blocks.py FOLDER
 
-It reads FOLDER/blocks.npz and prints force, energy, unknowns, iterations and seconds as
+It reads FOLDER/scene.npz and prints force, energy, unknowns, iterations and seconds as
 JSON. Displacements of degree 2, a multiplier of degree 1 on the upper side, Alart and
 Curnier's augmented Lagrangian in integral form.
 """
@@ -15,7 +15,7 @@ from time import process_time
 import getfem as gf  # type: ignore[import-not-found]
 import numpy as np
 
-blocks = np.load(Path(sys.argv[1]) / "blocks.npz")
+blocks = np.load(Path(sys.argv[1]) / "scene.npz")
 moduli, nu, mu = blocks["moduli"], float(blocks["nu"]), float(blocks["mu"])
 TOP, BOTTOM, CONTACT = 1, 2, 3
 ENDS = {"upper": (1.0, TOP), "lower": (-1.0, BOTTOM)}
