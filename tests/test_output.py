@@ -560,7 +560,9 @@ def test_area_under_the_pressure_of_any_contact(shape):
     contact = contact_with(n)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
     zero = np.zeros(ends.shape)
-    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, zero, zero, 0 * x, x))
+    axes = contact_plots.contact_curves(
+        gathered.Surface(traction, x, ends, zero, zero, 0 * x, x, zero)
+    )
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)
     assert areas(axes, CURVE) == pytest.approx([force, 0.1 * force], rel=1e-3)

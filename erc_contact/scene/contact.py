@@ -64,7 +64,8 @@ class Contact:
             is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
             own.
         gap: Initial gap g to the foundation or the other body along the normal
-            [length], number or callable of x.
+            [length], number or callable of x. Of bodies that are drawn apart, it adds
+            to their distance.
         normal: Unit normal that points into the foundation or the other body: d
             numbers, a callable of x, or "gap" for ``-grad g/|grad g|``, the normal of a
             foundation whose gap is its distance. One that varies is taken at the middle
