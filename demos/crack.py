@@ -101,6 +101,17 @@ if plate.comm.rank == 0:
     print(f"mean slip {aimed.bounds}, closed form {mean_slip:.6f}")
 
 # %%
+# Closed cracks are driven by the shear beyond friction, so the stress intensity factor
+# K_II is its product with the root of pi a. Friction on the faces makes it an estimate.
+
+tip = (np.cos(LEAN), np.sin(LEAN))
+sliding = ec.StressIntensity(tip, direction=tip, radius=0.8, mode="II")
+factor = ec.interval(history, sliding)
+exact_factor = shear * np.sqrt(np.pi)
+if plate.comm.rank == 0:
+    print(f"K_II {factor}, closed form {exact_factor:.4f}")
+
+# %%
 # What must hold: slip and pressure of the closed form, and friction at its bound.
 
 assert history.reached
@@ -110,4 +121,5 @@ assert abs(mean_pressure / (P * np.sin(LEAN) ** 2) - 1) < 2e-3
 assert np.all(abs(lip["shear"]) <= MU * lip["pressure"] + 1e-12)
 assert aimed.reached
 assert abs(aimed.bounds.value / mean_slip - 1) < 0.02
+assert abs(abs(factor.value) / exact_factor - 1) < 0.02
 assert aimed.best.domain.cells < history.best.domain.cells

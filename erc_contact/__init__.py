@@ -71,6 +71,7 @@ from erc_contact.scene.goal import (
     Rotation,
     Shortening,
     Slip,
+    StressIntensity,
 )
 from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
@@ -133,6 +134,7 @@ __all__ = [
     "Spring",
     "Step",
     "Strategy",
+    "StressIntensity",
     "Symmetry",
     "ThermalStrain",
     "Tied",

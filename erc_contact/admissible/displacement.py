@@ -62,10 +62,10 @@ def admissible_displacement(
     Returns:
         u^ [length].
     """
-    hat = model.function()
-    hat.name = "displacement"
-    hat.x.array[:] = u.x.array
-    values = hat.x.array.reshape(-1, model.d)
+    u_hat = model.function()
+    u_hat.name = "displacement"
+    u_hat.x.array[:] = u.x.array
+    values = u_hat.x.array.reshape(-1, model.d)
     # Contacts with common nodes are set one after the other: by their names, so that
     # their order in the scene changes nothing.
     tractions = sorted(tractions, key=lambda traction: traction.contact.side_names[0])
@@ -82,10 +82,10 @@ def admissible_displacement(
     _limit_normal(values, free, tractions, limits)
     for traction, limit in zip(tractions, limits, strict=True):
         if traction.contact.trace.corner_normals is not None:
-            _limit_between_nodes(model, hat, free, traction.contact, limit)
+            _limit_between_nodes(model, u_hat, free, traction.contact, limit)
     model.to_coefficients(values, sides, back=True)
-    hat.x.scatter_forward()
-    return hat
+    u_hat.x.scatter_forward()
+    return u_hat
 
 
 def _set_status(
@@ -165,7 +165,7 @@ def _limit_normal(
 
 
 def _limit_between_nodes(
-    model: Model, hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
+    model: Model, u_hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
 ) -> None:
     """Lower u_n where it exceeds the gap between nodes, in place; collective.
 
@@ -175,7 +175,7 @@ def _limit_between_nodes(
 
     Args:
         model: The scene on a mesh.
-        hat: u^ by coefficients on the contacts [length].
+        u_hat: u^ by coefficients on the contacts [length].
         free: Components that no support fixes, shape (nodes, d).
         contact: A contact whose normals turn.
         limit: Its limits.
@@ -183,12 +183,12 @@ def _limit_between_nodes(
     if contact.bilateral or contact.stiffness is not None:
         return
     trace = contact.trace
-    values = hat.x.array.reshape(-1, model.d)
+    values = u_hat.x.array.reshape(-1, model.d)
     corners = trace.normals_at_vertices
     least_cosine = np.einsum("fid,fjd->fij", corners, corners).min(axis=(1, 2), initial=1.0)
     for _ in range(TURNING_PASSES):
         # A rank does not see all facets at the nodes of others.
-        hat.x.scatter_forward()
+        u_hat.x.scatter_forward()
         excess = excess_over_gap(model, contact, trace.of(values))
         if not model.comm.allreduce(bool(excess.any()), MPI.LOR):
             break

@@ -65,16 +65,16 @@ class ContactSquares(NamedTuple):
     friction: float = 0.0
 
 
-def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
+def contact_parts(model: Model, u_hat: fem.Function, traction: ContactTraction) -> np.ndarray:
     """Integrate twice the contact term over each facet [force length]; collective.
 
     Facets of ghosts get 0.
     """
-    return contact_squares(model, hat, traction, 0.0).parts
+    return contact_squares(model, u_hat, traction, 0.0).parts
 
 
 def contact_squares(
-    model: Model, hat: fem.Function, traction: ContactTraction, floor: float
+    model: Model, u_hat: fem.Function, traction: ContactTraction, floor: float
 ) -> ContactSquares:
     """Compute the contact part of each facet, and oscillations; collective.
 
@@ -87,7 +87,7 @@ def contact_squares(
 
     Args:
         model: The scene on a mesh.
-        hat: The admissible displacement u^ [length].
+        u_hat: The admissible displacement u^ [length].
         traction: r^ on the contact.
         floor: What the integrals may leave unknown [force length].
     """
@@ -95,9 +95,9 @@ def contact_squares(
     friction = contact.friction
     trace = contact.trace
     area = trace.here.owned_areas
-    of_w = trace.coefficients(trace.of(hat.x.array))
+    of_w = trace.coefficients(trace.of(u_hat.x.array))
     of_s = trace.coefficients(trace.of_before)
-    both = cancelled(trace, hat.x.array)
+    both = cancelled(trace, u_hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
     if contact.varies or concave or contact.is_compliant:
         return _adapted_squares(model, traction, of_w, of_s, area, floor, both)
@@ -123,13 +123,13 @@ def contact_squares(
 
 
 def contact_law_error(
-    model: Model, hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
+    model: Model, u_hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
 ) -> LawError:
     """Measure how far a pair is from the laws of all contacts; collective.
 
     Args:
         model: The scene on a mesh.
-        hat: The admissible displacement u^ [length].
+        u_hat: The admissible displacement u^ [length].
         tractions: r^ on each contact.
         floor: What the integral over each contact may leave unknown [force length].
     """
@@ -137,7 +137,7 @@ def contact_law_error(
     gaps = 0.0
     friction = 0.0
     for traction in tractions:
-        squares = contact_squares(model, hat, traction, floor)
+        squares = contact_squares(model, u_hat, traction, floor)
         trace = traction.contact.trace
         # below 0 by round-off only
         gap += _in_cells(model, trace, np.maximum(squares.parts, 0.0))

@@ -55,10 +55,15 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     return _over_cells(pair, stress_at, strain_w.at) + of_springs
 
 
-def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
+def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> BoundedNumber:
     """Compute ``int C eps_0 : eps(v)`` [force length]; collective.
 
     It is zero without given strains.
+
+    Args:
+        pair: The pair whose given strains are meant.
+        v: A displacement [length].
+        floor: What may always stay unknown [force length].
     """
     model = pair.model
     given = model.strains
@@ -73,7 +78,7 @@ def strain_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
         cell = of_cells[entity]
         return model.constitution.stress_change(given(x, cell), x, cell)
 
-    return _over_cells(pair, stress_at, CellStrains.of(model, cells, v).at)
+    return _over_cells(pair, stress_at, CellStrains.of(model, cells, v).at, floor)
 
 
 def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
@@ -98,7 +103,9 @@ def strain_energy(pair: Admissible, u: fem.Function) -> BoundedNumber:
     return energy - strain_work(pair, u) + 0.5 * _over_cells(pair, stress_at, strain_at)
 
 
-def _over_cells(pair: Admissible, stress_at: Integrand, strain_at: Integrand) -> BoundedNumber:
+def _over_cells(
+    pair: Admissible, stress_at: Integrand, strain_at: Integrand, floor: float = 0.0
+) -> BoundedNumber:
     """Integrate the work of a stress on a strain over all cells; collective.
 
     The integral is adapted to them. Where they do no work on each other, what is left
@@ -119,7 +126,7 @@ def _over_cells(pair: Admissible, stress_at: Integrand, strain_at: Integrand) ->
     sizes = [np.linalg.norm(field(*at_middles), axis=-1)[:, 0] for field in (stress_at, strain_at)]
     size = model.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
     pieces = cell_pieces(model.d)
-    floor = ROUND_OFF * size
+    floor = max(ROUND_OFF * size, floor)
     integral = integrate(model.comm, density, corners, volume, pieces, floor=floor)
     return BoundedNumber.summed(model.comm, integral)
 

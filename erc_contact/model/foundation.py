@@ -63,6 +63,9 @@ class ContactOnMesh:
             the gap is what the scene gives.
         moved: Displacement of the foundation at the nodes of the contact, zero off it
             [length]; None without a motion. ``gap`` and the trace contain it.
+        between: Vectors from the vertices of the facets to their partners of the other
+            body [length], shape (f, d, d), of which ``gap`` has the normal part; None
+            where both sides are in one place.
         projection: Stands in for the projection of a trial traction in the equations of
             a solver, UFL in, UFL out; None for the projection of the law.
     """
@@ -86,6 +89,7 @@ class ContactOnMesh:
     gap_share: Ufl | None = None
     gap_vectors: np.ndarray | None = None
     moved: fem.Function | None = None
+    between: np.ndarray | None = None
     projection: Callable[[Ufl], Ufl] | None = None
 
     @property
@@ -143,6 +147,28 @@ class ContactOnMesh:
         if self.gap_vectors is None:
             return np.ones((len(self.facets), 1))
         return np.linalg.norm(np.matmul(self.trace.here.shares_of_nodes, self.gap_vectors), axis=-1)
+
+    @property
+    def to_partners(self) -> np.ndarray:
+        """Return the vectors from nodes of facets to their partners [length].
+
+        Their shape is (f, m, d). Their normal part is the part of ``gap`` with which
+        the bodies are drawn.
+        """
+        if self.between is None:
+            return np.zeros((*self.trace.here.nodes.shape, self.trace.here.d))
+        return np.matmul(self.trace.here.shares_of_nodes, self.between)
+
+    @property
+    def named_corners(self) -> np.ndarray:
+        """Return the vertices of the facets on the side that the scene names first.
+
+        They are in the order of the vertices of this side [length], shape (f, d, d).
+        """
+        corners = self.trace.here.corners
+        if self.is_exchanged and self.between is not None:
+            corners = corners + self.between
+        return corners
 
     @property
     def sampled(self) -> bool:

@@ -13,9 +13,9 @@ def nearby_model(scene: Scene, near: Model) -> Model:
     """Return the model of a moved scene, which shares what is the same; collective.
 
     Args:
-        scene: A scene with other loads, values of supports, shifts of preloads, or
-            contacts. A contact is the object of ``near``, unless something has moved in
-            it.
+        scene: A scene with other loads, values of supports, shifts of preloads, given
+            strains, or contacts. A contact is the object of ``near``, unless something
+            has moved in it.
         near: The model of the scene that it is moved from.
 
     Raises:
@@ -25,7 +25,7 @@ def nearby_model(scene: Scene, near: Model) -> Model:
     model = copy(near)
     model.scene = scene
     model.bind_supports_and_loads(scene)
-    if scene.ties != near.scene.ties:
+    if scene.ties != near.scene.ties or scene.strains != near.scene.strains:
         model.bind_strains(scene)
     model.contacts = []
     entries = zip(scene.contacts, near.scene.contacts, near.contacts, strict=True)

@@ -17,10 +17,19 @@ from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
+from erc_contact.mesh.simplex import (
+    barycentric,
+    bernstein,
+    lagrange,
+    lattice,
+    measures,
+    projection,
+    rule,
+)
 from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.meridian import area_ratio
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
 from erc_contact.model.trace import split
@@ -167,6 +176,9 @@ def profile_table(
           round-off, because the tractions of an admissible pair are polynomials of
           degree k on facets.
 
+        Of bodies that are drawn apart, places, tractions and weights are on the side
+        that the scene names first.
+
         A contact between two bodies has more columns, which come last: the displacement
         of this side, ``u_x``, ``u_y`` and in 3D ``u_z``, and the displacement of the
         facing point, ``other_u_x``, ``other_u_y`` and ``other_u_z`` [length].
@@ -254,6 +266,8 @@ def _columns(
     """
     points = profile_points(model)
     facets = contact.facets
+    named = contact.named_corners
+    share = area_ratio(model, contact.trace.here.corners, named, points)
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(model.d - 1, model.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
@@ -263,7 +277,7 @@ def _columns(
     if contact.tangential_stiffness is not None:
         w_t = w_t - contact.sign * given_way(model, contact, r, points)
     _, w_t, slip = split(w_t, n)
-    r_n, r_t, shear = split(contact.sign * r, n)
+    r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
         gap = evaluate(contact.gap, model.mesh, points, facets)
@@ -277,9 +291,9 @@ def _columns(
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
     columns["shear"] = shear
-    columns["friction_bound"] = bound
+    columns["friction_bound"] = share * bound
     columns["status"] = status[:, None]
-    columns["weight"] = contact.trace.here.areas[:, None] * profile_weights(model)
+    columns["weight"] = measures(named)[:, None] * profile_weights(model)
     if model.axisymmetric:
         columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
     if contact.against is not None:
@@ -309,7 +323,10 @@ def given_way(
 
 def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
-    x = evaluate(model.x, model.mesh, profile_points(model), contact.facets)
+    points = profile_points(model)
+    x = evaluate(model.x, model.mesh, points, contact.facets)
+    if contact.is_exchanged and contact.between is not None:
+        x = x + np.matmul(barycentric(points), contact.between)
     return {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
 
 

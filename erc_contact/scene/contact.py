@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import InitVar, dataclass, field
+from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
@@ -13,7 +13,7 @@ from erc_contact.scene.law import Coulomb, Law
 from erc_contact.scene.material import Value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Foundation:
     """Declare a compliant foundation under a contact (Winkler's).
 
@@ -40,16 +40,22 @@ class Foundation:
         Foundation(normal=50.0, tangential=None)
     """
 
-    normal: Value | None = None
-    tangential: Value | None = None
-    stiffness: InitVar[Value | None] = None
+    normal: Value | None
+    tangential: Value | None
 
-    def __post_init__(self, stiffness: Value | None) -> None:
+    def __init__(
+        self,
+        normal: Value | None = None,
+        tangential: Value | None = None,
+        *,
+        stiffness: Value | None = None,
+    ) -> None:
         """Check the stiffnesses."""
-        if stiffness is not None:
-            if self.normal is not None:
-                raise InputError("Foundation: stiffness is another name of normal; give one.")
-            object.__setattr__(self, "normal", stiffness)
+        if stiffness is not None and normal is not None:
+            raise InputError("Foundation: stiffness is another name of normal; give one.")
+        # The class is frozen: only here its attributes are set.
+        object.__setattr__(self, "normal", stiffness if normal is None else normal)
+        object.__setattr__(self, "tangential", tangential)
         if self.normal is None and self.tangential is None:
             raise InputError(
                 "Foundation has no stiffness; give normal, tangential or both. A rigid foundation"
@@ -66,6 +72,11 @@ class Foundation:
                     f"Foundation: {name} is {value!r}; give a number > 0 [force/length^3], or a"
                     " callable of x. What is rigid has none: leave it out."
                 )
+
+    @property
+    def stiffness(self) -> Value | None:
+        """Return ``normal``, of which it is another name."""
+        return self.normal
 
 
 @dataclass(frozen=True)
@@ -85,7 +96,8 @@ class Contact:
             is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
             own.
         gap: Initial gap g to the foundation or the other body along the normal
-            [length], number or callable of x.
+            [length], number or callable of x. Of bodies that are drawn apart, it adds
+            to their distance.
         normal: Unit normal that points into the foundation or the other body: d
             numbers, a callable of x, or "gap" for ``-grad g/|grad g|``, the normal of a
             foundation whose gap is its distance. One that varies is taken at the middle

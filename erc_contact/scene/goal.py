@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from erc_contact.base.checks import positive
 from erc_contact.base.code import code_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
@@ -289,6 +290,55 @@ class Functional:
 
 
 @dataclass(frozen=True)
+class StressIntensity:
+    """Ask for a stress intensity factor at the tip of a crack in the plane.
+
+    Within the radius around the tip there must be nothing but the crack: two straight
+    faces behind the tip, in one isotropic material, without body forces and given
+    strains. Loads on the faces are allowed. Faces may be in contact; where they touch
+    within the radius, the number is an estimate if their tractions have a part in it.
+
+    Args:
+        tip: Position of the tip [length], two numbers.
+        direction: Direction in which the crack points, away from its faces: two
+            numbers, of any length.
+        radius: Radius around the tip in which the stress is asked [length].
+        mode: "I" for opening, "II" for sliding: K_II > 0 where the face on the left of
+            the direction moves in it.
+
+    Raises:
+        InputError: If an argument is none of these.
+
+    Source: the derivative of the energy by a given strain on a ring around the tip, in
+    the place of the interaction integral, see
+    ``erc_contact.error.goals.singular_strain``.
+
+    Example:
+        >>> ec.StressIntensity((0.5, 0.0), (1.0, 0.0), radius=0.3)
+        StressIntensity(tip=(0.5, 0.0), direction=(1.0, 0.0), radius=0.3, mode='I')
+    """
+
+    tip: Sequence[float]
+    direction: Sequence[float]
+    radius: float
+    mode: str = "I"
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        for name in ("tip", "direction"):
+            value = getattr(self, name)
+            check_vector(f"StressIntensity: {name}", value)
+            object.__setattr__(self, name, tuple(float(entry) for entry in value))
+            if len(value) != 2:
+                raise InputError(f"StressIntensity: {name} is {value!r}; give two numbers.")
+        if not any(self.direction):
+            raise InputError("StressIntensity: direction is zero; give a vector along the crack.")
+        positive("StressIntensity: radius", self.radius, "a radius > 0 [length]")
+        if self.mode not in ("I", "II"):
+            raise InputError(f'StressIntensity: mode is {self.mode!r}; give "I" or "II".')
+
+
+@dataclass(frozen=True)
 class Energy:
     """Ask for the potential energy [force length].
 
@@ -313,6 +363,7 @@ GOALS = (
     BoltForce,
     Shortening,
     Functional,
+    StressIntensity,
     Energy,
 )
 """The kinds of goals."""
@@ -326,5 +377,5 @@ type GoalOfContact = Slip | Opening
 type GoalOfBolt = BoltForce | Shortening
 """A number of a preload."""
 
-type Goal = GoalOfPart | GoalOfContact | GoalOfBolt | Functional | Energy
+type Goal = GoalOfPart | GoalOfContact | GoalOfBolt | Functional | StressIntensity | Energy
 """A number of the solution."""

@@ -7,11 +7,12 @@ supports (:mod:`erc_contact.error.goals.three_pairs`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from dolfinx import fem
 
+from erc_contact.admissible.pair import Admissible
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.model import Model
 from erc_contact.scene.scene import Scene
@@ -67,6 +68,7 @@ class Perturbation:
         varies: Whether the moved load varies in space: a mesh may not carry it.
         size: Size of psi, its value for a unit displacement; 0 if no load moves.
         least: What the number is at least.
+        law_at: Makes a model whose law is moved by t; None where the law stays.
     """
 
     scene_at: Callable[[float], Scene] | None
@@ -77,3 +79,9 @@ class Perturbation:
     varies: bool = False
     size: float = 0.0
     least: float = -np.inf
+    law_at: Callable[[float], Model] | None = None
+
+
+def with_law(pair: Admissible, model: Model) -> Admissible:
+    """Return a pair whose law is the law of another model of the same mesh."""
+    return replace(pair, solution=replace(pair.solution, model=model))

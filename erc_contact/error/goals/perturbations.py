@@ -16,6 +16,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.bolt_perturbations import bolt_perturbation
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
+from erc_contact.error.goals.intensity_perturbation import stress_intensity
 from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
@@ -36,11 +37,13 @@ from erc_contact.scene.goal import (
     Rotation,
     Shortening,
     Slip,
+    StressIntensity,
 )
 
 
 def perturbation_of(
-    error: ConstitutiveError, goal: GoalOfPart | GoalOfContact | GoalOfBolt | Functional
+    error: ConstitutiveError,
+    goal: GoalOfPart | GoalOfContact | GoalOfBolt | Functional | StressIntensity,
 ) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
@@ -61,6 +64,8 @@ def perturbation_of(
     match goal:
         case Functional():
             perturbation = functional(base, goal)
+        case StressIntensity():
+            perturbation = stress_intensity(error, base, goal)
         case BoltForce() | Shortening():
             perturbation = bolt_perturbation(base, goal, error.admissible)
         case Slip() | Opening():

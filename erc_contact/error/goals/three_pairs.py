@@ -39,6 +39,10 @@ The derivative then has the work of r on a beside the work of the supports, and 
 takes the place of phi in the work of r: as u+ may be beyond g by ``t n . a``, its bound
 is the same. V stays as it is.
 
+The law may move, too, by a given strain t G. Then ``Q = psi(u) + int sigma : G``. In
+C eps(phi) the place of eps(phi) is taken by ``eps(phi) - G``, and V has a term beside
+psi(u^), ``int C G : (eps(u^) - eps_0)``.
+
 The shifts of preloads may move, too: u^ has jumps q d at their cuts, and phi has the
 jumps p d with the differences p of the shifts over t. So eps(phi) is the change of the
 elastic strain, loads work on the jumps, and so do the forces of bolts that are given
@@ -61,6 +65,7 @@ Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,11 +76,13 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.moved_shifts import MovedShifts
+from erc_contact.error.goals.perturbation import with_law
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.oscillation import UNKNOWN_SHARE
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
+from erc_contact.model.model import Model
 
 UNKNOWN = 1e-4
 """What integrals may leave unknown, over the square of M [-]."""
@@ -118,12 +125,14 @@ class Unmoved:
         psi: ``psi(u^)``.
         frictions: Work of friction on u^ on each contact [force length].
         M: M, see above [sqrt(force length)].
+        law_at: Makes the model whose law is moved by t; None where the law stays.
     """
 
     error: ConstitutiveError
     psi: BoundedNumber
     frictions: list[BoundedNumber]
     M: float
+    law_at: Callable[[float], Model] | None = None
 
     @property
     def floor(self) -> float:
@@ -134,16 +143,21 @@ class Unmoved:
         return max(ROUND_OFF * self.error.scale**2, UNKNOWN * self.M**2)
 
 
-def unmoved(error: ConstitutiveError, psi: BoundedNumber) -> Unmoved:
+def unmoved(
+    error: ConstitutiveError,
+    psi: BoundedNumber,
+    law_at: Callable[[float], Model] | None = None,
+) -> Unmoved:
     """Compute what the intervals of all t share; collective.
 
     Args:
         error: The error of the pair of the scene.
         psi: ``psi(u^)``.
+        law_at: Makes the model whose law is moved by t; None where the law stays.
     """
     square = error.absolute**2 + error.geometry_error**2
     M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
-    base = Unmoved(error, psi, [], M)
+    base = Unmoved(error, psi, [], M, law_at)
     pair = error.admissible
     for traction in pair.tractions:
         work = friction_work(pair.model, traction, pair.displacement, base.floor)
@@ -302,17 +316,22 @@ def _across(
     model = error.model
     # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
     h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
-    bulks = []
+    squares = []
+    unresolved = 0.0
+    varies = False
     for step in (0.0, h, -h):
         moved = shifts.moved(error.admissible, step)
-        bulks.append(_bulk(moved, phi, more, less, step, t))
-    squares = [body.gap for body in bulks]
+        if base.law_at is not None and step != 0.0:
+            moved = with_law(moved, base.law_at(step))
+        body = _bulk(moved, phi, more, less, step, t)
+        squares.append(body.gap)
+        unresolved += body.moduli
+        varies |= moved.model.constitution.varies_in_cells
     # Adapted integrals are up to twice their share too large.
-    share = 2 * UNKNOWN_SHARE if model.constitution.varies_in_cells else 0.0
+    share = 2 * UNKNOWN_SHARE if varies else 0.0
     d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
     d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
     local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
-    unresolved = sum(body.moduli for body in bulks)
     product, lost, left = model.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
     return BoundedNumber(product / (8 * h), lost / (8 * h), bool(left == 0.0)), d_squares
 
@@ -325,15 +344,15 @@ def _bulk(
     It is a gap [force length], with the springs at the cell.
     """
     model = pair.model
-    hat = model.function()
-    hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
+    u_hat = model.function()
+    u_hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
     of_springs = []
     triples = zip(pair.spring_tractions, more.spring_tractions, less.spring_tractions, strict=True)
     for value, of_more, of_less in triples:
         of_springs.append(value + h / t * (of_more - of_less))
     moved = replace(
         pair,
-        displacement=hat,
+        displacement=u_hat,
         stress=pair.stress + h / t * (more.stress - less.stress),
         spring_tractions=of_springs,
     )

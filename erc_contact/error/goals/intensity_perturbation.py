@@ -1,0 +1,286 @@
+"""The perturbation of a stress intensity factor: a given strain grows at the tip.
+
+See :mod:`erc_contact.error.goals.singular_strain`. Tractions on the faces within the
+radius add what they do by themselves,
+
+    +- int t . e eta/sqrt(2 pi rho) drho,
+
+with t the traction on the body, e normal to the crack for mode I and along it for mode
+II, and + on the face that bounds the body above. Of loads that do not vary it is exact;
+where faces touch within the radius, t is the traction r^ and the number an estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation, with_law
+from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
+from erc_contact.error.works import strain_work
+from erc_contact.mesh.quadrature import polynomials
+from erc_contact.mesh.sides import boundary_sides
+from erc_contact.mesh.simplex import rule
+from erc_contact.mesh.tags import listed
+from erc_contact.model.expressions import Everywhere
+from erc_contact.model.model import Model
+from erc_contact.model.nearby import nearby_model
+from erc_contact.scene.goal import StressIntensity
+from erc_contact.scene.scene import Scene
+
+ON_LINE = 1e-6
+"""Distance over the radius up to which facets are on the line of the crack [-]."""
+SAME_MATERIAL = 1e-9
+"""Relative difference of compliances of a material that is the same everywhere [-]."""
+DEGREE_OF_FACES = 18
+"""Degree in s up to which integrals over faces are exact: 14 of eta, 4 of tractions."""
+UNKNOWN = 1e-4
+"""What the integral of G may leave unknown, over e and the norm of G [-]."""
+Density = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Type of tractions of some facets [force/length], shape (n, q, 2).
+
+They are asked by the numbers of the facets, shape (n,), and by shares of the way from
+their first to their second vertex, shape (n, q).
+"""
+
+
+def stress_intensity(
+    error: ConstitutiveError, base: BaseScene, goal: StressIntensity
+) -> Perturbation:
+    """Return the perturbation for a stress intensity factor; collective.
+
+    Raises:
+        InputError: If the number does not exist: the tip is no end of a straight crack
+            of the plane as long as the radius, the radius reaches the boundary, or
+            within it the material varies or a load, support, spring or given strain is.
+    """
+    pair = error.admissible
+    model = pair.model
+    scene = base.scene
+    if model.d != 2 or model.axisymmetric:
+        raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
+    if model.strains is not None or model.body_force is not None:
+        raise InputError(
+            f"{goal!r}: with given strains, preloads or body forces the number has no interval;"
+            " replace them by tractions beyond the radius."
+        )
+    frame = _Frame(goal)
+    _check_crack(model, goal, frame)
+    S = _compliance(model, goal, frame)
+    # S has (kappa + 1)/(8 mu), and 1/(2 mu) last.
+    kappa = float(4 * S[0, 0] / S[2, 2] - 1)
+    tip_x, tip_y = goal.tip
+    cosine, sine = frame.forward
+    unit = SingularStrain(goal.mode, 1.0, tip_x, tip_y, cosine, sine, goal.radius, kappa)
+
+    def scene_at(t: float) -> Scene:
+        return replace(scene, strains=(*scene.strains, replace(unit, amount=t)))
+
+    def law_at(t: float) -> Model:
+        return nearby_model(scene_at(t), model)
+
+    # S has 1/E' as its first entry.
+    size = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
+
+    def psi(u: fem.Function) -> BoundedNumber:
+        return strain_work(with_law(pair, law_at(1.0)), u, UNKNOWN * base.e * size)
+
+    constant = _work_on_faces(error, frame)
+    return Perturbation(scene_at, psi, 1.0, constant, base.e / size, law_at=law_at)
+
+
+class _Frame:
+    """Give places in the frame of a crack tip.
+
+    Args:
+        goal: What is asked.
+
+    Attributes:
+        forward: Unit vector in which the crack points, shape (2,).
+        aside: Unit vector at a right angle to the left of it, shape (2,).
+    """
+
+    def __init__(self, goal: StressIntensity) -> None:
+        self.goal = goal
+        self.forward = np.array(goal.direction) / np.linalg.norm(goal.direction)
+        self.aside = np.array([-self.forward[1], self.forward[0]])
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Return places along the direction and aside [length], shape (..., 2)."""
+        to = x - np.array(self.goal.tip)
+        return np.stack([to @ self.forward, to @ self.aside], axis=-1)
+
+    def near(self, corners: np.ndarray) -> np.ndarray:
+        """Tell which segments, shape (n, 2, 2), have points within the radius, (n,)."""
+        return self.distances(corners) < self.goal.radius * (1 - ON_LINE)
+
+    def distances(self, corners: np.ndarray) -> np.ndarray:
+        """Return the distances of segments (n, 2, 2) from the tip [length], (n,)."""
+        first = self.at(corners[:, 0])
+        along = self.at(corners[:, 1]) - first
+        share = -(first * along).sum(axis=1) / (along**2).sum(axis=1)
+        return np.linalg.norm(first + np.clip(share, 0, 1)[:, None] * along, axis=1)
+
+    def on_faces(self, corners: np.ndarray) -> np.ndarray:
+        """Tell which segments are on the line behind the tip, shape (n,)."""
+        places = self.at(corners)
+        tolerance = ON_LINE * self.goal.radius
+        on_line = abs(places[..., 1]) <= tolerance
+        return np.asarray((on_line & (places[..., 0] <= tolerance)).all(axis=1))
+
+
+def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
+    """Check that there is a crack and nothing else within the radius; collective."""
+    topology = model.mesh.topology
+    facets = np.column_stack(boundary_sides(model.mesh, dmesh.exterior_facet_indices(topology)))
+    corners = model.facet_corners(facets)
+    on_faces = frame.on_faces(corners)
+    beside = frame.distances(corners[~on_faces]).min(initial=np.inf)
+    room = model.comm.allreduce(float(beside), MPI.MIN)
+    if room < goal.radius * (1 - ON_LINE):
+        raise InputError(
+            f"{goal!r}: the boundary of the body comes as near as {room:.3g} to the tip, where"
+            " it is not the line of the crack; give a smaller radius, or the place of the tip and"
+            " the direction in which the crack points."
+        )
+    back = np.clip(-frame.at(corners[on_faces])[..., 0], 0, goal.radius)
+    length = model.comm.allreduce(float(abs(back[:, 1] - back[:, 0]).sum()), MPI.SUM)
+    if abs(length - 2 * goal.radius) > ON_LINE * goal.radius:
+        raise InputError(
+            f"{goal!r}: behind the tip both faces of a crack are {length / 2:.3g} long within the"
+            " radius; the tip has to be the end of a straight crack that is as long as the radius"
+            " at least, and the direction points away from the crack."
+        )
+    _check_faces(model, goal, frame)
+
+
+def _check_faces(model: Model, goal: StressIntensity, frame: _Frame) -> None:
+    """Refuse supports and springs on the faces within the radius; collective."""
+    held = [support.facets for support in model.scene.supports]
+    held += [spring.facets for spring in model.scene.springs]
+    near = []
+    for name in held:
+        corners = model.facet_corners(model.domain.facets(name))
+        if model.comm.allreduce(bool(frame.near(corners).any()), MPI.LOR):
+            near.append(name)
+    if near:
+        raise InputError(
+            f"{goal!r}: within the radius the faces have to be free; {listed(near)} is a support"
+            " or a spring there."
+        )
+
+
+def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarray:
+    """Return the compliance around the tip [area/force], shape (3, 3); collective.
+
+    Raises:
+        InputError: If the material varies there, or is not isotropic.
+    """
+    corners = model.cell_corners()
+    # The tip is a vertex: a cell that the circle meets has an edge within it.
+    edges = np.stack([corners[:, [i, (i + 1) % 3]] for i in range(3)], axis=1)
+    is_near = frame.near(edges.reshape(-1, 2, 2)).reshape(-1, 3).any(axis=1)
+    cells = np.flatnonzero(is_near).astype(np.int32)
+    points = np.concatenate([corners[cells], corners[cells].mean(axis=1, keepdims=True)], axis=1)
+    local = model.constitution.metric(points, cells).reshape(-1, 3, 3)
+    values = np.concatenate(model.comm.allgather(local))
+    first = values[0]
+    changes = abs(values - first).max()
+    isotropic = np.diag([first[0, 0], first[0, 0], first[0, 0] - first[0, 1]])
+    isotropic[0, 1] = isotropic[1, 0] = first[0, 1]
+    if max(changes, abs(first - isotropic).max()) > SAME_MATERIAL * first.max():
+        raise InputError(
+            f"{goal!r}: within the radius the material has to be one isotropic material; give a"
+            " smaller radius."
+        )
+    return np.asarray(first)
+
+
+def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
+    """Return what tractions on the faces add [force/length^1.5]; collective."""
+    model = error.model
+    total = BoundedNumber(0.0)
+    for load in model.surface_loads:
+        facets = model.domain.owned_facets(load.facets)
+        density = partial(_of_load, model, Everywhere(load.density, model.mesh), facets)
+        value, _ = _on_faces(model, frame, facets, density)
+        total += BoundedNumber(value, 0.0, value == 0.0 or not load.varies)
+    for traction in error.admissible.tractions:
+        trace = traction.contact.trace
+        here = trace.here
+        for side, sign in ((trace.here, 1.0), (trace.there, -1.0)):
+            if side is None:
+                continue
+            density = partial(_of_contact, model.degree, sign * traction.values[here.owned])
+            value, size = _on_faces(model, frame, side.facets[here.owned], density)
+            total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
+    return total
+
+
+def _on_faces(
+    model: Model, frame: _Frame, facets: np.ndarray, density: Density
+) -> tuple[float, float]:
+    """Integrate tractions against the weight of the faces; collective.
+
+    With ``rho = s^2`` the weight has no singularity.
+
+    Args:
+        model: The scene on a mesh.
+        frame: The frame of the tip.
+        facets: Facets (cell, local facet), each on one rank, shape (f, 2).
+        density: The tractions.
+
+    Returns:
+        The integral, and the integral of the size of the tractions [force/length^1.5].
+    """
+    goal = frame.goal
+    corners = model.facet_corners(facets)
+    chosen = np.flatnonzero(frame.near(corners) & frame.on_faces(corners))
+    middles = model.cell_corners()[facets[chosen, 0]].mean(axis=1)
+    side = np.sign(frame.at(middles)[:, 1])
+    unit = frame.aside if goal.mode == "I" else frame.forward
+    ends = -frame.at(corners[chosen])[..., 0]
+    points, weights = rule(1, DEGREE_OF_FACES)
+    inner = INNER_SHARE * goal.radius
+    totals = np.zeros(2)
+    for low, high in ((0.0, inner), (inner, goal.radius)):
+        roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
+        width = roots[:, 1:] - roots[:, :1]
+        rho = (roots[:, :1] + width * points[:, 0]) ** 2
+        share = (rho - ends[:, :1]) / (ends[:, 1:] - ends[:, :1])
+        eta, _, _ = cut_off(np.maximum(rho, inner), goal.radius)
+        weight = np.sqrt(2 / np.pi) * eta * width * weights
+        values = density(chosen, share)
+        totals[0] += (weight * side[:, None] * (values @ unit)).sum()
+        totals[1] += (weight * np.linalg.norm(values, axis=-1)).sum()
+    value, size = model.comm.allreduce(totals, MPI.SUM)
+    return float(value), float(size)
+
+
+def _of_load(
+    model: Model, density: Everywhere, facets: np.ndarray, chosen: np.ndarray, share: np.ndarray
+) -> np.ndarray:
+    """Return a load on some of its facets, see :data:`Density`."""
+    x = np.matmul(_barycentric(share), model.facet_corners(facets[chosen]))
+    return density(x, facets[chosen])
+
+
+def _of_contact(
+    degree: int, values: np.ndarray, chosen: np.ndarray, share: np.ndarray
+) -> np.ndarray:
+    """Return a traction by its coefficients, shape (f, m, 2), see :data:`Density`."""
+    return np.asarray(np.matmul(polynomials(degree, _barycentric(share)), values[chosen]))
+
+
+def _barycentric(share: np.ndarray) -> np.ndarray:
+    """Return barycentric coordinates of shares of the way along facets, (n, q, 2)."""
+    return np.stack([1 - share, share], axis=-1)

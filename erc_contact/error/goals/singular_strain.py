@@ -1,0 +1,150 @@
+"""A given strain whose work with the stress is a stress intensity factor.
+
+At the tip of a crack with faces along theta = +-pi, in the frame of its direction, let
+u- be the derivative along the direction of the displacement that has the factor 1 of a
+mode, and no other one. Its stress is in equilibrium and leaves the faces free. By
+Betti's theorem on a ring around the tip,
+
+    K = E'/2 oint (sigma(u-) n . u - sigma(u) n . u-),
+
+which is the interaction integral. Let eta be 1 near the tip and 0 outside a radius, and
+T the stress with eta times the stress function of u-. T is in equilibrium, too, and
+leaves the faces free. So, without loads within the radius,
+
+    K = int sigma(u) : G,    G = E'/2 (eps(eta u-) - C^-1 T).
+
+G is zero where eta is constant. The energy of a body with the given strain t G falls by
+t K at first: K is its derivative, as the other goals are.
+
+With Kolosov's kappa, ``w = 2 mu u-`` and the stress function A of u-,
+
+    G = 2/(kappa + 1) (sym(grad eta (x) w) - T' + (3 - kappa)/4 tr(T') I),
+
+and T' is what A has in T where eta varies. Here w and A are made of ``phi' = P + i Q``:
+``a/(2 sqrt(z))`` with ``a = 1/sqrt(2 pi)`` for mode I, ``-i/sqrt(2 pi)`` for mode II.
+
+Source: Muskhelishvili's potentials; Stern, Becker, Dunham (1976) for the ring; the
+stress function with a cut-off, which needs no body force, is ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import ufl
+
+from erc_contact.base.ufl_types import Ufl
+
+INNER_SHARE = 0.25
+"""Share of the radius up to which eta is 1 [-]."""
+SIZE = 2.9
+"""Norm of G over ``sqrt(E'/radius)``, as measured for all materials [-]."""
+PSI_SHARES = {"I": 0.5, "II": -1.5}
+"""Ratio of the potentials psi and phi of a mode [-]."""
+
+
+@dataclass(frozen=True)
+class SingularStrain:
+    """Declare the given strain ``t G`` of a crack tip.
+
+    Args:
+        mode: "I" or "II".
+        amount: t.
+        tip_x: Position of the tip [length].
+        tip_y: Likewise.
+        cosine: Direction in which the crack points, a unit vector.
+        sine: Likewise.
+        radius: Radius beyond which it is zero [length].
+        kappa: Kolosov's constant, ``3 - 4 nu`` with plane strain [-].
+    """
+
+    mode: str
+    amount: float
+    tip_x: float
+    tip_y: float
+    cosine: float
+    sine: float
+    radius: float
+    kappa: float
+
+    region: ClassVar[None] = None
+    parameters: ClassVar[tuple[str, ...]] = (
+        "amount",
+        "tip_x",
+        "tip_y",
+        "cosine",
+        "sine",
+        "radius",
+        "kappa",
+    )
+
+    def strain(self, x: Ufl, **parameters: Ufl) -> Ufl:
+        """Return ``t G``, UFL, shape (2, 2)."""
+        amount, tip_x, tip_y, c, s, radius, kappa = (parameters[name] for name in self.parameters)
+        to_x, to_y = x[0] - tip_x, x[1] - tip_y
+        forward, aside = c * to_x + s * to_y, c * to_y - s * to_x
+        # At both edges of the ring G is zero, and so it is beyond them.
+        distance = ufl.sqrt(forward**2 + aside**2)
+        r = ufl.max_value(ufl.min_value(distance, radius), INNER_SHARE * radius)
+        local = _local(self.mode, kappa, forward / r, aside / r, r, radius)
+        turn = ufl.as_matrix([[c, -s], [s, c]])
+        return 2 / (kappa + 1) * amount * (turn * local * turn.T)
+
+
+def _local(mode: str, kappa: Ufl, cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl) -> Ufl:
+    """Return G without its factor in the frame of the crack, see above.
+
+    Args:
+        mode: "I" or "II".
+        kappa: Kolosov's constant.
+        cosine: Cosine of theta.
+        sine: Its sine.
+        r: Distance from the tip [length].
+        radius: Where eta is zero [length].
+    """
+    P, Q = potential(mode, cosine, sine, r)
+    b = PSI_SHARES[mode]
+    cosine_2, sine_2 = cosine**2 - sine**2, 2 * cosine * sine
+    # kappa phi' - conj(phi') - z conj(phi'') - conj(psi')
+    alpha, beta = 1 + b - cosine_2 / 2, sine_2 / 2
+    w = ufl.as_vector([kappa * P - alpha * P + beta * Q, kappa * Q + beta * P + alpha * Q])
+    A = r * ((3 + 2 * b) * cosine * P - (1 + 2 * b) * sine * Q)
+    of_A = ufl.as_vector(
+        [
+            (2 + b) * P - (cosine_2 * P + sine_2 * Q) / 2,
+            (cosine_2 * Q - sine_2 * P) / 2 - b * Q,
+        ]
+    )
+    _, slope, curvature = cut_off(r, radius)
+    outward = ufl.as_vector([cosine, sine])
+    radial = ufl.outer(outward, outward)
+    identity = ufl.Identity(2)
+    of_eta = slope * outward
+    second = curvature * radial + slope / r * (identity - radial)
+    hessian = A * second + ufl.outer(of_eta, of_A) + ufl.outer(of_A, of_eta)
+    T = ufl.as_matrix([[hessian[1, 1], -hessian[0, 1]], [-hessian[0, 1], hessian[0, 0]]])
+    return ufl.sym(ufl.outer(of_eta, w)) - T + (3 - kappa) / 4 * ufl.tr(T) * identity
+
+
+def potential(mode: str, cosine: Ufl, sine: Ufl, r: Ufl) -> tuple[Ufl, Ufl]:
+    """Return the real and the imaginary part of phi' [1/sqrt(length)]."""
+    half = ufl.atan2(sine, cosine) / 2
+    size = 1 / (2 * ufl.sqrt(2 * ufl.pi * r))
+    if mode == "I":
+        return size * ufl.cos(half), -size * ufl.sin(half)
+    return -size * ufl.sin(half), -size * ufl.cos(half)
+
+
+def cut_off(r: Any, radius: Any) -> tuple[Any, Any, Any]:
+    """Return eta and its first and second derivative in the ring and at its edges.
+
+    ``eta = 1 - 35 s^4 + 84 s^5 - 70 s^6 + 20 s^7``, s from 0 to 1 across the ring:
+    three derivatives vanish at its edges, so that G has no kinks there.
+    """
+    width = (1 - INNER_SHARE) * radius
+    s = (r - INNER_SHARE * radius) / width
+    eta = 1 - s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
+    slope = -140 * (s * (1 - s)) ** 3 / width
+    curvature = -420 * (s * (1 - s)) ** 2 * (1 - 2 * s) / width**2
+    return eta, slope, curvature
