@@ -24,7 +24,9 @@ friction or a given one.
 
 ``sprung``: the same with springs on the sides. ``turned``: see ``attack_springs.py``.
 
-``foundations``: the same on compliant foundations.
+``foundations``: the same on compliant foundations; ``tangential``: on foundations that
+give way tangentially, half of them along the normal, too, with given friction;
+``layers``: with such a layer between two bodies.
 
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
 ``attack_certificates.py``; ``plates``: see ``attack_plates.py``, ``pairs``: see
@@ -307,6 +309,42 @@ def foundations(seed: int = 0, count: int = 50) -> None:
     compared_blocks(seed, count, bedded)
 
 
+def tangential(seed: int = 0, count: int = 50) -> None:
+    """Print the same of blocks on foundations that give way tangentially."""
+    compared_blocks(seed, count, tangentially_bedded)
+
+
+def tangentially_bedded(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
+    """Put a block on a foundation that gives way tangentially, with given friction."""
+    sheared = random_foundation(rng)["foundation"].normal
+    bed = random_foundation(rng)
+    normal = bed["foundation"].normal if rng.random() < 0.5 else None
+    bed["foundation"] = ec.Foundation(normal, tangential=sheared)
+    friction = ec.Tresca(float(rng.uniform(0.001, 0.02)))
+    contact = replace(scene.contacts[0], friction=friction, **bed)
+    return replace(scene, contacts=[contact])
+
+
+def layers(seed: int = 0, count: int = 50) -> None:
+    """Print the same of two blocks of height 1/2 with such a layer between them."""
+    cases: list[Case] = []
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        scene, _, degree = given_friction(rng)
+        scene = tangentially_bedded(rng, scene)
+        columns, rows = (int(cells) for cells in rng.integers(1, 5, 2))
+        halves = {}
+        for name, y in (("lower", 0.0), ("upper", 0.5)):
+            halves[name] = ec.rectangle((0.0, y), (1.0, y + 0.5), cells=(columns, rows))
+        domain = ec.assembly(halves).joined("lower top", "upper bottom")
+        between = replace(scene.contacts[0], facets="upper bottom", against="lower top")
+        top = replace(scene.supports[0], facets="upper top")
+        held = ec.Displacement("lower bottom", (0.0, 0.0))
+        scene = replace(scene, supports=[top, held], contacts=[between])
+        cases.append((scene, domain, degree, None))
+    compared(cases)
+
+
 def tightening(seed: int = 0, count: int = 60) -> None:
     """Print how near the default tightening comes to the least error."""
     print(summary_of_tightening(tightened(seed, count)), flush=True)
@@ -340,6 +378,8 @@ TASKS: dict[str, Callable[..., None]] = {
         turned,
         rigid,
         foundations,
+        tangential,
+        layers,
         tightening,
         plane,
         space,

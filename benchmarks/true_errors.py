@@ -118,7 +118,17 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
     facet_tags = dmesh.meshtags_from_entities(fine, d - 1, graph.adjacencylist(found), values)
     origin = (fine.topology.original_cell_index // (d + 1)).astype(np.int32)
     cell_tags = dmesh.meshtags(fine, d, np.arange(len(origin), dtype=np.int32), origin)
-    result = ec.Domain(fine, facet_tags, domain.names, cell_tags)
+    places = None
+    if domain.places is not None:
+        # Corners of the parts are corners of the old cell, or its middle.
+        known, own = (
+            np.concatenate([of_cells, of_cells.mean(axis=1, keepdims=True)], axis=1)[origin]
+            for of_cells in (x[cells], domain.places)
+        )
+        new = fine.geometry.x[cell_nodes(fine.geometry), :d]
+        nearest = np.linalg.norm(known[:, None] - new[:, :, None], axis=3).argmin(axis=2)
+        places = np.take_along_axis(own, nearest[..., None], axis=1)
+    result = ec.Domain(fine, facet_tags, domain.names, cell_tags, places=places)
     for _ in range(levels):
         result = result.refined()
     assert result.cell_tags is not None
@@ -131,7 +141,9 @@ def _nested_bodies(glued: ec.Domain, seams: Seams, levels: int) -> tuple[ec.Doma
     assert glued.cell_tags is not None
     cells = np.arange(len(origin), dtype=np.int32)
     tags = tags_of(fine.mesh, fine.dim, cells, tag_table(glued.cell_tags)[origin])
-    named = ec.Domain(fine.mesh, fine.facet_tags, fine.names, tags, glued.regions)
+    named = ec.Domain(
+        fine.mesh, fine.facet_tags, fine.names, tags, glued.regions, places=fine.places
+    )
     bodies = named.cut(seams.interfaces)
     assert bodies.seams is not None
     split_cell = np.empty_like(seams.cells)

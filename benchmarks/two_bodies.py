@@ -9,6 +9,9 @@ which the theorem says is at least 1 but for Coulomb's friction; "index" is e ov
 augmented Lagrangian of degree 2 on a mesh that cuts the cells as sigma^ does and
 refines them three times, in space once.
 
+``apart``: half a cylinder in a groove, or two bricks, in the plane. Both bodies keep
+their shapes across a clearance or an interference, and have facets of other sizes.
+
 ``three``: three random bodies that meet at a point, in the plane, by both methods. A
 multiplier keeps no condition exactly at such a point, so the reference is Nitsche's,
 whose own error counts.
@@ -32,7 +35,8 @@ from typing import Any
 
 import erc_contact as ec
 
-import numpy as np  # isort: skip - after erc_contact, which loads MPI first
+import gmsh  # isort: skip - after erc_contact, which loads MPI first
+import numpy as np  # isort: skip
 from attack_families import scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from bricks import NAMES, PAIRS, bricks, joint  # isort: skip
@@ -161,6 +165,83 @@ def random_joint(rng: np.random.Generator, method: Any = METHODS[0]) -> Case:
     moduli = ", ".join(f"{value:.2g}" for value in E.values())
     name = f"{cells} x {cells} cells, E {moduli}, {law}, degree {degree}"
     return Case(name, law, scene, joint(2, 3, cells), degree, method)
+
+
+def random_apart(rng: np.random.Generator, _: int) -> Case:
+    """Make two bodies that keep their shapes, pressed on each other and pushed."""
+    kind = str(rng.choice(["bricks", "groove"]))
+    sizes = tuple(float(size) for size in rng.uniform(0.25, 0.8, 2))
+    distance = float(rng.uniform(-0.02, 0.1))
+    E = {"upper": 1.0, "lower": float(10 ** rng.uniform(-2.0, 2.0))}
+    nu = {body: float(rng.uniform(-0.3, 0.45)) for body in E}
+    press = float(rng.uniform(0.005, 0.03))
+    law = str(rng.choice(["none", "Tresca", "Coulomb"]))
+    friction: Any = {
+        "none": 0.0,
+        "Tresca": ec.Tresca(float(rng.uniform(0.05, 0.5)) * press * min(E.values())),
+        "Coulomb": float(rng.uniform(0.0, 1.0)),
+    }[law]
+    radius = 1.0 + float(rng.uniform(0.01, 0.1))
+    domain = drawn_apart(kind, sizes, distance, radius)
+    push = float(rng.uniform(-0.3, 0.3)) * press
+    supports = [
+        ec.Displacement("upper top", (push, -press - max(distance, 0.0))),
+        ec.Displacement("lower bottom", (0.0, 0.0)),
+    ]
+    first, second = ("upper side", "lower side")[:: int(rng.choice([-1, 1]))]
+    # Normals that turn would be others on the finer mesh of the reference.
+    normal = (0.0, -1.0 if first == "upper side" else 1.0)
+    contact = ec.Contact(first, against=second, friction=friction, normal=normal)
+    scene = ec.Scene(ec.Elastic(E, nu), supports, [], [contact])
+    degree = int(rng.integers(1, 3))
+    method = METHODS[int(rng.integers(len(METHODS)))]
+    name = (
+        f"{kind}, facets {sizes[0]:.2f}, {sizes[1]:.2f}, {distance:.3f} apart, radius "
+        f"{radius:.3f}, E {E['lower']:.2g}, nu {nu['upper']:.2f}, {nu['lower']:.2f}, {law}, "
+        f"{first} first, degree {degree}, {type(method).__name__}"
+    )
+    return Case(name, law, scene, domain, degree, method)
+
+
+def drawn_apart(kind: str, sizes: tuple[float, ...], distance: float, radius: float) -> ec.Domain:
+    """Make bricks, or half a cylinder of radius 1 above a groove, a distance apart."""
+    bodies = {}
+    heights = {"upper": (distance - 1.0, distance), "lower": (-2.5, -1.0)}
+    middles = {"upper": distance, "lower": radius - 1.0}
+    if kind == "groove":
+        heights["lower"] = (-2.5, -0.5)
+    for name, size in zip(heights, sizes, strict=True):
+        low, high = heights[name]
+        width = 1.0 if name == "upper" else 2.0
+        r = 1.0 if name == "upper" else radius
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        body = [(2, occ.addRectangle(-width, low, 0.0, 2 * width, high - low))]
+        if kind == "groove":
+            disc = [(2, occ.addDisk(0.0, middles[name], 0.0, r, r))]
+            body = (occ.intersect if name == "upper" else occ.cut)(body, disc)[0]
+        occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        facing = low if name == "upper" else high
+        side: Any = ec.where(y=facing)
+        if kind == "groove":
+            side = partial(_on_circle, middles[name], r)
+        other = ("top", ec.where(y=high)) if name == "upper" else ("bottom", ec.where(y=low))
+        bodies[name] = ec.from_gmsh(gmsh.model, parts=dict([("side", side), other]))
+        gmsh.finalize()
+    greatest = 1.2 * (abs(distance) + radius - 1.0) + 0.02
+    return ec.assembly(bodies).joined("upper side", "lower side", apart=greatest)
+
+
+def _on_circle(middle: float, radius: float, x: np.ndarray) -> np.ndarray:
+    """Tell which points lie on a circle about a point of the second axis."""
+    return np.isclose(np.hypot(x[0], x[1] - middle), radius)
+
+
+def apart(seed: int = 0, count: int = 40) -> None:
+    """Print the same for bodies that keep their shapes."""
+    compare(seed, count, 2, random_apart)
 
 
 def three(seed: int = 0, count: int = 50) -> None:
@@ -317,7 +398,7 @@ def extreme_bricks(d: int, cells: tuple[int, ...], heights: tuple[float, float])
 
 
 TASKS: dict[str, Callable[..., None]] = {
-    task.__name__: task for task in (plane, space, three, extreme, extreme_space)
+    task.__name__: task for task in (plane, space, apart, three, extreme, extreme_space)
 }
 
 

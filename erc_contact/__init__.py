@@ -61,6 +61,7 @@ from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.goal import (
+    BoltForce,
     Energy,
     Functional,
     MeanDisplacement,
@@ -68,6 +69,7 @@ from erc_contact.scene.goal import (
     Opening,
     Resultant,
     Rotation,
+    Shortening,
     Slip,
     StressIntensity,
 )
@@ -89,6 +91,7 @@ __all__ = [
     "Admissible",
     "AugmentedLagrangian",
     "BodyForce",
+    "BoltForce",
     "Bounds",
     "Certificate",
     "ConstitutiveError",
@@ -127,6 +130,7 @@ __all__ = [
     "Rigid",
     "Rotation",
     "Scene",
+    "Shortening",
     "SizeMap",
     "Sizes",
     "Slip",

@@ -5,12 +5,12 @@ point, not only at nodes: if the Bernstein coefficients of a normal displacement
 below the coefficients of a bound, the displacement is below the bound
 (:mod:`erc_contact.admissible.limits`). Between two bodies this is said of the jump.
 
-A compliant foundation may be entered. There the normal displacement is set to where it
-lowers the error most.
+A compliant foundation may be entered, and gives way tangentially. There the
+displacement is set to where it lowers the error most.
 
-Symbols: n normal of the foundation, k its stiffness, r^ admissible contact traction, g
-gap, u^ displacement, s tangential displacement at the end of the last step of a history
-(zero without), m number of coefficients of a facet, which belong to its nodes.
+Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^
+displacement, s tangential displacement at the end of the last step of a history (zero
+without), m number of coefficients of a facet, which belong to its nodes.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from mpi4py import MPI
 from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
@@ -61,10 +62,10 @@ def admissible_displacement(
     Returns:
         u^ [length].
     """
-    hat = model.function()
-    hat.name = "displacement"
-    hat.x.array[:] = u.x.array
-    values = hat.x.array.reshape(-1, model.d)
+    u_hat = model.function()
+    u_hat.name = "displacement"
+    u_hat.x.array[:] = u.x.array
+    values = u_hat.x.array.reshape(-1, model.d)
     # Contacts with common nodes are set one after the other: by their names, so that
     # their order in the scene changes nothing.
     tractions = sorted(tractions, key=lambda traction: traction.contact.side_names[0])
@@ -81,10 +82,10 @@ def admissible_displacement(
     _limit_normal(values, free, tractions, limits)
     for traction, limit in zip(tractions, limits, strict=True):
         if traction.contact.trace.corner_normals is not None:
-            _limit_between_nodes(model, hat, free, traction.contact, limit)
+            _limit_between_nodes(model, u_hat, free, traction.contact, limit)
     model.to_coefficients(values, sides, back=True)
-    hat.x.scatter_forward()
-    return hat
+    u_hat.x.scatter_forward()
+    return u_hat
 
 
 def _set_status(
@@ -106,7 +107,9 @@ def _set_status(
     # The contact part of e^2 is a sum of these forces times displacements.
     weight = 2 * traction.area[:, None] / traction.nodes.shape[1]
     closing = limit.summed(-weight * traction.normal_component)
-    springs = _foundation_stiffness(model, traction, limit)
+    contact = traction.contact
+    springs = _foundation_stiffness(model, traction, limit, contact.stiffness)
+    tangential_springs = _foundation_stiffness(model, traction, limit, contact.tangential_stiffness)
     friction = limit.summed(weight * traction.friction_bound)
     tangential = weight[..., None] * traction.tangential_part
     by_component = [limit.summed(tangential[..., i]) for i in range(model.d)]
@@ -118,16 +121,20 @@ def _set_status(
         open_by = limit.bound[group] - limit.normal_displacement(values, group)
         if springs is None:
             closes = closing[group] * open_by > stiffness[group] * open_by**2
-            closed = group[closes | traction.contact.bilateral]
+            closed = group[closes | contact.bilateral]
             _move_normal(values, free, limit, closed, limit.bound[closed])
         else:
             entry = _best_entry(-open_by, closing[group], stiffness[group], springs[group])
             _move_normal(values, free, limit, group, limit.bound[group] + entry)
         _, slip, size = split(limit.jump(values, group) - before[group], n)
-        gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
-        sticks = gain > stiffness[group] * size**2
-        back = np.where(limit.mobile(free, group), -slip, 0.0)
-        limit.move(values, free, group[sticks], back[sticks])
+        of_group = shear[group], friction[group], stiffness[group]
+        if tangential_springs is None:
+            gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
+            sticks = gain > stiffness[group] * size**2
+            change = np.where(sticks[:, None], -slip, 0.0)
+        else:
+            change = _best_slide(slip, *of_group, tangential_springs[group]) - slip
+        limit.move(values, free, group, np.where(limit.mobile(free, group), change, 0.0))
 
 
 def _limit_normal(
@@ -158,7 +165,7 @@ def _limit_normal(
 
 
 def _limit_between_nodes(
-    model: Model, hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
+    model: Model, u_hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
 ) -> None:
     """Lower u_n where it exceeds the gap between nodes, in place; collective.
 
@@ -168,7 +175,7 @@ def _limit_between_nodes(
 
     Args:
         model: The scene on a mesh.
-        hat: u^ by coefficients on the contacts [length].
+        u_hat: u^ by coefficients on the contacts [length].
         free: Components that no support fixes, shape (nodes, d).
         contact: A contact whose normals turn.
         limit: Its limits.
@@ -176,12 +183,12 @@ def _limit_between_nodes(
     if contact.bilateral or contact.stiffness is not None:
         return
     trace = contact.trace
-    values = hat.x.array.reshape(-1, model.d)
+    values = u_hat.x.array.reshape(-1, model.d)
     corners = trace.normals_at_vertices
     least_cosine = np.einsum("fid,fjd->fij", corners, corners).min(axis=(1, 2), initial=1.0)
     for _ in range(TURNING_PASSES):
         # A rank does not see all facets at the nodes of others.
-        hat.x.scatter_forward()
+        u_hat.x.scatter_forward()
         excess = excess_over_gap(model, contact, trace.of(values))
         if not model.comm.allreduce(bool(excess.any()), MPI.LOR):
             break
@@ -215,6 +222,37 @@ def _best_entry(
     return share * pressed
 
 
+def _best_slide(
+    slide: np.ndarray,
+    shear: np.ndarray,
+    friction: np.ndarray,
+    stiffness: np.ndarray,
+    springs: np.ndarray,
+) -> np.ndarray:
+    """Return the best tangential displacements where a foundation gives way [length].
+
+    They are ``z = u_t - s`` at nodes. A change of z raises the bulk part of e^2 by
+    about S times its square. The contact part is ``T.z + K |z|^2`` and a constant up to
+    ``K |z| = F/2``, and ``T.z + F |z|`` and a constant beyond. The least sum has the
+    direction of ``y = z - T/(2 S)``, and the length ``S/(S + K) |y|`` where it sticks
+    and ``|y| - F/(2 S)`` where it slips, which is the longer one.
+
+    Args:
+        slide: z of u [length], shape (c, d).
+        shear: T, twice the force of the shear at the node [force], shape (c, d).
+        friction: F, twice the force of the friction bound [force], shape (c,).
+        stiffness: S [force/length], shape (c,).
+        springs: K [force/length], shape (c,).
+    """
+    best = slide - shear / (2 * stiffness[:, None])
+    length = np.linalg.norm(best, axis=1)
+    slips = length - friction / (2 * stiffness)
+    sticks = stiffness / (stiffness + springs) * length
+    longer = np.maximum(slips, sticks)
+    share = np.divide(longer, length, out=np.zeros_like(length), where=length > 0)
+    return share[:, None] * best
+
+
 def _move_normal(
     values: np.ndarray, free: np.ndarray, limit: Limits, group: np.ndarray, w_n: np.ndarray
 ) -> None:
@@ -243,16 +281,16 @@ def _slip_before(traction: ContactTraction, limit: Limits) -> np.ndarray:
 
 
 def _foundation_stiffness(
-    model: Model, traction: ContactTraction, limit: Limits
+    model: Model, traction: ContactTraction, limit: Limits, stiffness: Ufl | None
 ) -> np.ndarray | None:
-    """Return the share of each limit in k of the foundation [force/length].
+    """Return the share of each limit in a stiffness of the foundation [force/length].
 
-    None on a rigid foundation, else shape (c,); collective.
+    None where it is rigid, else shape (c,); collective.
     """
-    contact = traction.contact
-    if contact.stiffness is None:
+    if stiffness is None:
         return None
-    at_nodes = evaluate(contact.stiffness, model.mesh, model.facet_points, contact.facets)
+    facets = traction.contact.facets
+    at_nodes = evaluate(stiffness, model.mesh, model.facet_points, facets)
     share = traction.area[:, None] / traction.nodes.shape[1]
     return limit.summed(share * at_nodes)
 

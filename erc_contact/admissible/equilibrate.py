@@ -211,11 +211,11 @@ def _make_pair(
     """
     cells = data.cells
     model = data.solution.model
-    hat, tractions, balanced, boundary = _before_tightening(data, others)
+    u_hat, tractions, balanced, boundary = _before_tightening(data, others)
     given = Reconstruction(
         model=model,
         cells=cells,
-        displacement=hat,
+        displacement=u_hat,
         balanced=balanced.stress,
         force=data.force,
         boundary=boundary,
@@ -235,7 +235,7 @@ def _make_pair(
         of_springs = chosen_tractions(model, data.loads, bulk.moment)
     pair = Admissible(
         solution=data.solution,
-        displacement=hat,
+        displacement=u_hat,
         tractions=tractions,
         spring_tractions=of_springs,
         cell_geometry=cells,
@@ -270,9 +270,9 @@ def _before_tightening(
         tractions = _of_owners(model, cells, tractions)
     # A support takes up the load on its components.
     boundary = np.where(fixed[:, None, :], 0.0, data.loads)
-    hat = solution.u
+    u_hat = solution.u
     if tractions:
-        hat = admissible_displacement(model, solution.u, tractions)
+        u_hat = admissible_displacement(model, solution.u, tractions)
     for traction in tractions:
         of_contact = moments(traction.area, traction.values, model.degree)
         trace = traction.contact.trace
@@ -286,7 +286,7 @@ def _before_tightening(
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
         boundary += np.where(fixed[:, None, :], 0.0, pulled)
-    return hat, tractions, balanced, boundary
+    return u_hat, tractions, balanced, boundary
 
 
 def _of_owners(

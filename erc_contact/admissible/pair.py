@@ -26,8 +26,8 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import coefficients
-from erc_contact.model.meridian import per_area
+from erc_contact.mesh.simplex import coefficients, measures
+from erc_contact.model.meridian import area_ratio, per_area
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 
@@ -120,22 +120,26 @@ class Admissible:
     def per_area(self, traction: ContactTraction) -> ContactTraction:
         """Return a traction for pictures and files [force/area].
 
-        On rings it interpolates the traction at the nodes of facets, else it is itself.
+        It is the traction on the side that the scene names first. On rings it
+        interpolates the traction at the nodes of facets.
         """
         model = self.model
-        if not model.axisymmetric:
-            return traction
         corners = traction.contact.trace.here.corners
+        named = traction.contact.named_corners
+        share = area_ratio(model, corners, named, model.facet_points)[..., None]
         to_coefficients = coefficients(model.d - 1, model.degree)
 
         def shown(values: np.ndarray) -> np.ndarray:
-            nodal = per_area(model, corners, values, model.facet_points)
+            if not model.axisymmetric:
+                return share * values
+            nodal = share * per_area(model, corners, values, model.facet_points)
             return np.matmul(to_coefficients, nodal)
 
         bound = traction.friction_bound
         if np.isfinite(bound).all():
             bound = shown(bound[..., None])[..., 0]
-        return replace(traction, values=shown(traction.values), friction_bound=bound)
+        values = shown(traction.values)
+        return replace(traction, area=measures(named), values=values, friction_bound=bound)
 
     def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
         """Return the measure of the body for forms with sigma^, UFL.

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from erc_contact.mesh.simplex import averages, barycentric, lagrange, rule
 from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.expressions import Everywhere
+from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.jumps import jumps
 from erc_contact.model.space import Space
@@ -129,10 +129,26 @@ def shift_by_slip(
     if not contact.bilateral:
         opening = np.maximum(gap_at_nodes(space, contact) @ shape.T - w_n, 0.0)
     stiffness = contact.trace.stiffness[:, None]
-    slip = stiffness[..., None] * np.matmul(average, w_t)
-    mean_path = stiffness * length @ average.T
+    along = _tangential_stiffness(space, contact)[:, None]
+    slip = along[..., None] * np.matmul(average, w_t)
+    mean_path = along * length @ average.T
     mean_opening = stiffness * opening @ average.T
     return Shift(slip, mean_path, mean_opening, n)
+
+
+def _tangential_stiffness(space: Space, contact: ContactOnMesh) -> np.ndarray:
+    """Return E/h of the facets, in a row with what the foundation gives way, (f,).
+
+    A change of the traction adds ``|dr|^2/k_t`` to the contact part of e^2, too.
+    """
+    stiffness = contact.trace.stiffness
+    if contact.tangential_stiffness is None:
+        return stiffness
+    at_nodes = evaluate(
+        contact.tangential_stiffness, space.mesh, space.facet_points, contact.facets
+    )
+    k = at_nodes.mean(axis=1)
+    return k * stiffness / (k + MOBILITY * stiffness)
 
 
 def shift_of_far_open(

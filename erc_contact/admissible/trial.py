@@ -24,7 +24,7 @@ from erc_contact.mesh.simplex import (
     projection,
     rule,
 )
-from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.contact_values import friction_parameters, spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONSTANT
@@ -206,6 +206,11 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     project = projection(space.d - 1, degree, points, weights)
     average = averages(space.d - 1, degree, points, weights)
     since_last_step = contact.trace.since(solution.u.x.array)
+    if contact.tangential_stiffness is not None:
+        # The slip is what the foundation does not give way.
+        places = space.facet_points
+        r = evaluate(solution.traction(contact), space.mesh, places, contact.facets)
+        since_last_step = since_last_step - spring_displacement(space, contact, r, places)
     shift = shift_by_slip(space, contact, since_last_step, turning)
     sampled = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
     if turning is None:

@@ -52,7 +52,8 @@ for the body with flat facets.
 Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t -
 s| with the given friction bound b; s is the tangential displacement at the end of the
 last step of a history, which is zero without history. The energies of springs and of
-compliant foundations are part of J.
+compliant foundations are part of J; where these give way tangentially, b acts on the
+slip alone.
 
 Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits,
 Hild, Hjiaj, (16), for e.
@@ -176,7 +177,7 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     J = stored - load_work(model, u)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
-        J += foundation_energy(model, traction.contact, u, 2 * ROUND_OFF * stored.value)
+        J += foundation_energy(model, traction, u, 2 * ROUND_OFF * stored.value)
     facets = error.geometry_error**2 / 2
     # The round-off of strains does work on the stresses.
     unknown = J.bound + error.round_off * (error.scale + error.absolute)

@@ -69,6 +69,7 @@ from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import profile
 from erc_contact.results.stresses import mean_stress
+from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.scene.potential import refuse_potential
 
 
@@ -210,6 +211,10 @@ class ConstitutiveError:
     def profile(self, contact: str) -> np.ndarray:
         """Return a profile, see :func:`erc_contact.results.profile`; collective."""
         return profile(self.admissible, contact)
+
+    def gap_deviation(self, contact: str) -> float:
+        """Return :func:`erc_contact.results.gap_deviation` [length]; collective."""
+        return gap_deviation(self.admissible, contact)
 
     def at(self, points: Any) -> Values:
         """Return values at points, see :func:`erc_contact.results.at`; collective."""

@@ -2,8 +2,8 @@
 
 Symbols: r^ and w admissible traction and displacement on the contact, n normal, g gap,
 b friction bound, s tangential displacement at the end of the last step of a history,
-which is zero without history. On a compliant foundation the normal part is the error in
-its law (:mod:`erc_contact.error.foundations`).
+which is zero without history. On a compliant foundation the term is the error in its
+law (:mod:`erc_contact.error.foundations`).
 
 Source: Coorevits, Hild, Hjiaj, equation (16); the gap g, the general bound and s are
 ours.
@@ -19,7 +19,13 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.contact_term import cancelled, contact_density, law_sum
+from erc_contact.error.contact_term import (
+    cancelled,
+    contact_density,
+    law_sum,
+    slider_of,
+    spring_of,
+)
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
@@ -33,7 +39,7 @@ from erc_contact.model.kinks import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import sums_of_cells
 from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import split
+from erc_contact.model.trace import Trace, split
 
 CONTACT_DEGREE = 21
 """Quadrature degree where the integrand is smooth, but no polynomial.
@@ -47,7 +53,7 @@ class ContactSquares(NamedTuple):
 
     Attributes:
         parts: Twice the contact term on each facet, 0 for ghosts, shape (f,).
-        both: Square of the sum of both pressures of a compliant foundation, likewise; 0
+        both: Square of the sum of both tractions of a compliant foundation, likewise; 0
             on a rigid one.
         gaps: Square of the oscillation of the gap on this rank.
         friction: Square of the oscillation of the friction bound.
@@ -59,16 +65,16 @@ class ContactSquares(NamedTuple):
     friction: float = 0.0
 
 
-def contact_parts(model: Model, hat: fem.Function, traction: ContactTraction) -> np.ndarray:
+def contact_parts(model: Model, u_hat: fem.Function, traction: ContactTraction) -> np.ndarray:
     """Integrate twice the contact term over each facet [force length]; collective.
 
     Facets of ghosts get 0.
     """
-    return contact_squares(model, hat, traction, 0.0).parts
+    return contact_squares(model, u_hat, traction, 0.0).parts
 
 
 def contact_squares(
-    model: Model, hat: fem.Function, traction: ContactTraction, floor: float
+    model: Model, u_hat: fem.Function, traction: ContactTraction, floor: float
 ) -> ContactSquares:
     """Compute the contact part of each facet, and oscillations; collective.
 
@@ -81,7 +87,7 @@ def contact_squares(
 
     Args:
         model: The scene on a mesh.
-        hat: The admissible displacement u^ [length].
+        u_hat: The admissible displacement u^ [length].
         traction: r^ on the contact.
         floor: What the integrals may leave unknown [force length].
     """
@@ -89,11 +95,11 @@ def contact_squares(
     friction = contact.friction
     trace = contact.trace
     area = trace.here.owned_areas
-    of_w = trace.coefficients(trace.of(hat.x.array))
+    of_w = trace.coefficients(trace.of(u_hat.x.array))
     of_s = trace.coefficients(trace.of_before)
-    both = cancelled(trace, hat.x.array)
+    both = cancelled(trace, u_hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
-    if contact.varies or concave or contact.stiffness is not None:
+    if contact.varies or concave or contact.is_compliant:
         return _adapted_squares(model, traction, of_w, of_s, area, floor, both)
     turns = trace.corner_normals is not None
     if friction is None and not turns:
@@ -117,13 +123,13 @@ def contact_squares(
 
 
 def contact_law_error(
-    model: Model, hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
+    model: Model, u_hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
 ) -> LawError:
     """Measure how far a pair is from the laws of all contacts; collective.
 
     Args:
         model: The scene on a mesh.
-        hat: The admissible displacement u^ [length].
+        u_hat: The admissible displacement u^ [length].
         tractions: r^ on each contact.
         floor: What the integral over each contact may leave unknown [force length].
     """
@@ -131,17 +137,22 @@ def contact_law_error(
     gaps = 0.0
     friction = 0.0
     for traction in tractions:
-        squares = contact_squares(model, hat, traction, floor)
+        squares = contact_squares(model, u_hat, traction, floor)
         trace = traction.contact.trace
-        of_cells = trace.share(np.maximum(squares.parts, 0.0))  # below 0 by round-off only
-        if trace.there is None:
-            gap += of_cells[: len(gap)]
-        else:
-            gap += sums_of_cells(model, of_cells)
-        both += trace.share(squares.both)[: len(both)]
+        # below 0 by round-off only
+        gap += _in_cells(model, trace, np.maximum(squares.parts, 0.0))
+        both += _in_cells(model, trace, squares.both)
         gaps += squares.gaps
         friction += squares.friction
     return LawError(gap, both, gaps=gaps, friction=friction)
+
+
+def _in_cells(model: Model, trace: Trace, of_facets: np.ndarray) -> np.ndarray:
+    """Add up values of facets (f,) in the cells that this rank owns; collective."""
+    of_cells = trace.share(of_facets)
+    if trace.there is None:
+        return of_cells[: model.domain.owned_cells]
+    return sums_of_cells(model, of_cells)
 
 
 def _means(
@@ -216,13 +227,14 @@ def _adapted_squares(
         r = np.matmul(shape, traction.values[facet])
         w = np.matmul(shape, of_w[facet])
         s = np.matmul(shape, of_s[facet])
-        r_n, _, friction = split(r, n)
+        r_n, r_t, friction = split(r, n)
         gap = data.gap(facet, x)
         normal = data.normal(facet, x, n)
         bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
         stiffness = data.stiffness(facet, x)
+        tangential = data.tangential_stiffness(facet, x)
         shared = both[facet]
-        density = contact_density(contact, n, r, w, s, gap, bound, stiffness, shared)
+        density = contact_density(contact, n, r, w, s, gap, bound, stiffness, tangential, shared)
 
         opening = (w * normal).sum(axis=-1) - gap
         beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
@@ -230,7 +242,10 @@ def _adapted_squares(
         if stiffness is not None:
             beyond = np.zeros(opening.shape)  # the foundation gives way
             entry = (w * n).sum(axis=-1) - gap
-            of_sum = law_sum(entry, np.maximum(-r_n, 0.0), stiffness)
+            of_sum += law_sum(*spring_of(entry, np.maximum(-r_n, 0.0), stiffness))
+        if tangential is not None:
+            _, slide, _ = split(w - s, n)
+            of_sum += law_sum(*slider_of(slide, r_t, bound, tangential))
         beyond = np.where(beyond <= least_gap, 0.0, beyond)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         turned = np.where(turned <= least_force, 0.0, turned)
@@ -262,7 +277,7 @@ def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
     Args:
         contact: The contact.
         total: Integrals of the contact term, of the oscillations of the gap and of the
-            friction bound, and of the sum of both pressures, on each facet.
+            friction bound, and of the sum of both tractions, on each facet.
     """
     parts, of_gap, of_friction, both = total.value.T
     parts_unknown = total.rest[:, 0]

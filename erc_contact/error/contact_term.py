@@ -2,13 +2,17 @@
 
 Symbols: r^ admissible contact traction, w u^ on the contact (between two bodies the
 jump), s displacement at the end of the last step of a history, g gap, p pressure, b
-friction bound, k stiffness of a compliant foundation.
+friction bound, k stiffness of a compliant foundation, k_n along its normal and k_t
+tangentially.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from erc_contact.admissible.cones import clip
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.trace import Trace, split
 
@@ -22,11 +26,13 @@ def contact_density(
     gap: np.ndarray | float,
     bound: np.ndarray,
     stiffness: np.ndarray | None = None,
+    tangential: np.ndarray | None = None,
     both: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Evaluate twice the contact term at points [force/length^(d-2)].
 
-    It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``.
+    It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, and on a compliant
+    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`.
 
     Args:
         contact: The contact.
@@ -37,8 +43,9 @@ def contact_density(
             [length], shape (n, q, d), or 0 without history.
         gap: The gap there [length], shape (n, q), or a number.
         bound: The friction bound there [force/area], shape (n, q).
-        stiffness: k of a compliant foundation there [force/length^3], shape (n, q);
-            None for a rigid one.
+        stiffness: k_n of a compliant foundation there [force/length^3], shape (n, q);
+            None where it is rigid.
+        tangential: k_t there, likewise.
         both: What :func:`cancelled` returns [length], shape (n, 1), or 0.
 
     Returns:
@@ -53,8 +60,10 @@ def contact_density(
     elif stiffness is None:
         density = r_n * (w_n - gap)
     else:
-        density = law_error(w_n - gap, np.maximum(-r_n, 0.0), stiffness)
-    if contact.friction is not None:
+        density = law_error(*spring_of(w_n - gap, np.maximum(-r_n, 0.0), stiffness))
+    if tangential is not None:
+        density += law_error(*slider_of(w_t, r_t, bound, tangential))
+    elif contact.friction is not None:
         density += bound * slip + (r_t * w_t).sum(axis=-1)
     # A difference of two works that are equal up to round-off is no error. Otherwise e
     # would stop at 1e-8 of the norm.
@@ -64,29 +73,75 @@ def contact_density(
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
 
-def law_error(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Evaluate the error in the law of a compliant foundation [force/length^(d-2)].
+class SpringLaw(NamedTuple):
+    """Hold a spring that carries what a convex set K allows, at points.
 
-    It is the left side of (F) in :mod:`erc_contact.error.foundations`, written without
-    cancellation.
+    Attributes:
+        pull: ``k d``, what the spring would carry alone at the displacement d
+            [force/area], shape (n, q, c).
+        allowed: P, the traction of K that is nearest to it, likewise: the law.
+        traction: t of K, likewise.
+        stiffness: k [force/length^3], shape (n, q).
+    """
+
+    pull: np.ndarray
+    allowed: np.ndarray
+    traction: np.ndarray
+    stiffness: np.ndarray
+
+
+def spring_of(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> SpringLaw:
+    """Return the spring of a foundation along its normal, which does not pull.
 
     Args:
-        entry: ``w_n - g``, how far the body enters the foundation [length].
-        pressure: p >= 0 [force/area].
-        stiffness: k [force/length^3].
+        entry: ``w_n - g``, how far the body enters the foundation [length], (n, q).
+        pressure: p >= 0 [force/area], (n, q).
+        stiffness: k_n [force/length^3], (n, q).
     """
-    touching = (stiffness * entry - pressure) ** 2 / (2 * stiffness)
-    lifted = pressure**2 / (2 * stiffness) - pressure * entry
-    return np.where(entry > 0, touching, lifted)
+    pull = (stiffness * entry)[..., None]
+    return SpringLaw(pull, np.maximum(pull, 0.0), pressure[..., None], stiffness)
 
 
-def law_sum(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Evaluate the square of the sum of both pressures [force/length^(d-2)].
+def slider_of(
+    slide: np.ndarray, r_t: np.ndarray, bound: np.ndarray, stiffness: np.ndarray
+) -> SpringLaw:
+    """Return the tangential spring of a foundation, which friction limits.
 
-    It is ``(p^ + k <w_n - g>_+)^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body. See
-    :func:`law_error` for the arguments.
+    Args:
+        slide: ``w_t - s`` [length], shape (n, q, d).
+        r_t: Tangential traction on the body, at most the bound [force/area], likewise.
+        bound: Friction bound b [force/area], shape (n, q).
+        stiffness: k_t [force/length^3], shape (n, q).
     """
-    return (pressure + stiffness * np.maximum(entry, 0.0)) ** 2 / stiffness
+    pull = stiffness[..., None] * slide
+    allowed = clip(pull, np.linalg.norm(pull, axis=-1), bound)
+    return SpringLaw(pull, allowed, -r_t, stiffness)
+
+
+def law_error(
+    pull: np.ndarray, allowed: np.ndarray, traction: np.ndarray, stiffness: np.ndarray
+) -> np.ndarray:
+    """Evaluate the error in the law of a spring with a limit [force/length^(d-2)].
+
+    It is ``(|t - P|^2/2 + (P - t).(k d - P))/k``, the left side of (F) in
+    :mod:`erc_contact.error.foundations` without cancellation. Both terms are >= 0: P is
+    the nearest point of a convex set that t is in. The arguments are in
+    :class:`SpringLaw`.
+    """
+    square = 0.5 * ((traction - allowed) ** 2).sum(axis=-1)
+    beyond = ((allowed - traction) * (pull - allowed)).sum(axis=-1)
+    return (square + beyond) / stiffness
+
+
+def law_sum(
+    pull: np.ndarray, allowed: np.ndarray, traction: np.ndarray, stiffness: np.ndarray
+) -> np.ndarray:
+    """Evaluate the square of the sum of both tractions [force/length^(d-2)].
+
+    It is ``|t + P|^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body. The arguments are in
+    :class:`SpringLaw`.
+    """
+    return ((traction + allowed) ** 2).sum(axis=-1) / stiffness
 
 
 def cancelled(trace: Trace, u: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ def small_slips(error: ConstitutiveError) -> dict[str, float]:
         return shares
     for contact in error.model.contacts:
         is_symmetry = contact.bilateral and contact.friction is None
-        if is_symmetry or contact.stiffness is not None:
+        if is_symmetry or contact.is_compliant:
             continue
         share = _share(error, contact)
         if share is not None and share < error.relative:

@@ -17,14 +17,14 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_integral import contact_integral
-from erc_contact.error.foundations import foundation_energies
+from erc_contact.error.foundations import Sliding, foundation_energies
 from erc_contact.error.load_work import assembled
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_data import ContactData
-from erc_contact.model.foundation import ContactOnMesh, pressures
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 
@@ -195,42 +195,58 @@ def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 
 
 def friction_work(
-    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+    model: Model,
+    traction: ContactTraction,
+    u: fem.Function,
+    floor: float,
+    end: ContactTraction | None = None,
 ) -> BoundedNumber:
     """Add up :func:`friction_works`; collective."""
     if traction.contact.friction is None:
         return BoundedNumber(0.0)
-    return BoundedNumber.summed(model.comm, friction_works(model, traction, u, floor))
+    return BoundedNumber.summed(model.comm, friction_works(model, traction, u, floor, end))
 
 
 def foundation_energy(
-    model: Model, contact: ContactOnMesh, u: fem.Function, floor: float
+    model: Model, traction: ContactTraction, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Add up :func:`foundation_energies`, 0 on a rigid foundation; collective."""
-    if contact.stiffness is None:
+    if not traction.contact.is_compliant:
         return BoundedNumber(0.0)
-    return BoundedNumber.summed(model.comm, foundation_energies(model, contact, u, floor))
+    return BoundedNumber.summed(model.comm, foundation_energies(model, traction, u, floor))
 
 
 def friction_works(
-    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+    model: Model,
+    traction: ContactTraction,
+    u: fem.Function,
+    floor: float,
+    end: ContactTraction | None = None,
 ) -> Integral:
-    """Compute ``int b(p^) |u_t - s|`` on each facet [force length]; collective.
+    """Compute ``int b(p^) |slip|`` on each facet [force length]; collective.
 
-    It is 0 for ghosts; s is of the last step. It is never below zero. The integrals may
-    leave their share or ``floor`` unknown.
+    The slip is ``u_t - s``, s of the last step, less what a foundation gives way. It is
+    0 for ghosts and never below zero. The integrals may leave their share or ``floor``
+    unknown.
+
+    Args:
+        model: The scene on a mesh.
+        traction: r^ on the contact, with its friction bound.
+        u: u^ [length].
+        floor: What the integrals may leave unknown.
+        end: The traction whose friction bound limits what a foundation gives way; by
+            default the same one.
     """
-    contact = traction.contact
-    data = ContactData(contact, model.mesh)
+    sliding = Sliding(model, traction)
+    at_end = sliding if end is None else Sliding(model, end)
 
     def density(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        pressure = pressures(np.matmul(shape, traction.values[facet]), n)
-        _, _, slip = split(w, n)
-        return data.bound(facet, x, pressure) * slip
+        slip = np.linalg.norm(at_end.slip(facet, shape, w, n, x), axis=-1)
+        return sliding.bound(facet, shape, n, x) * slip
 
-    return contact_integral(model, contact, u, density, floor)
+    return contact_integral(model, traction.contact, u, density, floor)
 
 
 def contact_work(

@@ -7,12 +7,11 @@ as before. The facets where they meet are made anew, and names and tags stay.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
@@ -52,6 +51,7 @@ class Member:
         first_tag: What is added to the tags of its parts.
         region_tags: Pairs of the tag of a region and its tag in the whole. The tag of
             :data:`NO_TAG` stands for all regions that are not among them.
+        first_mark: What is added to the marks of its curves or surfaces.
     """
 
     shape: Shape | None
@@ -59,6 +59,7 @@ class Member:
     regions: Mapping[str, int]
     first_tag: int
     region_tags: tuple[tuple[int, int], ...]
+    first_mark: int = 0
 
     def placed(self, plain: PlainMesh) -> PlainMesh:
         """Return the mesh of the body alone with the tags of the whole."""
@@ -68,7 +69,10 @@ class Member:
             if old != NO_TAG:
                 regions[plain.regions == old] = new
         tags = np.where(plain.tags == NO_TAG, NO_TAG, plain.tags + self.first_tag)
-        return replace(plain, regions=regions, tags=tags)
+        marks = plain.marks
+        if marks is not None:
+            marks = np.where(marks == NO_TAG, NO_TAG, marks + self.first_mark)
+        return replace(plain, regions=regions, tags=tags, marks=marks)
 
     def meshed(self, like: Bodies, sizes: SizeField) -> PlainMesh:
         """Mesh the body with its part of the sizes of the whole; collective."""
@@ -77,7 +81,8 @@ class Member:
         if len(self.regions) == 1:
             # A single region of the body is all of it.
             back = dict.fromkeys(back, next(iter(self.regions.values())))
-        labels = Labels(self.names, self.regions, curved=False)
+        curved = bool(getattr(self.shape, "curved", False))
+        labels = Labels(self.names, self.regions, curved)
         body = self.shape.meshed_by(like, sizes.in_regions(back), labels)
         return self.placed(gathered_mesh(body))
 
@@ -102,7 +107,7 @@ class Assembled:
 
     @property
     def curved(self) -> bool:
-        """Tell whether a body is curved: its facets are flat and not marked."""
+        """Tell whether a body is curved."""
         return any(bool(getattr(member.shape, "curved", False)) for member in self.members)
 
     def with_joint(self, glued: Bodies, joint: tuple[str, str, int, bool, float]) -> Assembled:
@@ -127,11 +132,10 @@ class Assembled:
         """
         comm = like.comm
         plains = [member.meshed(like, sizes) for member in self.members]
-        mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
-        blank: dict[str, Any] = {"curved_facets": None, "glued": None, "seams": None}
+        tables = spread(comm, PlainMesh.beside_each_other(plains))
+        blank: dict[str, Any] = {"glued": None, "seams": None}
         blank |= {"regions": self.regions, "geometry": self}
-        tags: dict[str, Any] = {"facet_tags": facet_tags, "cell_tags": cell_tags}
-        result = replace(like, mesh=mesh, names=self.names, **tags, **blank)
+        result = replace(like, names=self.names, **tables, **blank)
         for here, there, on, tied, apart in self.joints:
             try:
                 glued = joint(result, here, there, on, tied=tied, apart=apart)
@@ -142,18 +146,32 @@ class Assembled:
                     f"be joined again ({reason}) Keep these meshes and refine them: "
                     "domain.refined(cells), or strategy=ec.Mark()."
                 ) from reason
-            mesh, facet_tags, cell_tags = spread(comm, glued.plain)
-            tags = {"facet_tags": facet_tags, "cell_tags": cell_tags}
-            result = replace(like, mesh=mesh, names=glued.names, **tags, **blank)
+            result = replace(like, names=glued.names, **spread(comm, glued.plain), **blank)
         return result
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """Return the points themselves: no facet has the mark of a curve."""
-        return points
+        """Return the nearest points of the true surfaces [length]; collective."""
+        result = points.copy()
+        for shape, its_marks in self._marks_of_members(marks):
+            chosen = (its_marks != NO_TAG).any(axis=1)
+            result[chosen] = shape.nearest(comm, points[chosen], its_marks[chosen])
+        return result
 
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
-        """Return nan: no facet has the mark of a curve."""
-        return np.full(points.shape, np.nan)
+        """Return unit normals of the true surfaces, nan where not known; collective."""
+        result = np.full(points.shape, np.nan)
+        for shape, its_marks in self._marks_of_members(marks):
+            chosen = its_marks != NO_TAG
+            result[chosen] = shape.normals(comm, points[chosen], its_marks[chosen])
+        return result
+
+    def _marks_of_members(self, marks: np.ndarray) -> Iterator[tuple[Any, np.ndarray]]:
+        """Iterate over the shapes, and what the marks of points are to each of them."""
+        firsts = [member.first_mark for member in self.members]
+        ends = [*firsts[1:], np.iinfo(marks.dtype).max]
+        for member, first, end in zip(self.members, firsts, ends, strict=True):
+            is_its_own = (marks > first) & (marks <= end)
+            yield member.shape, np.where(is_its_own, marks - first, NO_TAG)
 
 
 def of_model(glued: Bodies) -> Assembled:
@@ -163,19 +181,3 @@ def of_model(glued: Bodies) -> Assembled:
     same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
     member = Member(shape, glued.names, glued.regions, 0, same)
     return Assembled((member,), glued.names, glued.regions)
-
-
-def beside_each_other(
-    comm: MPI.Comm, plains: Sequence[PlainMesh]
-) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
-    """Make one mesh of several ones on rank 0, unconnected; collective.
-
-    Returns:
-        The mesh, the tags of its facets and the tags of its cells.
-    """
-    points = 0
-    tables = []
-    for plain in plains:
-        tables.append((plain.x, plain.cells + points, plain.regions, plain.tags))
-        points += len(plain.x)
-    return spread(comm, PlainMesh(*map(np.concatenate, zip(*tables, strict=True))))

@@ -10,13 +10,13 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.mesh.assembled import Assembled, Member, Shape, beside_each_other
+from erc_contact.mesh.assembled import Assembled, Member, Shape
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.joining.joint import last_tag
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import gathered_mesh
+from erc_contact.mesh.transfer import gathered_mesh, spread
 
 REST = ""
 """Stands for the cells of a body that are in no region."""
@@ -29,8 +29,8 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     "upper steel" and so on. The boundary parts are called "upper left" and so on, and
     pairs keep to their bodies. :meth:`Domain.joined` then brings them into contact.
 
-    If the true shape of each of them is known, they can be meshed again. A curved body
-    has flat facets in the new mesh, which refinement does not move.
+    If the true shape of each of them is known, they can be meshed again, and refinement
+    follows their curves, see :meth:`Domain.joined`.
 
     Args:
         bodies: Name of each body -> its domain. They have the same dimension and the
@@ -52,6 +52,7 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     regions: dict[str, int] = {}
     interfaces: list[Interface] = []
     facet_tag = 0
+    mark = 0
     for name, domain in bodies.items():
         glued = domain if domain.glued is None else domain.glued
         plain = gathered_mesh(glued)
@@ -65,15 +66,16 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
                 interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
         shape = glued.geometry if isinstance(glued.geometry, Shape) else None
         region_tags = tuple(new_tags.values())
-        member = Member(shape, glued.names, glued.regions, facet_tag, region_tags)
+        member = Member(shape, glued.names, glued.regions, facet_tag, region_tags, mark)
         plains.append(member.placed(plain))
         members.append(member)
         facet_tag += last_tag(domain) + 1
+        mark += comm.bcast(int(plain.marks_of_sides.max(initial=0)))
     whole = None
     if all(member.shape is not None for member in members):
         whole = Assembled(tuple(members), names, regions)
-    mesh, facet_tags, cell_tags = beside_each_other(comm, plains)
-    result = Domain(mesh, facet_tags, names, cell_tags, regions, whole)
+    tables = spread(comm, PlainMesh.beside_each_other(plains))
+    result = Domain(names=names, regions=regions, geometry=whole, **tables)
     return result.cut(tuple(interfaces)) if interfaces else result
 
 

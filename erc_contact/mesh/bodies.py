@@ -16,6 +16,7 @@ from erc_contact.base.html import table
 from erc_contact.mesh import parts
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.seams import Seams
+from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.surface import offset
 from erc_contact.mesh.tags import tag_table
 
@@ -140,6 +141,13 @@ class Bodies(NamedMesh):
         return normals.reshape(corners.shape)
 
     @property
+    def marks_of_sides(self) -> np.ndarray | None:
+        """Return the mark of each side of a cell, shape (cells, d+1), or None."""
+        if self.curved_facets is None:
+            return self.marks
+        return tag_table(self.curved_facets)[facets_of_cells(self.mesh)]
+
+    @property
     def knows_shape(self) -> bool:
         """Tell whether the true shape is known, with the facets on curved sides."""
         curved = bool(getattr(self.geometry, "curved", False))
@@ -151,6 +159,15 @@ class Bodies(NamedMesh):
         if self.seams is None:
             return ()
         return tuple(interface.names for interface in self.seams.interfaces)
+
+    def distance(self, here: str, there: str | None) -> float:
+        """Return the greatest distance of facing vertices of two parts [length].
+
+        It is zero where both sides of a pair are in one place, and of other parts.
+        """
+        if self.seams is None or there is None:
+            return 0.0
+        return self.seams.distance(here, there)
 
     @property
     def paired_sides(self) -> list[np.ndarray]:

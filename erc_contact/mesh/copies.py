@@ -29,7 +29,9 @@ from erc_contact.mesh.sides import facets_of_cells, inner_facets, outer_facets
 from erc_contact.mesh.simplex import facet_vertices
 
 
-def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+def numbered(
+    mesh: dmesh.Mesh, is_cut: np.ndarray | None = None, places: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Number the nodes of the split mesh; collective.
 
     The owner of the cell of lowest number in a group of corners numbers its node.
@@ -37,6 +39,8 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray | None = None) -> tuple[np.nda
     Args:
         mesh: The glued mesh.
         is_cut: Whether a facet of this rank is one of an interface; None if none is.
+        places: Places of the corners of the cells [length], shape (cells, d+1, d); None
+            where they are the nodes.
 
     Returns:
         Numbers of the corners of the owned cells in the order of all ranks' nodes,
@@ -56,7 +60,7 @@ def numbered(mesh: dmesh.Mesh, is_cut: np.ndarray | None = None) -> tuple[np.nda
     own = lowest_cell == cells[:owned, None]
     start = comm.exscan(int(own.sum())) or 0
     numbers = np.where(own, start + np.cumsum(own.ravel()).reshape(own.shape) - 1, -1)
-    x = mesh.geometry.x[nodes[:owned][own], :d]
+    x = mesh.geometry.x[nodes[:owned][own], :d] if places is None else places[:owned][own]
     # The corner in the lowest cell has the same vertex of the glued mesh.
     vertices = mesh.geometry.index_map().local_to_global(nodes[:owned].ravel())
     vertices = vertices.reshape(owned, d + 1)

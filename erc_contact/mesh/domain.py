@@ -17,6 +17,7 @@ from dolfinx import mesh as dmesh
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
 from erc_contact.mesh.bodies import Bodies, Joinable, Surface
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
@@ -73,6 +74,8 @@ class Domain(Bodies):
             lies. None if the body is not curved, or not known.
         glued: The domain from which this one was split, see :meth:`split`, or None.
         seams: What relates the nodes and cells of both, or None.
+        places: Places of the corners of the cells [length], shape (cells, d+1, d), of a
+            glued domain whose bodies keep their shapes, or None.
 
     Raises:
         InputError: If the mesh does not fill its space, a cell cannot be split, names
@@ -140,6 +143,10 @@ class Domain(Bodies):
         object.__setattr__(self, "curved_facets", carried.marks(self.curved_facets))
         if self.cell_tags is not None:
             object.__setattr__(self, "cell_tags", carried.cell_tags(self.cell_tags))
+        if self.places is not None:
+            object.__setattr__(self, "places", carried.of_corners(self.places))
+        if self.marks is not None:
+            object.__setattr__(self, "marks", carried.of_sides(self.marks))
 
     def parts(self) -> Parts:
         """List the parts: facets, area, centre, mean normal, regions; collective.
@@ -321,15 +328,19 @@ class Domain(Bodies):
         takes the facets of ``here``, or, if that reaches beyond, the other way round.
 
         If the true shape of the bodies is known, ``remeshed`` meshes each of them and
-        joins them again. Facets of curved bodies are flat, and refinement keeps them.
+        joins them again. Refinement keeps the flat facets of curved sides that lie in
+        one place; sides that are apart get their new vertices on their own true curves.
 
         Args:
             here: Name of a part of the boundary of one body.
             there: Name of the part of another body that lies against it.
             tied: Leave the bodies glued there. The joint is a part inside, then.
             apart: Greatest distance of the parts [length]: they are drawn with a
-                clearance or an interference. One of them moves onto the other, so give
-                the distance by ``gap=`` of the contact.
+                clearance or an interference. Each keeps its place, and their distance
+                along the normal is the gap, to which ``gap=`` of the contact adds. Two
+                parts move onto each other all the same if they are tied, or in space if
+                their facets do not match, which a warning says: then ``gap=`` gives the
+                distance.
 
         Returns:
             The domain with the pair. Its other parts can be joined or split, too.
@@ -354,8 +365,8 @@ class Domain(Bodies):
         shape = None
         if isinstance(glued.geometry, Joinable):
             shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
-        mesh, facet_tags, cell_tags = spread(comm, found.plain)
-        whole = Domain(mesh, facet_tags, found.names, cell_tags, self.regions, shape)
+        tables = spread(comm, found.plain)
+        whole = Domain(names=found.names, regions=self.regions, geometry=shape, **tables)
         return whole.cut(interfaces) if interfaces else whole
 
     def tied(self, ties: Sequence[tuple[str, str]]) -> Domain:
@@ -389,10 +400,19 @@ class Domain(Bodies):
         cut[closed] = NO_INTERFACE
         interface_of_facet[closed] = NO_INTERFACE
         check_opened(mesh, interfaces, interface_of_facet)
-        numbers, x = numbered(mesh, cut != NO_INTERFACE)
+        numbers, x = numbered(mesh, cut != NO_INTERFACE, self.places)
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
         new.topology.create_connectivity(self.dim, self.dim - 1)
         carried = Carried(mesh, new, numbers)
+        whole = self
+        curved = carried.marks(self.curved_facets)
+        if self.places is not None:
+            carried.check_places(self.places)
+        if self.marks is not None and self.geometry is not None:
+            # Each body has its own true shape.
+            curved = carried.facet_tags(self.marks)
+            snap(new, curved, self.geometry.nearest)
+            whole = replace(self, places=carried.places())
         tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, cut)
         facet_tags = carried.facet_tags(tags)
         of_sides = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, interface_of_facet)
@@ -406,9 +426,9 @@ class Domain(Bodies):
             carried.cell_tags(self.cell_tags),
             self.regions,
             self.geometry,
-            carried.marks(self.curved_facets),
-            self,
-            carried.seams(interfaces, of_sides),
+            curved,
+            whole,
+            carried.seams(interfaces, of_sides, keep=self.places is not None),
         )
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
@@ -437,7 +457,22 @@ class Domain(Bodies):
         curved = refinement.inherited(self.curved_facets)
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
-        return Domain(fine, facet_tags, self.names, cell_tags, self.regions, self.geometry, curved)
+        places = None
+        if self.places is not None:
+            corners = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]
+            places = refinement.places(corners, self.places)
+        marks = None if self.marks is None else refinement.of_sides(self.marks)
+        return Domain(
+            fine,
+            facet_tags,
+            self.names,
+            cell_tags,
+            self.regions,
+            self.geometry,
+            curved,
+            places=places,
+            marks=marks,
+        )
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.

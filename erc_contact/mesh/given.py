@@ -42,6 +42,10 @@ class GivenCells:
         """Return the same for a table of sides or corners, shape (cells, d+1)."""
         return np.take_along_axis(self.of_cells(table), self._order, axis=1)
 
+    def of_corners(self, places: np.ndarray) -> np.ndarray:
+        """Return the same for vectors at corners, shape (cells, d+1, d)."""
+        return np.stack([self.of_sides(values) for values in np.moveaxis(places, 2, 0)], axis=2)
+
     def cell_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
         """Return tags of cells, given by the tag of each cell, shape (cells,)."""
         values = self.of_cells(tags[:, None])[:, 0]

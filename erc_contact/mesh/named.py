@@ -12,8 +12,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import boundary_sides
+from erc_contact.mesh.simplex import in_space
 from erc_contact.mesh.tags import listed
 
 
@@ -27,6 +29,11 @@ class NamedMesh:
         names: Name of each boundary part -> its tag.
         cell_tags: Tags of cells, or None.
         regions: Name of each cell region -> its tag.
+        places: Places of the corners of the cells of this rank [length], shape (cells,
+            d+1, d), of a glued mesh whose bodies keep their shapes; None where they are
+            the nodes. See :mod:`erc_contact.mesh.closing`.
+        marks: Marks of the true curves or surfaces of the sides of these cells, shape
+            (cells, d+1), where such bodies are curved; None where they are not.
     """
 
     mesh: dmesh.Mesh
@@ -34,6 +41,8 @@ class NamedMesh:
     names: Mapping[str, int] = field(default_factory=dict)
     cell_tags: dmesh.MeshTags | None = None
     regions: Mapping[str, int] = field(default_factory=dict)
+    places: np.ndarray | None = field(default=None, repr=False, kw_only=True)
+    marks: np.ndarray | None = field(default=None, repr=False, kw_only=True)
     _inside: set[str] = field(init=False, repr=False, default_factory=set)
     _zeros: dict[tuple[str, int, tuple[int, ...]], fem.Function] = field(
         init=False, repr=False, default_factory=dict
@@ -64,13 +73,34 @@ class NamedMesh:
         """Return the number of vertices over all ranks."""
         return self.mesh.topology.index_map(0).size_global
 
+    @property
+    def marks_of_sides(self) -> np.ndarray | None:
+        """Return the mark of each side of a cell, shape (cells, d+1), or None."""
+        return self.marks
+
+    @property
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points of the bodies, and which of them each cell has.
+
+        They are the nodes of the mesh; where bodies keep their shapes in a glued mesh,
+        each cell has its own points.
+
+        Returns:
+            Points [length], shape (n, 3), and their numbers, shape (cells, d+1).
+        """
+        if self.places is None:
+            return self.mesh.geometry.x, cell_nodes(self.mesh.geometry)
+        cells, corners, d = self.places.shape
+        numbers = np.arange(cells * corners).reshape(cells, corners)
+        return in_space(self.places.reshape(-1, d)), numbers
+
     @cached_property
     def corners(self) -> tuple[np.ndarray, np.ndarray]:
         """Return two corners of the bounding box [length], shape (d,) each; collective.
 
         They are the corners of least and of greatest coordinates.
         """
-        x = self.mesh.geometry.x[:, : self.dim]
+        x = self.points[0][:, : self.dim]
         low = np.full(self.dim, np.inf)
         high = np.full(self.dim, -np.inf)
         self.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)

@@ -15,7 +15,6 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.naming import Rules
 from erc_contact.mesh.simplex import measures
 from erc_contact.mesh.size_field import Labels, SizeField, size_field
@@ -118,7 +117,7 @@ def measured(domain: Any, rules: Rules) -> dict[tuple[str, str], float]:
     for name in rules.regions:
         cells = domain.region(name)
         cells = cells[cells < domain.owned_cells]
-        corners = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cells], : domain.dim]
-        volume = float(measures(corners).sum())
+        x, corners = domain.points
+        volume = float(measures(x[corners[cells], : domain.dim]).sum())
         result["region", name] = domain.comm.allreduce(volume, MPI.SUM)
     return result

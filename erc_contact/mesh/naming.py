@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together, together
-from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.seams import Interface
@@ -105,8 +104,8 @@ def regions_named(
     if not rules:
         return mesh.cell_tags, dict(mesh.regions)
     comm = mesh.comm
-    nodes = cell_nodes(mesh.mesh.geometry)
-    middles = mesh.mesh.geometry.x[nodes].mean(axis=1)
+    x, nodes = mesh.points
+    middles = x[nodes].mean(axis=1)
     owned = np.arange(len(nodes)) < mesh.owned_cells
     table = np.full(len(nodes), NO_TAG, dtype=np.int32)
     if mesh.cell_tags is not None:
@@ -115,7 +114,7 @@ def regions_named(
     for name, entries in rules.items():
         holds[name] = np.zeros(len(nodes), dtype=bool)
         for entry in entries:
-            at_corners = _at_points(mesh, entry, mesh.mesh.geometry.x)[nodes].all(axis=1)
+            at_corners = _at_points(mesh, entry, x)[nodes].all(axis=1)
             # All corners of a cell beside a curved side may lie on it, on either side.
             holds[name] |= at_corners & _at_points(mesh, entry, middles)
     _check_claims(mesh, holds, owned, "cell")
@@ -160,13 +159,15 @@ class _Sides:
 
     Attributes:
         facet: Number of the facet, shape (n,).
-        nodes: Its nodes, shape (n, d).
+        x: Points of the bodies [length], shape (p, 3).
+        nodes: Its points, shape (n, d).
         normal: Its normal out of the cell, shape (n, d).
         region: Tag of the region of the cell, shape (n,).
         across: Tag of the region of the cell beyond; :data:`BOUNDARY` for none.
     """
 
     facet: np.ndarray
+    x: np.ndarray
     nodes: np.ndarray
     normal: np.ndarray
     region: np.ndarray
@@ -178,7 +179,8 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     topology = mesh.mesh.topology
     d = mesh.dim
     owned = topology.index_map(d - 1).size_local
-    region_of = np.full(len(cell_nodes(mesh.mesh.geometry)), NO_TAG, dtype=np.int32)
+    x, of_cells = mesh.points
+    region_of = np.full(len(of_cells), NO_TAG, dtype=np.int32)
     if mesh.cell_tags is not None:
         region_of = tag_table(mesh.cell_tags)
     outer = dmesh.exterior_facet_indices(topology)
@@ -202,12 +204,12 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     facet = np.concatenate(facets)
     cell = np.concatenate(cells)
     local = np.concatenate(locals_)
-    corners = cell_nodes(mesh.mesh.geometry)[cell]
-    x = mesh.mesh.geometry.x[:, :d]
+    corners = of_cells[cell]
     return _Sides(
         facet,
+        x,
         np.take_along_axis(corners, facet_vertices(d)[local], axis=1),
-        outward_normals(x[corners], local),
+        outward_normals(x[corners, :d], local),
         region_of[cell],
         np.concatenate(across),
     )
@@ -226,7 +228,7 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
         InputError: If the rule cannot be worked with.
     """
     comm = mesh.comm
-    holds = _at_points(mesh, rule, mesh.mesh.geometry.x)[sides.nodes].all(axis=1)
+    holds = _at_points(mesh, rule, sides.x)[sides.nodes].all(axis=1)
     holds &= together(comm, rule.along_normal, sides.normal)
     if rule.region is not None:
         holds &= sides.region == together(comm, _region_tag, mesh, rule.region)
@@ -235,7 +237,7 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
         return holds & on_boundary
     other = together(comm, _region_tag, mesh, rule.against)
     shared = holds & (sides.across == other)
-    corners = mesh.mesh.geometry.x[sides.nodes][..., : mesh.dim]
+    corners = sides.x[sides.nodes][..., : mesh.dim]
     every = Facets(corners, sides.normal)
     here = np.flatnonzero(holds & on_boundary & (sides.region != other))
     there = on_boundary & (sides.region == other)

@@ -14,7 +14,6 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
-from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.simplex import facet_vertices, measures, outward_normals
@@ -138,8 +137,8 @@ def parts_of(mesh: NamedMesh) -> Parts:
     d = mesh.dim
     facets, part = facets_of_parts(mesh)
     cell, local = boundary_sides(mesh.mesh, facets)
-    nodes = cell_nodes(mesh.mesh.geometry)[cell]
-    of_cells = mesh.mesh.geometry.x[nodes, :d]
+    x, points_of = mesh.points
+    of_cells = x[points_of[cell], :d]
     corners = np.take_along_axis(of_cells, facet_vertices(d)[local][..., None], axis=1)
     area = measures(corners)
     outer = np.isin(facets, dmesh.exterior_facet_indices(mesh.mesh.topology))

@@ -1,16 +1,23 @@
 """Hold a mesh as plain arrays, in which bodies that were meshed apart are glued.
 
+Bodies are glued in two ways. Where their sides lie on each other, they have points in
+common. Where each side keeps its own place across a clearance, they have points of
+their own, of which two are one point of the glued mesh.
+
 Symbols: d dimension. A side is a pair of a cell and one of its facets; facet i is
 opposite to vertex i.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.tags import NO_TAG
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +29,67 @@ class PlainMesh:
         cells: Points of each cell, shape (m, d+1).
         regions: Tag of each cell, shape (m,).
         tags: Tag of each side, shape (m, d+1).
+        glued: Number in the glued mesh of each point, shape (n,); the same for points
+            that are apart and glued. None where all points are in one place.
+        marks: Mark of the true curve or surface of each side, shape (m, d+1); None
+            where it is not known.
     """
 
     x: np.ndarray
     cells: np.ndarray
     regions: np.ndarray
     tags: np.ndarray
+    glued: np.ndarray | None = None
+    marks: np.ndarray | None = None
+
+    @classmethod
+    def beside_each_other(cls, plains: Sequence[PlainMesh]) -> PlainMesh:
+        """Make one mesh of several ones, unconnected."""
+        first = 0
+        tables = []
+        numbers = []
+        for plain in plains:
+            tables.append((plain.x, plain.cells + first, plain.regions, plain.tags))
+            numbers.append(first + plain.glued_points)
+            first += len(plain.x)
+        marks = None
+        if any(plain.marks is not None for plain in plains):
+            marks = np.concatenate([plain.marks_of_sides for plain in plains])
+        glued = None
+        if any(plain.glued is not None for plain in plains):
+            glued = np.concatenate(numbers)
+        x, cells, regions, tags = map(np.concatenate, zip(*tables, strict=True))
+        return cls(x, cells, regions, tags, glued, marks)
+
+    @property
+    def glued_points(self) -> np.ndarray:
+        """Return the number of each point in the glued mesh, below n, shape (n,)."""
+        return np.arange(len(self.x)) if self.glued is None else self.glued
+
+    @property
+    def marks_of_sides(self) -> np.ndarray:
+        """Return the mark of each side, shape (m, d+1)."""
+        return np.full_like(self.tags, NO_TAG) if self.marks is None else self.marks
+
+    def with_points(self, x: np.ndarray) -> PlainMesh:
+        """Return the mesh with more points (k, d) [length], which no cell has yet."""
+        glued = self.glued
+        if glued is not None:
+            glued = np.append(glued, len(self.x) + np.arange(len(x)))
+        return replace(self, x=np.concatenate([self.x, x]), glued=glued)
+
+    def with_pairs(self, here: np.ndarray, there: np.ndarray) -> PlainMesh:
+        """Return the mesh with pairs of points that are one in the glued mesh.
+
+        Args:
+            here: First point of each pair, shape (k,).
+            there: Second point of each pair.
+        """
+        count = len(self.x)
+        _, first, of_points = np.unique(self.glued_points, return_index=True, return_inverse=True)
+        same = np.column_stack([np.arange(count), first[of_points]])
+        pairs = np.column_stack([here, there])
+        return replace(self, glued=components(count, np.concatenate([same, pairs])))
 
     @property
     def dim(self) -> int:
@@ -46,4 +108,7 @@ class PlainMesh:
     def without_unused_points(self) -> PlainMesh:
         """Return the same mesh without the points that are in no cell."""
         used, cells = np.unique(self.cells, return_inverse=True)
-        return replace(self, x=self.x[used], cells=cells.reshape(self.cells.shape))
+        glued = self.glued
+        if glued is not None:
+            glued = np.unique(glued[used], return_inverse=True)[1]
+        return replace(self, x=self.x[used], cells=cells.reshape(self.cells.shape), glued=glued)

@@ -31,11 +31,41 @@ class Refinement:
         parent_cell: The old cell of each child made here, shape (children,).
         parent_facet: The old facets in which the facets of these children lie, -1
             inside, shape (children, d+1).
+        parent_side: Their local numbers in the old cell, -1 inside.
     """
 
     mesh: dmesh.Mesh
     parent_cell: np.ndarray
     parent_facet: np.ndarray
+    parent_side: np.ndarray
+
+    def places(self, corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Return places of the corners of the new cells [length]; collective.
+
+        Each corner is a corner of the old cell, or the middle of two.
+
+        Args:
+            corners: Nodes of the corners of the old cells [length], shape (cells, d+1,
+                3).
+            places: The places of these corners [length], shape (cells, d+1, d).
+
+        Returns:
+            Shape (new cells, d+1, d).
+        """
+        vertices = places.shape[1]
+        both = np.concatenate([corners, places], axis=2)[self.parent_cell]
+        rows = self.of_cells(both.reshape(len(both), -1), slice(None))
+        middle = _middles(rows.reshape(len(rows), vertices, -1))
+        x = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]
+        distance = np.linalg.norm(middle[:, None, :, :3] - x[:, :, None], axis=3)
+        nearest = distance.argmin(axis=2)
+        return np.take_along_axis(middle[..., 3:], nearest[..., None], axis=1)
+
+    def of_sides(self, table: np.ndarray) -> np.ndarray:
+        """Return a table of sides (cells, d+1) for the new cells; collective."""
+        of_parents = table[self.parent_cell]
+        values = np.take_along_axis(of_parents, np.maximum(self.parent_side, 0), axis=1)
+        return self.of_cells(np.where(self.parent_side >= 0, values, NO_TAG), slice(None))
 
     def inherited(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return the tags of the new mesh; collective.
@@ -108,7 +138,7 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
     local = parent_facet.reshape(-1, tdim + 1)
     cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
     outer = np.take_along_axis(cell_to_facet[parent_cell], np.maximum(local, 0), axis=1)
-    refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1))
+    refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1), local)
     _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
     return refinement
 
@@ -130,9 +160,13 @@ def _set_coordinates(refinement: Refinement, corners: np.ndarray, shear: np.ndar
     # One cell for each node, the first in which it is.
     _, first = np.unique(nodes, return_index=True)
     rows = corners.reshape(len(corners), vertices * 3)
-    old = refinement.of_cells(rows, first // vertices).reshape(-1, vertices, 3)
-    # The pairs (i, i) stand for the old nodes themselves.
-    i, j = np.triu_indices(vertices)
-    middle = 0.5 * (old[:, i] + old[:, j])
+    middle = _middles(refinement.of_cells(rows, first // vertices).reshape(-1, vertices, 3))
     nearest = np.linalg.norm(middle @ shear - geometry.x[:, None], axis=2).argmin(axis=1)
     geometry.x[:] = np.take_along_axis(middle, nearest[:, None, None], axis=1)[:, 0]
+
+
+def _middles(corners: np.ndarray) -> np.ndarray:
+    """Return corners of cells and middles of their edges, (n, d+1, k) -> (n, m, k)."""
+    # The pairs (i, i) stand for the corners themselves.
+    i, j = np.triu_indices(corners.shape[1])
+    return 0.5 * (corners[:, i] + corners[:, j])

@@ -59,6 +59,8 @@ class Seams:
         cells: Cell of the glued mesh on this rank of each cell, shape (n,).
         nodes: Node of the glued mesh of each node, shape (m,).
         counts: Number of facets of each interface over all ranks.
+        distances: Greatest distance of facing vertices of each interface [length]; 0
+            where both sides are in one place.
     """
 
     interfaces: tuple[Interface, ...]
@@ -66,6 +68,7 @@ class Seams:
     cells: np.ndarray
     nodes: np.ndarray
     counts: tuple[int, ...]
+    distances: tuple[float, ...]
 
     def __str__(self) -> str:
         """Name the pairs of parts, and how many facets face each other."""
@@ -74,6 +77,13 @@ class Seams:
             kind = " tied" if interface.tied else ""
             words.append(f"{'/'.join(interface.names)} of {count}{kind} facets")
         return ", ".join(words)
+
+    def distance(self, here: str, there: str) -> float:
+        """Return the greatest distance of facing vertices of a pair [length]."""
+        for interface, distance in zip(self.interfaces, self.distances, strict=True):
+            if set(interface.names) == {here, there}:
+                return distance
+        return 0.0
 
     def least(self, values: np.ndarray) -> np.ndarray:
         """Return the least of the values at the copies of each node of the glued mesh.

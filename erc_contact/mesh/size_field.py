@@ -116,11 +116,13 @@ def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
         domain: The domain on the mesh that carries the sizes.
         sizes: h at the nodes of this rank [length], shape (n,).
     """
-    nodes = cell_nodes(domain.mesh.geometry)[: domain.owned_cells]
-    regions = np.full(domain.owned_cells, NO_TAG, dtype=np.int32)
+    owned = domain.owned_cells
+    x, corners = domain.points
+    nodes = cell_nodes(domain.mesh.geometry)[:owned]
+    regions = np.full(owned, NO_TAG, dtype=np.int32)
     if domain.cell_tags is not None:
-        regions = tag_table(domain.cell_tags)[: domain.owned_cells]
-    return SizeField(domain.dim, domain.mesh.geometry.x[nodes], sizes[nodes], regions)
+        regions = tag_table(domain.cell_tags)[:owned]
+    return SizeField(domain.dim, x[corners[:owned]], sizes[nodes], regions)
 
 
 def _checked(sizes: np.ndarray, count: int) -> np.ndarray:

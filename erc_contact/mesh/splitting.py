@@ -27,8 +27,11 @@ from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.seams import Interface, Seams
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
+from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
+ONE_PLACE = 1e-12
+"""Distance of two sides over the greatest coordinate that is round-off [-]."""
 NO_INTERFACE = -1
 """Number that stands for no interface."""
 
@@ -192,6 +195,42 @@ class Carried:
         """Return a table of sides or corners of the glued mesh, shape (cells, d+1)."""
         return self._given.of_sides(self._owned(table))
 
+    def of_corners(self, places: np.ndarray) -> np.ndarray:
+        """Return vectors at the corners of the glued mesh, shape (cells, d+1, d)."""
+        return self._given.of_corners(self._owned(places))
+
+    def places(self) -> np.ndarray:
+        """Return the places of the corners of glued cells [length], (cells, d+1, d)."""
+        d = self.mesh.topology.dim
+        count = len(cell_nodes(self.glued.geometry))
+        corners = self.of_sides(np.tile(np.arange(d + 1), (count, 1)))
+        places = np.empty((count, d + 1, d))
+        here = cell_nodes(self.mesh.geometry)
+        places[self._cells()[:, None], corners] = self.mesh.geometry.x[here, :d]
+        return places
+
+    def check_places(self, places: np.ndarray) -> None:
+        """Check that each node of the split mesh has one place.
+
+        Args:
+            places: Places of the corners of the glued mesh [length], shape (cells, d+1,
+                d).
+
+        Raises:
+            InputError: If two sides that are apart have a node in common.
+        """
+        d = self.mesh.topology.dim
+        x = self.mesh.geometry.x[cell_nodes(self.mesh.geometry), :d]
+        away = np.linalg.norm(self.of_corners(places) - x, axis=2).max(initial=0.0)
+        away = lasting(self.mesh.comm).allreduce(float(away), MPI.MAX)
+        if away > 0:
+            raise InputError(
+                f"Two sides that are up to {away:.3g} apart have nodes in common: a tied joint "
+                "has no distance, and bodies that are tied elsewhere beside such sides neither. "
+                "Join sides that are to be tied by joined(..., tied=True), which moves the second "
+                "one onto the first one, or leave a facet between both joints."
+            )
+
     def _owned(self, table: np.ndarray) -> np.ndarray:
         """Return the rows of the owned cells of the glued mesh."""
         return table[: self.glued.topology.index_map(self.glued.topology.dim).size_local]
@@ -210,12 +249,13 @@ class Carried:
             return None
         return self.facet_tags(tag_table(marks)[facets_of_cells(self.glued)])
 
-    def seams(self, interfaces: Sequence[Interface], tags: np.ndarray) -> Seams:
+    def seams(self, interfaces: Sequence[Interface], tags: np.ndarray, *, keep: bool) -> Seams:
         """Return what relates the split mesh to the glued mesh.
 
         Args:
             interfaces: The interfaces.
             tags: Tags of the sides in the glued mesh, see :func:`side_tags`.
+            keep: Whether sides may keep their own places.
         """
         d = self.mesh.topology.dim
         tags = self.of_sides(tags)
@@ -229,13 +269,44 @@ class Carried:
             here, there = _facing(tags, numbers, interface.tags)
             facing[interface.names] = (here, there)
             facing[interface.names[::-1]] = (there, here)
-        cell_map = self.glued.topology.index_map(d)
-        cells = cell_map.global_to_local(self._given.source)
+        cells = self._cells()
+        count = self.glued.topology.index_map(d).size_local
         # A pair is counted by the rank that owns the cell of its first side.
         firsts = [facing[interface.names][0] for interface in interfaces]
-        owned = np.array([(sides[:, 0] < cell_map.size_local).sum() for sides in firsts])
+        owned = np.array([(sides[:, 0] < count).sum() for sides in firsts])
         counts = tuple(map(int, lasting(self.glued.comm).allreduce(owned, MPI.SUM)))
-        return Seams(tuple(interfaces), facing, cells, self._nodes(), counts)
+        nodes = self._nodes()
+        distances = np.zeros(len(interfaces))
+        if keep:
+            for number, interface in enumerate(interfaces):
+                distances[number] = self._distance(nodes, *facing[interface.names])
+            lasting(self.glued.comm).Allreduce(MPI.IN_PLACE, distances, MPI.MAX)
+            extent = float(abs(self.mesh.geometry.x).max(initial=0.0))
+            extent = lasting(self.glued.comm).allreduce(extent, MPI.MAX)
+            distances[distances <= ONE_PLACE * extent] = 0.0
+        return Seams(tuple(interfaces), facing, cells, nodes, counts, tuple(map(float, distances)))
+
+    def _distance(self, nodes: np.ndarray, here: np.ndarray, there: np.ndarray) -> float:
+        """Return the greatest distance of facing vertices on this rank [length].
+
+        Args:
+            nodes: Node of the glued mesh of each node of the split mesh.
+            here: Sides (cell, local facet), shape (n, 2).
+            there: The sides that they face.
+        """
+        of_sides = []
+        for sides in (here, there):
+            of_cells = cell_nodes(self.mesh.geometry)[sides[:, 0]]
+            local = facet_vertices(self.mesh.topology.dim)[sides[:, 1]]
+            vertices = np.take_along_axis(of_cells, local, axis=1)
+            order = np.argsort(nodes[vertices], axis=1)
+            of_sides.append(self.mesh.geometry.x[np.take_along_axis(vertices, order, axis=1)])
+        return float(np.linalg.norm(of_sides[1] - of_sides[0], axis=-1).max(initial=0.0))
+
+    def _cells(self) -> np.ndarray:
+        """Return the cell of the glued mesh on this rank of each cell, shape (n,)."""
+        cell_map = self.glued.topology.index_map(self.glued.topology.dim)
+        return cell_map.global_to_local(self._given.source)
 
     def _nodes(self) -> np.ndarray:
         """Return the node of the glued mesh of each node of the split mesh."""

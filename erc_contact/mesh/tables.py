@@ -45,8 +45,9 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     owned = domain.owned_cells
     facets = domain.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
     tables = {"facets": tag_table(domain.facet_tags)[facets]}
-    if domain.curved_facets is not None:
-        tables["curved"] = tag_table(domain.curved_facets)[facets]
+    marks = domain.marks_of_sides
+    if marks is not None:
+        tables["curved"] = marks[:owned]
     if domain.cell_tags is not None:
         tables["regions"] = tag_table(domain.cell_tags)[:owned]
     return tables
@@ -63,6 +64,9 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
     nodes = cell_nodes(geometry)[cells]
     numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
     tables = {"glued": np.take_along_axis(numbers, corners, axis=1)}
+    if domain.glued.places is not None:
+        in_order = np.take_along_axis(nodes, corners, axis=1)
+        tables["closed"] = geometry.x[in_order, : domain.dim].reshape(len(cells), -1)
     for name, table in tag_tables(domain.glued).items():
         rows = table[cells]
         if table.ndim == 2:
@@ -80,19 +84,27 @@ def _glued_corners(domain: Domain) -> np.ndarray:
     return np.argmax(in_glued[:, None, :] == here[:, :, None], axis=2)
 
 
-def glued_mesh(
-    points: np.ndarray, cells: np.ndarray, glued: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nodes and cells of a glued mesh from the split mesh.
+def corner_places(points: np.ndarray, cells: np.ndarray, d: int) -> np.ndarray:
+    """Return the places of the corners of cells [length], shape (m, d+1, d).
 
     Args:
-        points: Places of the nodes of the split mesh [length], shape (n, 3).
-        cells: Nodes of its cells, vertices first, shape (m, N).
-        glued: Nodes of the glued mesh of these cells, shape (m, d+1).
+        points: Places of the nodes [length], shape (n, 3).
+        cells: Nodes of the cells, vertices first, shape (m, N).
+        d: Dimension.
     """
-    x = np.empty((glued.max() + 1, 3))
-    # All copies of a node are at the same place.
-    x[glued] = points[cells[:, : glued.shape[1]]]
+    return points[cells[:, : d + 1], :d]
+
+
+def glued_mesh(places: np.ndarray, glued: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes and cells of a glued mesh.
+
+    Args:
+        places: Places of the corners of its cells, the same for all copies of a node
+            [length], shape (m, d+1, d).
+        glued: Nodes of these cells, shape (m, d+1).
+    """
+    x = np.zeros((glued.max() + 1, 3))
+    x[glued, : places.shape[2]] = places
     return x, glued
 
 
@@ -143,8 +155,8 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
         for one in plain["members"]:
             shape: Any = geometry_of(one["shape"])
             region_tags = tuple(tuple(pair) for pair in one["region_tags"])
-            member = Member(shape, one["names"], one["regions"], one["first_tag"], region_tags)
-            members.append(member)
+            plain_member = {**one, "shape": shape, "region_tags": region_tags}
+            members.append(Member(**plain_member))
         joints = tuple(tuple(joint) for joint in plain["joints"])
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)
     return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))
@@ -209,6 +221,10 @@ class CellRows:
     def of_facets(self, table: np.ndarray | None) -> np.ndarray:
         """Return the same for a table of facets (m, d+1), in the order of each cell."""
         return np.take_along_axis(self.of_cells(table), self.order, axis=1)
+
+    def of_corners(self, places: np.ndarray | None) -> np.ndarray:
+        """Return the same for places of corners (m, d+1, d)."""
+        return np.take_along_axis(self.of_cells(places), self.order[..., None], axis=1)
 
     def of_nodes(
         self, table: np.ndarray | None, cells: np.ndarray | None, degree: int

@@ -44,7 +44,8 @@ class Touching:
         against: Name of the part that it faces.
         regions: Names of the regions that they belong to.
         area: Area that faces the other part [length^(d-1)].
-        distance: Least distance [length]; 0 of parts that are a pair of the domain.
+        distance: Least distance [length]; of parts that are a pair of the domain the
+            greatest distance of facing vertices, 0 where both are in one place.
     """
 
     facets: str
@@ -159,6 +160,7 @@ def _pairs(domain: Bodies) -> list[Touching]:
     name_of = {tag: name for name, tag in domain.regions.items()}
     rows = []
     areas = []
+    distances = []
     for interface in domain.seams.interfaces:
         if interface.tied:
             continue
@@ -169,8 +171,12 @@ def _pairs(domain: Bodies) -> list[Touching]:
         here, _ = domain.facing(*interface.names)
         areas.append(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
         rows.append((*interface.names, (sides[0], sides[1])))
+        distances.append(domain.seams.distance(*interface.names))
     total = domain.comm.allreduce(np.array(areas), MPI.SUM)
-    return [Touching(*row, float(area)) for row, area in zip(rows, total, strict=True)]
+    return [
+        Touching(*row, float(area), distance)
+        for row, area, distance in zip(rows, total, distances, strict=True)
+    ]
 
 
 def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.releases import cell_nodes
+from erc_contact.mesh.closing import closed
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.partition import distributed
@@ -18,7 +21,8 @@ from erc_contact.mesh.tags import NO_TAG, tag_table
 def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     """Return a mesh on rank 0, and one without cells on other ranks; collective.
 
-    The order of points and cells does not depend on the number of ranks.
+    The order of points and cells does not depend on the number of ranks. Bodies that
+    keep their shapes in a glued mesh are at their own places.
     """
     comm = mesh.comm
     geometry = mesh.mesh.geometry
@@ -32,14 +36,42 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     tags = tag_table(mesh.facet_tags)[facets_of_cells(mesh.mesh)[:count]]
     x = geometry.x[: geometry.index_map().size_local, :d]
     parts = comm.gather((x, numbers, regions, tags))
+    places = None if mesh.places is None else comm.gather(mesh.places[:count])
+    marks = mesh.marks_of_sides
+    all_marks = None if marks is None else comm.gather(marks[:count])
     if parts is None:
         return PlainMesh(x[:0], numbers[:0], regions[:0], tags[:0])
     plain = PlainMesh(*[np.concatenate(tables) for tables in zip(*parts, strict=True)])
-    return _ordered(plain)
+    if all_marks is not None:
+        plain = replace(plain, marks=np.concatenate(all_marks))
+    if places is None:
+        return _ordered(plain)[0]
+    plain, cells, corners = _ordered(plain)
+    in_order = np.take_along_axis(np.concatenate(places)[cells], corners[..., None], axis=1)
+    return _at_places(plain, in_order)
 
 
-def _ordered(plain: PlainMesh) -> PlainMesh:
-    """Sort points and cells by their places."""
+def _at_places(plain: PlainMesh, places: np.ndarray) -> PlainMesh:
+    """Return a glued mesh with its bodies at their own places.
+
+    Args:
+        plain: The glued mesh.
+        places: Places of the corners of its cells [length], shape (m, d+1, d).
+    """
+    # Cells that have a point in common have the same place for it, to the last digit.
+    rows = np.column_stack([plain.cells.ravel(), places.reshape(-1, plain.dim)])
+    points, cells = np.unique(rows, axis=0, return_inverse=True)
+    glued = points[:, 0].astype(np.int64)
+    return replace(plain, x=points[:, 1:], cells=cells.reshape(plain.cells.shape), glued=glued)
+
+
+def _ordered(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
+    """Sort points and cells by their places.
+
+    Returns:
+        The mesh; the old number of each cell, shape (m,), and the old place of each of
+        its corners, shape (m, d+1).
+    """
     x = plain.x
     # Points of two bodies may be in one place; their cells are not.
     beside = np.full(x.shape, -np.inf)
@@ -54,7 +86,11 @@ def _ordered(plain: PlainMesh) -> PlainMesh:
     cells = np.take_along_axis(cells, corners, axis=1)
     tags = np.take_along_axis(plain.tags, corners, axis=1)
     rows = np.lexsort(cells.T)
-    return PlainMesh(x[order], cells[rows], plain.regions[rows], tags[rows])
+    result = PlainMesh(x[order], cells[rows], plain.regions[rows], tags[rows])
+    if plain.marks is not None:
+        marks = np.take_along_axis(plain.marks, corners, axis=1)
+        result = replace(result, marks=marks[rows])
+    return result, rows, corners[rows]
 
 
 def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
@@ -75,11 +111,34 @@ def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
     return GivenCells(mesh, cells)
 
 
-def spread(comm: MPI.Comm, plain: PlainMesh) -> tuple[dmesh.Mesh, dmesh.MeshTags, dmesh.MeshTags]:
+def spread(comm: MPI.Comm, plain: PlainMesh) -> dict[str, Any]:
     """Distribute the mesh of rank 0 over all ranks; collective.
 
     Returns:
-        The mesh, the tags of its facets and the tags of its cells.
+        The arguments of a domain: "mesh", "facet_tags", "cell_tags", "curved_facets",
+        "places" and "marks".
     """
+    places = None
+    has_marks = comm.bcast(plain.marks is not None)
+    if comm.bcast(plain.glued is not None):
+        places = plain.x[plain.cells]
+        if plain.glued is not None:
+            _, numbers = np.unique(plain.glued, return_inverse=True)
+            x = closed(plain.x, plain.cells, numbers)
+            plain = replace(plain, x=x, cells=numbers[plain.cells])
     given = given_cells(comm, plain)
-    return given.mesh, given.facet_tags(plain.tags), given.cell_tags(plain.regions)
+    tables = {
+        "mesh": given.mesh,
+        "facet_tags": given.facet_tags(plain.tags),
+        "cell_tags": given.cell_tags(plain.regions),
+        "curved_facets": None,
+        "places": None,
+        "marks": None,
+    }
+    if places is not None:
+        tables["places"] = given.of_corners(places)
+        if has_marks:
+            tables["marks"] = given.of_sides(plain.marks_of_sides)
+    elif has_marks:
+        tables["curved_facets"] = given.facet_tags(plain.marks_of_sides)
+    return tables

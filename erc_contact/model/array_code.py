@@ -21,8 +21,12 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 
 from erc_contact.base.ufl_types import Ufl
 
-POINTS_AT_ONCE = 16384
-"""Number of points at which an expression is evaluated at once; they stay in cache."""
+POINTS_AT_ONCE = 4096
+"""Number of points at which an expression is evaluated at once.
+
+Their arrays stay in the cache, and are small enough for C not to ask the system for
+fresh memory each time.
+"""
 FIELDS = classes.Coefficient | classes.GeometricQuantity
 """What the caller gives the values of."""
 SAME = (classes.Variable, classes.Real, classes.Conj)

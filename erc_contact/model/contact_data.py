@@ -27,6 +27,9 @@ class ContactData:
         self._stiffness = None
         if contact.stiffness is not None:
             self._stiffness = Everywhere(contact.stiffness, mesh)
+        self._tangential_stiffness = None
+        if contact.tangential_stiffness is not None:
+            self._tangential_stiffness = Everywhere(contact.tangential_stiffness, mesh)
         self._parameters = {}
         if contact.friction is not None:
             for name, value in contact.friction.parameters.items():
@@ -39,13 +42,19 @@ class ContactData:
         return self._gap(x, self.contact.facets[facet])
 
     def stiffness(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray | None:
-        """Evaluate k of the foundation at the points [force/length^3], shape (n, q).
+        """Evaluate k_n of the foundation at the points [force/length^3], shape (n, q).
 
         None if it is rigid.
         """
         if self._stiffness is None:
             return None
         return self._stiffness(x, self.contact.facets[facet])
+
+    def tangential_stiffness(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray | None:
+        """Evaluate k_t of the foundation as :meth:`stiffness` does."""
+        if self._tangential_stiffness is None:
+            return None
+        return self._tangential_stiffness(x, self.contact.facets[facet])
 
     def normal(self, facet: np.ndarray, x: np.ndarray, interpolated: np.ndarray) -> np.ndarray:
         """Evaluate the unit normal that the scene gives at the points.

@@ -1,4 +1,4 @@
-"""Evaluate the friction parameters and the gap of a contact on its facets."""
+"""Evaluate friction parameters, gap and springs of a contact on its facets."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.space import Space
+from erc_contact.model.trace import split
 
 
 def friction_parameters(
@@ -32,3 +33,23 @@ def gap_at_nodes(space: Space, contact: ContactOnMesh) -> np.ndarray:
     if contact.gap is None:
         return np.zeros((len(contact.facets), len(space.facet_points)))
     return evaluate(contact.gap, space.mesh, space.facet_points, contact.facets)
+
+
+def spring_displacement(
+    space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Compute by how much a foundation gives way tangentially, ``-r_t/k_t`` [length].
+
+    Args:
+        space: The mesh.
+        contact: A contact with a tangential stiffness.
+        r: Tractions [force/area], on rings times the circumference, shape (f, q, d).
+        points: Reference points of its facets, shape (q, d-1).
+
+    Returns:
+        Shape (f, q, d); 0 on the axis of rings, where no shear acts.
+    """
+    stiffness = evaluate(contact.tangential_stiffness, space.mesh, points, contact.facets)
+    _, r_t, _ = split(r, contact.trace.normals_at(points))
+    k = stiffness[..., None]
+    return np.divide(-r_t, k, out=np.zeros_like(r_t), where=k > 0)

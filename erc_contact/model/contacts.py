@@ -67,17 +67,26 @@ def bind_contact(
         if gap is not None and contact.normal is None:
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gap = ufl.sqrt(ufl.dot(field, field)) * gap
+    trace = Trace(here, direction, None, there, of_corners)
+    between = None
+    if space.domain.distance(contact.facets, contact.against) > 0:
+        # Facing facets are one facet in their parameters, so this is linear on each. A
+        # jump that is equal to it brings both points together.
+        vectors, between = normal_field(space, facets, trace.to_partners)
+        away = ufl.dot(vectors, normal)
+        gap = away if gap is None else gap + away
     motion = None
     if contact.motion is not None:
         motion = components(space, contact.motion, f"{what}: motion")
         away = ufl.dot(motion, normal)
         gap = away if gap is None else gap + away
     friction = _friction(space, contact, facets)
-    stiffness = None
-    if contact.foundation is not None:
-        k = contact.foundation.stiffness
-        stiffness = space.on_meridian(number(space, k, f"{what}: stiffness of the foundation"))
-    trace = Trace(here, direction, None, there, of_corners)
+    stiffnesses = {}
+    for name in ("normal", "tangential"):
+        k = getattr(contact.foundation, name, None)
+        if k is not None:
+            words = f"{what}: {name} stiffness of the foundation"
+            stiffnesses[name] = space.on_meridian(number(space, k, words))
     # Friction alone remembers where the contact was.
     before = None
     lost = None
@@ -98,12 +107,14 @@ def bind_contact(
         given_normal=given_normal,
         friction=friction,
         gap=gap,
-        gap_varies=callable(contact.gap) or motion is not None,
+        gap_varies=callable(contact.gap) or motion is not None or between is not None,
         bilateral=contact.bilateral,
-        stiffness=stiffness,
+        stiffness=stiffnesses.get("normal"),
+        tangential_stiffness=stiffnesses.get("tangential"),
         lost=lost,
         gap_vectors=of_gap,
         moved=moved,
+        between=between,
     )
 
 

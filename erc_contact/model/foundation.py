@@ -47,8 +47,9 @@ class ContactOnMesh:
             which normals turn it is ``g |M|``, see ``erc_contact.model.normals``.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
-        stiffness: k of a compliant foundation [force/length^3], UFL; None for a rigid
-            one.
+        stiffness: Stiffness k_n of a compliant foundation along the normal
+            [force/length^3], UFL; None where it is rigid.
+        tangential_stiffness: Stiffness k_t tangentially, likewise; with friction alone.
         lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its
             tangential part s on each facet [length^(d+1)], shape (f,); None where it
             carries all.
@@ -62,6 +63,9 @@ class ContactOnMesh:
             the gap is what the scene gives.
         moved: Displacement of the foundation at the nodes of the contact, zero off it
             [length]; None without a motion. ``gap`` and the trace contain it.
+        between: Vectors from the vertices of the facets to their partners of the other
+            body [length], shape (f, d, d), of which ``gap`` has the normal part; None
+            where both sides are in one place.
         projection: Stands in for the projection of a trial traction in the equations of
             a solver, UFL in, UFL out; None for the projection of the law.
     """
@@ -78,12 +82,14 @@ class ContactOnMesh:
     gap_varies: bool
     bilateral: bool
     stiffness: Ufl | None = None
+    tangential_stiffness: Ufl | None = None
     lost: np.ndarray | None = None
     variable: tuple[fem.Function, fem.Function] | None = None
     tests_jump: bool = True
     gap_share: Ufl | None = None
     gap_vectors: np.ndarray | None = None
     moved: fem.Function | None = None
+    between: np.ndarray | None = None
     projection: Callable[[Ufl], Ufl] | None = None
 
     @property
@@ -120,10 +126,15 @@ class ContactOnMesh:
     @property
     def data(self) -> list[Ufl]:
         """Return what may vary: gap, normal, foundation, parameters of the law, UFL."""
-        data = [self.gap, self.given_normal, self.stiffness]
+        data = [self.gap, self.given_normal, self.stiffness, self.tangential_stiffness]
         if self.friction is not None:
             data += self.friction.parameters.values()
         return [value for value in data if value is not None]
+
+    @property
+    def is_compliant(self) -> bool:
+        """Tell whether the foundation gives way, along the normal or tangentially."""
+        return self.stiffness is not None or self.tangential_stiffness is not None
 
     @property
     def varies(self) -> bool:
@@ -136,6 +147,28 @@ class ContactOnMesh:
         if self.gap_vectors is None:
             return np.ones((len(self.facets), 1))
         return np.linalg.norm(np.matmul(self.trace.here.shares_of_nodes, self.gap_vectors), axis=-1)
+
+    @property
+    def to_partners(self) -> np.ndarray:
+        """Return the vectors from nodes of facets to their partners [length].
+
+        Their shape is (f, m, d). Their normal part is the part of ``gap`` with which
+        the bodies are drawn.
+        """
+        if self.between is None:
+            return np.zeros((*self.trace.here.nodes.shape, self.trace.here.d))
+        return np.matmul(self.trace.here.shares_of_nodes, self.between)
+
+    @property
+    def named_corners(self) -> np.ndarray:
+        """Return the vertices of the facets on the side that the scene names first.
+
+        They are in the order of the vertices of this side [length], shape (f, d, d).
+        """
+        corners = self.trace.here.corners
+        if self.is_exchanged and self.between is not None:
+            corners = corners + self.between
+        return corners
 
     @property
     def sampled(self) -> bool:
@@ -169,7 +202,9 @@ class ContactOnMesh:
 
         On a foundation it is u, between two bodies the difference of u on this side and
         on the other one. In a history its tangential part is counted from the end of
-        the last step, of which friction remembers the tangential part s: ``w - s``.
+        the last step, of which friction remembers the tangential part s: ``w - s``. On
+        a foundation that gives way tangentially s is the slip at the end of that step,
+        without what the foundation gave way.
 
         Its variation has no s. So the work of a traction r is ``inner(r, jump(v))``
         with a test function v.
@@ -213,10 +248,11 @@ class ContactOnMesh:
     def project(self, z: Ufl, gamma: Ufl | None = None) -> Ufl:
         """Return the traction that the law allows [force/area], UFL.
 
-        On a compliant foundation springs k and gamma carry the trial pressure
-        ``-r_n + gamma (w_n - g)``, and k gives way, too: the pressure p of the law
-        ``p = k (w_n - g)`` is the share ``k/(k + gamma)`` of it. So the share tends to
-        1 on a stiff foundation and to 0 on a soft one.
+        On a compliant foundation springs k and gamma carry the trial traction ``r -
+        gamma (w - g n)``, and k gives way, too: the traction ``-k (w - g n)`` of the
+        spring is the share ``k/(k + gamma)`` of it, along the normal and tangentially.
+        The law allows what is nearest to this share. It tends to 1 on a stiff
+        foundation and to 0 on a soft one.
 
         Args:
             z: Trial traction [force/area], UFL.
@@ -227,20 +263,26 @@ class ContactOnMesh:
             InputError: If the foundation is compliant and gamma is missing.
         """
         bound = None if self.friction is None else self.friction.bound
-        share = None
-        if self.stiffness is not None:
+        if self.is_compliant:
             if gamma is None:
                 raise InputError(
                     f"Contact({self.name!r}) has a compliant foundation: a method calls"
                     " contact.project(z, gamma) there, with the factor gamma of -jump(u) in z."
                 )
-            share = self.stiffness / (self.stiffness + gamma)
+            z = self._of_springs(z, gamma)
         if self.projection is not None:
-            r = self.projection(z)
-            if share is None:
-                return r
-            return r - (1 - share) * ufl.dot(r, self.normal) * self.normal
-        return project(z, self.normal, bound, bilateral=self.bilateral, share=share)
+            return self.projection(z)
+        return project(z, self.normal, bound, bilateral=self.bilateral)
+
+    def _of_springs(self, z: Ufl, gamma: Ufl) -> Ufl:
+        """Return the share of a trial traction that springs of the foundation carry."""
+        z_n = ufl.dot(z, self.normal) * self.normal
+        z_t = z - z_n
+        if self.stiffness is not None:
+            z_n = self.stiffness / (self.stiffness + gamma) * z_n
+        if self.tangential_stiffness is not None:
+            z_t = self.tangential_stiffness / (self.tangential_stiffness + gamma) * z_t
+        return z_n + z_t
 
     def status(self, r: Ufl) -> Ufl:
         """Return the status open (0), slip (1) or stick (2) of a traction, UFL.

@@ -35,7 +35,7 @@ import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import barycentric, bernstein, mass
+from erc_contact.mesh.simplex import barycentric, bernstein, mass, measures
 from erc_contact.model.space import Space
 from erc_contact.scene.material import strain
 
@@ -160,14 +160,52 @@ def per_area(
     flat = coefficients.reshape(*coefficients.shape[:2], int(np.prod(trailing)))
     values = np.matmul(bernstein(d - 1, k, points), flat)
     if space.axisymmetric:
-        radius = np.matmul(barycentric(points), corners[..., 0, None])
-        is_on_axis = abs(radius) <= ON_AXIS * space.domain.extent
-        middle = np.full((1, d - 1), 1 / d)
-        inside = points + BESIDE_AXIS * (middle - points)
-        radius = np.where(is_on_axis, np.matmul(barycentric(inside), corners[..., 0, None]), radius)
+        radius, is_on_axis, inside = _radii(space, corners, points)
         values = np.where(is_on_axis, np.matmul(bernstein(d - 1, k, inside), flat), values)
         values = values / (2 * pi * radius)
     return values.reshape(*values.shape[:2], *trailing)
+
+
+def area_ratio(
+    space: Space, corners: np.ndarray, others: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Return the ratio of the areas of facets to other ones at their points [-].
+
+    Facing facets of two bodies that are apart have the same forces, so a traction times
+    this ratio is the traction on the other body.
+
+    Args:
+        space: The mesh.
+        corners: Vertices of the facets [length], shape (f, d, d).
+        others: Vertices of the other facets, in the same order.
+        points: Reference points of the facets, shape (q, d-1).
+
+    Returns:
+        Shape (f, q), of rings the ratio of their areas; (f, 1) where it is constant. On
+        the axis it is the limit.
+    """
+    ratio = (measures(corners) / measures(others))[:, None]
+    if not space.axisymmetric:
+        return ratio
+    here, there = (_radii(space, x, points)[0][..., 0] for x in (corners, others))
+    return ratio * (here / there)
+
+
+def _radii(
+    space: Space, corners: np.ndarray, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return radii at points of facets [length], beside the axis for points on it.
+
+    Returns:
+        The radii, shape (f, q, 1); which points are on the axis, (f, q, 1); points
+        beside the axis for all of them, shape (q, d-1).
+    """
+    radius = np.matmul(barycentric(points), corners[..., 0, None])
+    is_on_axis = abs(radius) <= ON_AXIS * space.domain.extent
+    middle = np.full((1, space.d - 1), 1 / space.d)
+    inside = points + BESIDE_AXIS * (middle - points)
+    beside = np.matmul(barycentric(inside), corners[..., 0, None])
+    return np.where(is_on_axis, beside, radius), is_on_axis, inside
 
 
 def nodal_shares(space: Space, facets: np.ndarray) -> np.ndarray:

@@ -24,7 +24,6 @@ def at_nodes(space: Space, contact: ContactOnMesh, gap: Ufl | None) -> ContactOn
         contact: The contact.
         gap: Its gap by Bernstein coefficients [length], UFL, or None.
     """
-    stiffness = contact.stiffness
     friction = contact.friction
     trace = contact.trace
     if trace.before is not None:
@@ -32,15 +31,18 @@ def at_nodes(space: Space, contact: ContactOnMesh, gap: Ufl | None) -> ContactOn
         space.to_coefficients(before.x.array.reshape(-1, space.d), [contact])
         trace = replace(trace, before=before)
     # The projection holds between Bernstein coefficients, so the gap is given by its
-    # own; stiffness and parameters of the law are values at the nodes.
-    if stiffness is not None:
-        stiffness = _values(space, contact, stiffness)
+    # own; stiffnesses and parameters of the law are values at the nodes.
+    stiffnesses = {}
+    for name in ("stiffness", "tangential_stiffness"):
+        stiffness = getattr(contact, name)
+        if stiffness is not None:
+            stiffnesses[name] = _values(space, contact, stiffness)
     if friction is not None:
         parameters = {}
         for name, value in friction.parameters.items():
             parameters[name] = _values(space, contact, value)
         friction = replace(friction, parameters=parameters)
-    return replace(contact, gap=gap, stiffness=stiffness, friction=friction, trace=trace)
+    return replace(contact, gap=gap, friction=friction, trace=trace, **stiffnesses)
 
 
 def _values(space: Space, contact: ContactOnMesh, value: Ufl) -> Ufl:

@@ -17,9 +17,19 @@ from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, lattice, projection, rule
+from erc_contact.mesh.simplex import (
+    barycentric,
+    bernstein,
+    lagrange,
+    lattice,
+    measures,
+    projection,
+    rule,
+)
+from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.meridian import area_ratio
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
 from erc_contact.model.trace import split
@@ -157,7 +167,7 @@ def profile_table(
         - ``x``, ``y`` and in 3D ``z``: position [length],
         - ``gap``: the gap that is left, g - w_n [length],
         - ``slip``: length of w_t, or of its change since the last step of a history
-          [length],
+          [length], without what a foundation gives way tangentially,
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
           [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick,
@@ -165,6 +175,9 @@ def profile_table(
           [area] in 3D. The sum of ``weight * pressure`` is the normal force up to
           round-off, because the tractions of an admissible pair are polynomials of
           degree k on facets.
+
+        Of bodies that are drawn apart, places, tractions and weights are on the side
+        that the scene names first.
 
         A contact between two bodies has more columns, which come last: the displacement
         of this side, ``u_x``, ``u_y`` and in 3D ``u_z``, and the displacement of the
@@ -253,13 +266,18 @@ def _columns(
     """
     points = profile_points(model)
     facets = contact.facets
+    named = contact.named_corners
+    share = area_ratio(model, contact.trace.here.corners, named, points)
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(model.d - 1, model.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
     before = contact.sign * np.matmul(shape, contact.trace.of_before)
     w_n = (w * n).sum(axis=-1)
-    _, w_t, slip = split(w - before, n)
-    r_n, r_t, shear = split(contact.sign * r, n)
+    w_t = w - before
+    if contact.tangential_stiffness is not None:
+        w_t = w_t - contact.sign * given_way(model, contact, r, points)
+    _, w_t, slip = split(w_t, n)
+    r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
         gap = evaluate(contact.gap, model.mesh, points, facets)
@@ -273,9 +291,9 @@ def _columns(
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
     columns["shear"] = shear
-    columns["friction_bound"] = bound
+    columns["friction_bound"] = share * bound
     columns["status"] = status[:, None]
-    columns["weight"] = contact.trace.here.areas[:, None] * profile_weights(model)
+    columns["weight"] = measures(named)[:, None] * profile_weights(model)
     if model.axisymmetric:
         columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
     if contact.against is not None:
@@ -290,9 +308,25 @@ def _columns(
     return columns
 
 
+def given_way(
+    model: Model, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
+
+    The tractions r [force/area] are not about rings, as its stiffness is.
+    """
+    if model.axisymmetric:
+        places = np.matmul(barycentric(points), contact.trace.here.corners)
+        r = circumferences(places)[..., None] * r
+    return spring_displacement(model, contact, r, points)
+
+
 def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
-    x = evaluate(model.x, model.mesh, profile_points(model), contact.facets)
+    points = profile_points(model)
+    x = evaluate(model.x, model.mesh, points, contact.facets)
+    if contact.is_exchanged and contact.between is not None:
+        x = x + np.matmul(barycentric(points), contact.between)
     return {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
 
 

@@ -176,8 +176,11 @@ def _check_data(model: Model, contact: ContactOnMesh) -> None:
         low = model.comm.allreduce(local, MPI.MIN)
         if low < 0.0:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
-    if contact.stiffness is not None:
-        stiffness = Everywhere(contact.stiffness, model.mesh)(x, contact.facets)
+    stiffnesses = {"normal": contact.stiffness, "tangential": contact.tangential_stiffness}
+    for name, of_foundation in stiffnesses.items():
+        if of_foundation is None:
+            continue
+        stiffness = Everywhere(of_foundation, model.mesh)(x, contact.facets)
         if model.axisymmetric:
             # Per length of the meridian it is zero on the axis.
             stiffness = stiffness[x[..., 0] > ON_AXIS * model.domain.extent]
@@ -185,8 +188,8 @@ def _check_data(model: Model, contact: ContactOnMesh) -> None:
         low = model.comm.allreduce(local, MPI.MIN)
         if not low > 0.0:
             raise InputError(
-                f"{what}: the stiffness of the foundation is {low:g} somewhere; it must be > 0"
-                " and finite [force/length^3]."
+                f"{what}: the {name} stiffness of the foundation is {low:g} somewhere; it must be"
+                " > 0 and finite [force/length^3]."
             )
     if contact.gap is not None:
         gap = Everywhere(contact.gap, model.mesh)(x, contact.facets)

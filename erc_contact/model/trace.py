@@ -356,14 +356,32 @@ class Trace:
         return np.take_along_axis(self.there.nodes, facing, axis=1)
 
     @cached_property
+    def to_partners(self) -> np.ndarray:
+        """Return the vectors from vertices of facets to their partners, (f, d, d).
+
+        They are zero where both sides are in one place [length].
+        """
+        assert self.there is not None
+        d = self.here.d
+        facing = np.argsort(self._order_there, axis=1)[:, :d, None]
+        return np.take_along_axis(self.there.corners, facing, axis=1) - self.here.corners
+
+    @cached_property
     def _order_there(self) -> np.ndarray:
         """Find the place of the node here that each node there faces, shape (f, m)."""
         assert self.there is not None
         here = _about_middle(self.here.places)
         there = _about_middle(self.there.places)
-        # Sides may be apart by a gap; vertices of facing facets are in any order.
-        distance = np.linalg.norm(there[:, :, None] - here[:, None], axis=-1)
-        return distance.argmin(axis=2)
+        # Facets that face each other may be apart, of other sizes, and turned against
+        # each other; their vertices are in any order. Vertices face vertices, and
+        # middles of edges face middles.
+        orders = []
+        for first, last in ((0, self.here.d), (self.here.d, here.shape[1])):
+            away = there[:, first:last, None] - here[:, None, first:last]
+            distance = np.linalg.norm(away, axis=-1)
+            if last > first:
+                orders.append(first + distance.argmin(axis=2))
+        return np.concatenate(orders, axis=1)
 
 
 def _in_a_row(here: np.ndarray, there: np.ndarray | None) -> np.ndarray:
@@ -372,5 +390,9 @@ def _in_a_row(here: np.ndarray, there: np.ndarray | None) -> np.ndarray:
 
 
 def _about_middle(x: np.ndarray) -> np.ndarray:
-    """Return positions of the nodes of facets (f, m, d) from the mean of each facet."""
-    return x - x.mean(axis=1, keepdims=True)
+    """Return positions of the nodes of facets (f, m, d) from the mean of each facet.
+
+    The greatest distance of each facet is 1.
+    """
+    away = x - x.mean(axis=1, keepdims=True)
+    return away / np.linalg.norm(away, axis=2, keepdims=True).max(axis=1, keepdims=True)

@@ -3,7 +3,8 @@
 Friction acts on the tangential displacement since the last step. Points in slip go on
 from where they are. Points in stick go on from where they stuck: Nitsche's method and
 penalties keep them there up to the discretisation error only, and in many steps they
-would creep. A multiplier keeps them there to round-off.
+would creep. A multiplier keeps them there to round-off. On a foundation that gives way
+tangentially the slip alone is kept: it gives way again in the next step.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import Greatest, LastStep
+from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.profile import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
@@ -85,6 +88,8 @@ def last_step(solution: Solution) -> LastStep:
     for contact in model.contacts:
         trace = contact.trace
         w = trace.of(solution.u.x.array)
+        if contact.tangential_stiffness is not None:
+            w = w - _given_way(solution, contact)
         if contact.friction is not None and not solution.method.multiplier:
             nodes = trace.here.nodes
             stuck = _stuck(solution, contact)[nodes]
@@ -102,6 +107,20 @@ def last_step(solution: Solution) -> LastStep:
         max(load_size(model, solution.stiffness.load_vector()), before.load),
     )
     return LastStep(model, contacts, greatest)
+
+
+def _given_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
+    """Compute by how much the foundation gives way tangentially [length]; collective.
+
+    A node has one value on all its facets, shape (f, m, d).
+    """
+    model = solution.model
+    points = model.facet_points
+    r = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
+    of_facets = spring_displacement(model, contact, r, points)
+    here = contact.trace.here
+    of_nodes = [values_of_nodes(here, of_facets[..., axis]) for axis in range(model.d)]
+    return np.stack(of_nodes, axis=-1)[here.nodes]
 
 
 def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:

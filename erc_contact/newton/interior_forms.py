@@ -82,10 +82,10 @@ class InteriorForms(ContactForms):
         return self.points
 
     def _looked_at(self) -> list[Ufl]:
-        """Return the trial tractions of the contacts, in UFL."""
+        """Return the trial tractions that the projections of contacts get, in UFL."""
         trials = []
         for contact, multiplier in self._with_multipliers():
-            plain = replace(contact, projection=_itself, stiffness=None)
+            plain = replace(contact, projection=_itself)
             trials.append(self.method.projected(self.model, plain, self.u, multiplier))
         return trials
 

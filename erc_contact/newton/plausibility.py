@@ -220,7 +220,9 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
             continue
         sides = [model.side(facets, model.modulus) for facets in model.domain.facing(here, there)]
         n = model.outward_normals(sides[0].facets)
-        jump = Trace(sides[0], n, None, sides[1]).of(solution.u.x.array)
+        trace = Trace(sides[0], n, None, sides[1])
+        drawn = np.matmul(sides[0].shares_of_nodes, trace.to_partners)
+        jump = trace.of(solution.u.x.array) - drawn
         _, entry = model.extremes((jump * n[:, None, :]).sum(axis=-1))
         if entry > APART * moved:
             found["pair", here] = (

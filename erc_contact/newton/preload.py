@@ -104,7 +104,7 @@ def shank_stiffness(model: Model, names: Sequence[str]) -> np.ndarray:
 
 def solved_with_forces(
     scene: Scene, shifts: np.ndarray, solve: Solve, solve_near: SolveNear
-) -> Solution:
+) -> tuple[Solution, Solution]:
     """Solve a scene in which forces of preloads are given; collective.
 
     Args:
@@ -114,7 +114,8 @@ def solved_with_forces(
         solve_near: Solves one with the factor or hierarchy of a solution near by.
 
     Returns:
-        The solution of the scene with the shifts that were found.
+        The solution of the scene with the shifts that were found, and the first
+        solution, whose factor or hierarchy it has.
 
     Raises:
         NotConverged: If no shifts give these forces.
@@ -133,7 +134,7 @@ def solved_with_forces(
             return solve(scene)
 
     shifts, solution = _first(shifts, at, solve)
-    owner = solution.stiffness
+    first = solution
     steps = solution.newton_steps
     forces = _bolt_forces(solution, names)
     scale = max(abs(wanted).max(), abs(forces).max())
@@ -143,11 +144,7 @@ def solved_with_forces(
         log_of(solution.model.comm).debug("Preloads %s: shifts %s", forces, shifts)
         left = wanted - forces
         if abs(left).max() <= SAME_FORCE * scale:
-            if solution.stiffness.iterative == owner.iterative:
-                owner = owner.handed_to(solution.model)
-            else:
-                owner = solution.stiffness
-            return replace(solution, newton_steps=steps, stiffness=owner)
+            return replace(solution, newton_steps=steps), first
         change = np.linalg.lstsq(slopes, left, rcond=None)[0]
         change, solution = _changed(shifts, change, at, near, solution)
         steps += solution.newton_steps

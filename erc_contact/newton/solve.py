@@ -240,9 +240,12 @@ def _solved_with_forces(
     def solve_near(scene: Scene, near: Solution) -> Solution:
         return Nearby(near, solver, after).solve(scene)
 
-    solution = solved_with_forces(scene, shifts, solve, solve_near)
+    solution, first = solved_with_forces(scene, shifts, solve, solve_near)
+    stiffness = solution.stiffness
+    if stiffness.iterative == first.stiffness.iterative:
+        stiffness = first.stiffness.handed_to(solution.model)
     seconds = solution.model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    return replace(solution, seconds=seconds)
+    return replace(solution, stiffness=stiffness, seconds=seconds)
 
 
 def large(model: Model) -> bool:
@@ -285,11 +288,20 @@ class Nearby:
     def solve(self, scene: Scene) -> Solution:
         """Solve a scene of the same bodies, contacts and springs.
 
+        Where forces of preloads are given, their shifts are found.
+
         Raises:
             InputError: As :func:`erc_contact.newton.solve.solve`.
             NotConverged: If no attempt converged.
         """
         near = self._near
+        if with_forces(scene):
+            known = shifts_in(near.scene)
+            shifts = np.array([known[preload.facets] for preload in with_forces(scene)])
+            solution, _ = solved_with_forces(
+                scene, shifts, self.solve, lambda moved, _: self.solve(moved)
+            )
+            return solution
         model = bind_nearby(scene, self._model)
         # Equations of Nitsche's method have the stress, with the shifts of preloads.
         if model.contacts != self._model.contacts or model.strains is not self._model.strains:

@@ -1,10 +1,11 @@
 """Move bodies apart in pictures, as far as they are apart; on rank 0.
 
-Two bodies that face each other have their meshes at the same place, and a gap g between
-them is data. Their pictures show it, and magnify it as the displacement is: points are
-drawn at X + s u^ + a, where the shifts a of facing points differ by s g along the
-normal. So facing points are drawn s (g - w^_n) apart: a closed contact looks closed and
-no body enters another one, whatever s is.
+Two bodies that face each other may have their meshes at the same place, and a gap g
+between them is data. Their pictures show it, and magnify it as the displacement is:
+points are drawn at X + s u^ + a, where the shifts a of facing points differ by s g
+along the normal. So facing points are drawn s (g - w^_n) apart: a closed contact looks
+closed and no body enters another one, whatever s is. Where bodies are drawn apart, the
+shifts give what their distance lacks of s g.
 
 The side with the name of the contact is moved, with all that is behind it, as a rigid
 body. The shift is the one of a foundation with this gap

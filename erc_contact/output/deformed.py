@@ -184,7 +184,7 @@ def shift_of(
     body: Mapping[str, np.ndarray], contacts: Sequence[Surface], factor: float, pull: float = 0.0
 ) -> np.ndarray:
     """Compute :func:`erc_contact.output.apart.shifts` of all pairs, shape (n, 3)."""
-    pairs = pairs_of(contacts)
+    pairs = [pair.missing(factor) for pair in pairs_of(contacts)]
     motions = [foundation_of(pair).motion for pair in pairs]
     return shifts(body, pairs, motions, factor, pull)
 
@@ -306,7 +306,7 @@ def _title(
     """Say what a picture of a deformed body magnifies, and what then looks wrong."""
     title = f"displacement × {factor:g}"
     pairs = pairs_of(contacts)
-    with_gap = [pair.traction.contact.name for pair in pairs if pair.gap.any()]
+    with_gap = [pair.traction.contact.name for pair in pairs if pair.missing(factor).gap.any()]
     if with_gap:
         title = f"displacement and gap × {factor:g}, gap drawn on {', '.join(with_gap)}"
     if pairs and pull is not None:

@@ -17,12 +17,15 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import in_space, node_between, node_vertices
+from erc_contact.mesh.simplex import at_nodes, in_space, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
+from erc_contact.model.profile import given_way
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
 
+SAME_GAP = 1e-12
+"""Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
 AXIS = 1e-6
 """Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
 
@@ -39,12 +42,15 @@ class Surface:
         gap: The gap g at the nodes of each facet before the deformation [length], shape
             (n, m).
         gap_left: The gap that is left there, g - w^_n [length], shape (n, m).
-        slip: Tangential part of w^ there, or of its change since the last step of a
-            history [length], shape (n, m, d).
+        slip: Tangential part of w^ there, less what a foundation gives way
+            tangentially, or of its change since the last step of a history [length],
+            shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).
         partners: Global numbers of the facing nodes of the other body, shape (n, m);
             None on a foundation.
+        drawn: The part of the gap with which both bodies are drawn [length], shape (n,
+            m).
         letters: Names of the coordinates.
     """
 
@@ -55,8 +61,18 @@ class Surface:
     gap_left: np.ndarray
     slip: np.ndarray
     place: np.ndarray
+    drawn: np.ndarray
     partners: np.ndarray | None = None
     letters: str = "xyz"
+
+    def missing(self, factor: float) -> Surface:
+        """Return the contact with the gap that a picture must add, over its factor.
+
+        It magnifies the gap by the factor, and the mesh has the part that is drawn.
+        """
+        gap = self.gap - self.drawn / factor
+        round_off = SAME_GAP * abs(self.drawn).max(initial=0.0)
+        return replace(self, gap=np.where(abs(gap) <= round_off, 0.0, gap))
 
     @property
     def d(self) -> int:
@@ -99,12 +115,17 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     own = contact.trace.here.owned
     gap = gap_at_nodes(model, contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
+    if contact.tangential_stiffness is not None:
+        # The slip is what the foundation does not give way.
+        r = np.matmul(at_nodes(model.d - 1, model.degree), traction.values)
+        displacement = displacement - given_way(model, contact, r, model.facet_points)
     w_n, slip, _ = split(displacement, contact.trace.normals)
     nodes = traction.nodes
     # On a foundation this side stands for the other one, which is left out below.
     partners = nodes if contact.against is None else contact.trace.partners
+    place = model.true_places(contact.facets)
     if contact.is_exchanged:
-        # Facing nodes are at the same place.
+        place = place + contact.to_partners
         nodes, partners = partners, nodes
     parts = gathered(
         model.comm,
@@ -118,7 +139,8 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         gap=gap[own],
         gap_left=(gap - w_n)[own],
         slip=contact.sign * slip[own],
-        place=model.true_places(contact.facets)[own],
+        place=place[own],
+        drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[own],
         partners=model.global_numbers(partners[own]),
     )
     if not parts:
@@ -142,6 +164,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         gap_left=parts["gap_left"],
         slip=parts["slip"],
         place=parts["place"],
+        drawn=parts["drawn"],
         partners=None if contact.against is None else parts["partners"],
         letters=letters_of(model),
     )

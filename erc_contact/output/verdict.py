@@ -1,13 +1,15 @@
 """Say in words what an error proves, what it estimates and what it leaves open.
 
-The words follow from the scene and from numbers that the error has already; nothing is
-computed.
+The words follow from the scene and from numbers that the error has already; only
+:func:`of_gaps` computes something.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+
+import numpy as np
 
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
@@ -134,6 +136,30 @@ def _of_points() -> tuple[str, str]:
         "direction) gives an interval for a contact force."
     )
     return NOT_KNOWN, words
+
+
+def of_gaps(error: ConstitutiveError) -> list[tuple[str, str]]:
+    """Say what linear kinematics cost where bodies keep their shapes; collective.
+
+    Nothing is said of sides that are drawn in one place.
+    """
+    statements = []
+    for contact in error.model.contacts:
+        if contact.between is None or contact.against is None:
+            continue
+        distance = error.domain.distance(contact.name, contact.against)
+        deviation = error.gap_deviation(contact.name)
+        sides = (error.force(name) for name in (contact.name, contact.against))
+        moment = np.linalg.norm(sum(side.moment for side in sides))
+        words = (
+            f"The sides of {contact.title} are drawn up to {distance:.3g} apart. Displacements "
+            "count as small: where it is closed, the gap of the law is up to "
+            f"{deviation:.2g} [length] from the distance of the deformed bodies, and its tractions "
+            f"act on both sides at two places, which leaves the moment {moment:.2g} in the "
+            "balance."
+        )
+        statements.append((ESTIMATE, words))
+    return statements
 
 
 def of_slips(error: ConstitutiveError, shares: Mapping[str, float]) -> list[tuple[str, str]]:

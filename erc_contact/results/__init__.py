@@ -14,6 +14,7 @@ from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import contact_status, profile
 from erc_contact.results.stresses import mean_stress
+from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.results.whole import whole_force
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "at",
     "contact_status",
     "force",
+    "gap_deviation",
     "mean_stress",
     "profile",
     "reactions",

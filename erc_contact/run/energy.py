@@ -28,6 +28,9 @@ traction at the begin. It estimates what the length of the step costs where a po
 begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how
 loads vary within a step in which all slides.
 
+On a foundation that gives way tangentially the slip is ``u^_t - s`` less what this
+gives way. What it stores is work of the contact on the body, and no work of friction.
+
 The slip counts from s, the tangential displacement of the last solution. u^ of the last
 step may differ from it, where its traction made a node stick or slip that does not in
 the solution. Work on this difference is no slip of the step: it is in the work of the
@@ -52,13 +55,14 @@ from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.numbers import ROUND_OFF
+from erc_contact.error.contact_integral import contact_integral
+from erc_contact.error.foundations import Sliding
+from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, strain_energy
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.model import Model
-from erc_contact.model.trace import split
 from erc_contact.results.profile import contact_of
 from erc_contact.run.body_work import work_in_body, work_of_strains
 
@@ -113,29 +117,34 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     for traction in pair.tractions:
         if traction.contact.friction is not None:
             begin = _traction_at_begin(pair.model, before, traction)
-            work_of_friction += _work_on_slip(pair, begin, traction)
+            work_of_friction += _work_on_slip(pair, begin, traction, floor)
             dissipated += _dissipated(pair, begin, traction, floor)
     return Energies(work, contact_work, work_of_friction, dissipated, stored)
 
 
-def _work_on_slip(pair: Admissible, begin: ContactTraction, end: ContactTraction) -> float:
+def _work_on_slip(
+    pair: Admissible, begin: ContactTraction, end: ContactTraction, floor: float
+) -> float:
     """Compute ``int (t_n + t_(n-1))/2 . (u^_t - s)`` [force length]; collective.
 
     Args:
         pair: The admissible pair at the end of the step.
         begin: The contact traction at its begin.
         end: That at its end.
+        floor: What integrals may leave unknown [force length].
     """
     model = pair.model
-    trace = end.contact.trace
-    points, weights = rule(model.d - 1, 2 * model.degree)
-    slip = trace.since(pair.displacement.x.array)
-    slip = np.matmul(lagrange(model.d - 1, model.degree, points), slip)
-    t = np.matmul(bernstein(model.d - 1, model.degree, points), 0.5 * (begin.values + end.values))
-    _, t_t, _ = split(t, trace.normals_at(points))
-    own = trace.here.owned
-    local = float(end.area[own] @ ((t_t * slip)[own].sum(axis=-1) @ weights))
-    return float(model.comm.allreduce(local, MPI.SUM))
+    sliding = Sliding(model, end)
+    mean = 0.5 * (begin.values + end.values)
+
+    def density(
+        facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
+    ) -> np.ndarray:
+        t = np.matmul(shape, mean[facet])
+        return (t * sliding.slip(facet, shape, w, n, x)).sum(axis=-1)
+
+    works = contact_integral(model, end.contact, pair.displacement, density, floor)
+    return BoundedNumber.summed(model.comm, works).value
 
 
 def _dissipated(
@@ -143,11 +152,10 @@ def _dissipated(
 ) -> float:
     """Compute what friction takes on a contact in a step [force length]; collective.
 
-    See :func:`_work_on_slip` for the arguments; ``floor`` is what integrals may leave
-    unknown.
+    See :func:`_work_on_slip` for the arguments.
     """
     # both friction bounds act on the slip of this step
-    at_begin = friction_work(pair.model, begin, pair.displacement, floor)
+    at_begin = friction_work(pair.model, begin, pair.displacement, floor, end)
     at_end = friction_work(pair.model, end, pair.displacement, floor)
     return 0.5 * (at_begin.value + at_end.value)
 

@@ -23,7 +23,7 @@ from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
-from erc_contact.output.verdict import verdict
+from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import (
@@ -247,13 +247,14 @@ class Evolution(RunResult):
             self._draw(gallery)
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         arguments = {"accuracy": self.accuracy, **self.settings}
+        claims = [*verdict(self.error), *of_gaps(self.error)]
         write_report(
             self,
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": table(map(shown, self.steps), SHOWN)},
             gallery,
-            claims=verdict(self.error),
+            claims=claims,
             forces=forces,
             code=evolution_as_code(self.scene_at, self.domain, arguments),
             note=NOTE,

@@ -31,7 +31,7 @@ from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
-from erc_contact.output.verdict import of_maxima, of_slips, verdict
+from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.result import RunResult
@@ -125,6 +125,13 @@ class History(RunResult):
         """
         return self.best.profile(contact)
 
+    def gap_deviation(self, contact: str) -> float:
+        """Tell how far the linearised gap is from the true one, of the best result.
+
+        See :func:`erc_contact.results.gap_deviation` [length].
+        """
+        return self.best.gap_deviation(contact)
+
     def at(self, points: Any) -> Values:
         """Evaluate displacement and stresses at points, of the best result.
 
@@ -217,7 +224,7 @@ class History(RunResult):
         quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}
         slips = of_slips(self.best, small_slips(self.best)) if self.bounds is None else []
-        claims = [*verdict(self.best), *slips, *of_maxima(maxima)]
+        claims = [*verdict(self.best), *of_gaps(self.best), *slips, *of_maxima(maxima)]
         self._write_report(folder, gallery, claims=claims, forces=forces, code=code)
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:

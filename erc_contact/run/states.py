@@ -25,7 +25,14 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.seams import Interface
-from erc_contact.mesh.tables import CellRows, described, geometry_of, glued_mesh, tag_tables
+from erc_contact.mesh.tables import (
+    CellRows,
+    corner_places,
+    described,
+    geometry_of,
+    glued_mesh,
+    tag_tables,
+)
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
@@ -62,7 +69,7 @@ STATE = {
 """Name in the file -> attribute of a solution, for what is kept beside its fields."""
 MESH = ("degree", "names", "regions", "geometry", "tags", "interfaces")
 """What a level tells of its mesh beside the tables."""
-TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued")
+TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued", "closed")
 """The tables of a mesh."""
 ABOUT = "linearised about"
 """Name of the displacement about which a potential was linearised."""
@@ -264,24 +271,37 @@ class Restored:
         points = table("VTKHDF/Points")
         cells = table("cells")
         is_split = "glued" in about["tags"]
+        keep_shapes = "closed" in about["tags"]
+        places = None
         if is_split and points is not None and cells is not None:
-            points, cells = glued_mesh(points, cells, self._tables["glued"])
+            places = corner_places(points, cells, about["dim"])
+            of_glued = self._tables["closed"].reshape(places.shape) if keep_shapes else places
+            points, cells = glued_mesh(of_glued, self._tables["glued"])
         rows = CellRows(comm, points, cells, about["dim"])
-        domain = self._domain(rows)
+        domain = self._domain(rows, rows.of_corners(places) if keep_shapes else None)
         if not is_split:
             return rows, domain
         split = domain.cut(tuple(Interface.of(plain) for plain in about["interfaces"]))
         return rows.of_split(split), split
 
-    def _domain(self, rows: CellRows) -> Domain:
-        """Return the mesh with names, tags and true shape; collective."""
+    def _domain(self, rows: CellRows, places: np.ndarray | None) -> Domain:
+        """Return the mesh with names, tags and true shape; collective.
+
+        Args:
+            rows: The rows of its cells.
+            places: Places of its corners if its bodies keep their shapes, else None.
+        """
         about = self.about
         table = self._tables.get  # None on the other ranks
         facets = rows.facet_tags(table("facets"))
         # all ranks know from `about` which tags there are
         curved = None
+        marks = None
         if "curved" in about["tags"]:
-            curved = rows.facet_tags(table("curved"))
+            if places is None:
+                curved = rows.facet_tags(table("curved"))
+            else:
+                marks = rows.of_facets(table("curved"))
         cells = None
         if "regions" in about["tags"]:
             cells = rows.cell_tags(table("regions"))
@@ -293,6 +313,8 @@ class Restored:
             about["regions"],
             self._shape or geometry_of(about["geometry"]),
             curved,
+            places=places,
+            marks=marks,
         )
 
     def _function(self, model: Model, name: str) -> fem.Function:

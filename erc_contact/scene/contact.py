@@ -13,38 +13,70 @@ from erc_contact.scene.law import Coulomb, Law
 from erc_contact.scene.material import Value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Foundation:
     """Declare a compliant foundation under a contact (Winkler's).
 
-    Where the pressure is p it gives way by p/k: the body may move by ``g + p/k`` along
-    the normal. It is a mat, a soil or a thin soft layer on a stiff ground. Its surface
-    does not move along itself.
+    Where the pressure is p it gives way by p/k_n: the body may move by ``g + p/k_n``
+    along the normal. Where the shear is t its surface gives way by t/k_t, and slip is
+    what the body moves beyond. It is a mat, a soil, a thin soft layer on a stiff
+    ground, or the asperities of rough surfaces. Between two bodies it is a layer
+    without thickness that gives way.
 
     Args:
-        stiffness: k, pressure over settlement [force/length^3], number or callable of x
-            (e.g. a table); for a thin layer k is its modulus over its thickness.
+        normal: k_n, pressure over settlement [force/length^3], number or callable of x
+            (e.g. a table); for a thin layer it is its modulus over its thickness. None
+            is rigid.
+        tangential: k_t, shear over displacement [force/length^3], likewise; for a thin
+            layer it is its shear modulus over its thickness. It needs friction.
+        stiffness: Another name of ``normal``.
 
     Raises:
-        InputError: If the stiffness is no finite number > 0 nor a callable.
+        InputError: If a stiffness is no finite number > 0 nor a callable, or if both
+            are None.
 
     Example:
         >>> ec.Contact("bottom", foundation=ec.Foundation(50.0)).foundation
-        Foundation(stiffness=50.0)
+        Foundation(normal=50.0, tangential=None)
     """
 
-    stiffness: Value
+    normal: Value | None
+    tangential: Value | None
 
-    def __post_init__(self) -> None:
-        """Check the stiffness."""
-        value: Any = self.stiffness
-        check_value("Foundation: stiffness", value, unit=" > 0 [force/length^3]")
-        is_number = not callable(value)
-        if is_number and (isinstance(value, bool) or not value > 0):
+    def __init__(
+        self,
+        normal: Value | None = None,
+        tangential: Value | None = None,
+        *,
+        stiffness: Value | None = None,
+    ) -> None:
+        """Check the stiffnesses."""
+        if stiffness is not None and normal is not None:
+            raise InputError("Foundation: stiffness is another name of normal; give one.")
+        # The class is frozen: only here its attributes are set.
+        object.__setattr__(self, "normal", stiffness if normal is None else normal)
+        object.__setattr__(self, "tangential", tangential)
+        if self.normal is None and self.tangential is None:
             raise InputError(
-                f"Foundation: stiffness is {value!r}; give a number > 0 [force/length^3], or a"
-                " callable of x. A rigid foundation has none: leave foundation out."
+                "Foundation has no stiffness; give normal, tangential or both. A rigid foundation"
+                " has none: leave foundation out."
             )
+        for name in ("normal", "tangential"):
+            value: Any = getattr(self, name)
+            if value is None:
+                continue
+            check_value(f"Foundation: {name}", value, unit=" > 0 [force/length^3]")
+            is_number = not callable(value)
+            if is_number and (isinstance(value, bool) or not value > 0):
+                raise InputError(
+                    f"Foundation: {name} is {value!r}; give a number > 0 [force/length^3], or a"
+                    " callable of x. What is rigid has none: leave it out."
+                )
+
+    @property
+    def stiffness(self) -> Value | None:
+        """Return ``normal``, of which it is another name."""
+        return self.normal
 
 
 @dataclass(frozen=True)
@@ -64,7 +96,8 @@ class Contact:
             is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
             own.
         gap: Initial gap g to the foundation or the other body along the normal
-            [length], number or callable of x.
+            [length], number or callable of x. Of bodies that are drawn apart, it adds
+            to their distance.
         normal: Unit normal that points into the foundation or the other body: d
             numbers, a callable of x, or "gap" for ``-grad g/|grad g|``, the normal of a
             foundation whose gap is its distance. One that varies is taken at the middle
@@ -73,7 +106,8 @@ class Contact:
             on a foundation.
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
-        foundation: A compliant foundation, :class:`Foundation`; None for a rigid one.
+        foundation: A compliant foundation, :class:`Foundation`, or a layer between two
+            bodies that gives way alike; None where nothing gives way.
         motion: Displacement of the foundation [length]: one number or callable of x for
             each dimension, at the points of the part. It changes the gap by its normal
             component, and slip counts against it. A disc below a brake pad turns by
@@ -82,7 +116,8 @@ class Contact:
 
     Raises:
         InputError: If friction is negative, the normal is zero, a bilateral contact has
-            Coulomb friction or a compliant foundation, a part is against itself, or a
+            Coulomb friction or gives way along the normal, a contact that gives way
+            tangentially has no friction, a part is against itself, or a
             contact with another body has a motion.
 
     Example:
@@ -153,23 +188,23 @@ class Contact:
         )
 
     def _check_foundation(self, what: str) -> None:
-        """Check the type of a compliant foundation, and that the body may lift off."""
+        """Check the type of a compliant foundation, and what a spring would be."""
         if self.foundation is None:
             return
         if not isinstance(self.foundation, Foundation):
             raise InputError(
                 f"{what}: foundation is {self.foundation!r}; give Foundation(stiffness), or None"
-                " for a rigid one."
+                " where nothing gives way."
             )
-        if self.against is not None:
-            raise InputError(
-                f"{what} is against another body and has a compliant foundation; give one of the"
-                " two. A soft layer between bodies is a body of its own."
-            )
-        if self.bilateral:
+        if self.bilateral and self.foundation.normal is not None:
             raise InputError(
                 f"{what} is bilateral and has a compliant foundation: such a part never lifts"
                 f" off. Give Spring({self.facets!r}, normal=k) instead."
+            )
+        if self.foundation.tangential is not None and self.law is None:
+            raise InputError(
+                f"{what} gives way tangentially and has no friction, so that no shear acts. Give"
+                " friction, or leave tangential out."
             )
 
     def _check_motion(self, what: str) -> None:

@@ -203,6 +203,52 @@ class Opening:
         check_name("Opening", self.part)
 
 
+@dataclass(frozen=True)
+class BoltForce:
+    """Ask for the force of a bolt whose shortening is given [force].
+
+    It is along the axis of its :class:`Preload`, in tension > 0.
+
+    Args:
+        part: Name of a side of its cut.
+
+    Source: the derivative of the energy by the shift.
+
+    Example:
+        >>> ec.BoltForce("upper end")
+        BoltForce(part='upper end')
+    """
+
+    part: str
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        check_name("BoltForce", self.part)
+
+
+@dataclass(frozen=True)
+class Shortening:
+    """Ask for the shift of a bolt whose force is given [length].
+
+    It is > 0 where the sides of the cut of its :class:`Preload` are drawn together.
+
+    Args:
+        part: Name of a side of its cut.
+
+    Source: the derivative of the energy by the force.
+
+    Example:
+        >>> ec.Shortening("upper end")
+        Shortening(part='upper end')
+    """
+
+    part: str
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        check_name("Shortening", self.part)
+
+
 @dataclass(frozen=True, repr=False)
 class Functional:
     """Ask for a number that is linear in the displacement, ``int psi . u``.
@@ -314,6 +360,8 @@ GOALS = (
     Rotation,
     Slip,
     Opening,
+    BoltForce,
+    Shortening,
     Functional,
     StressIntensity,
     Energy,
@@ -326,5 +374,8 @@ type GoalOfPart = Resultant | Moment | MeanDisplacement | Rotation
 type GoalOfContact = Slip | Opening
 """A displacement of a contact."""
 
-type Goal = GoalOfPart | GoalOfContact | Functional | StressIntensity | Energy
+type GoalOfBolt = BoltForce | Shortening
+"""A number of a preload."""
+
+type Goal = GoalOfPart | GoalOfContact | GoalOfBolt | Functional | StressIntensity | Energy
 """A number of the solution."""

@@ -134,7 +134,6 @@ def project(
     bound: Callable[[Ufl], Ufl] | None,
     *,
     bilateral: bool = False,
-    share: Ufl | None = None,
 ) -> Ufl:
     """Project a traction on the tractions that a law allows [force/area], UFL.
 
@@ -148,16 +147,12 @@ def project(
         bound: Friction bound b of the pressure, or None for no friction at all (no
             friction term is formed).
         bilateral: Whether the contact cannot open.
-        share: Factor of the pressure [-], which is below 1 on a compliant foundation;
-            None for 1.
 
     Returns:
         The contact traction r [force/area], shape (d,).
     """
     z_n = ufl.dot(z, n)
     r_n = z_n if bilateral else ufl.conditional(ufl.lt(z_n, 0), z_n, 0)
-    if share is not None:
-        r_n = share * r_n
     if bound is None:
         return r_n * n
     z_t = z - z_n * n

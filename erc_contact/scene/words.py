@@ -87,7 +87,11 @@ def _contact(contact: Any) -> str:
     normal = "" if contact.normal is None else f", normal {_code(contact.normal)}"
     bed = ""
     if contact.foundation is not None:
-        bed = f", foundation of stiffness {_code(contact.foundation.stiffness)}"
+        words = []
+        for name, value in arguments(contact.foundation).items():
+            words.append(f"{name} stiffness {_code(value)}")
+        what = "foundation" if contact.against is None else "layer"
+        bed = f", {what} of {' and '.join(words)}"
     moves = ""
     if contact.motion is not None:
         moves = f", foundation moves by {_vector(contact.motion)}"

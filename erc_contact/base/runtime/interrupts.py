@@ -24,8 +24,14 @@ from erc_contact.base.logs import log_of
 
 SAME_SIGNAL = 1.0
 """Time within which signals are one: a terminal and mpiexec may both send it [s]."""
-USUAL: dict[int, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-"""The signals, and what handles them by default."""
+USUAL: dict[int, tuple[Any, ...]] = {
+    signal.SIGINT: (signal.default_int_handler, signal.SIG_DFL),
+    signal.SIGTERM: (signal.SIG_DFL,),
+}
+"""The signals, and what handles them by default.
+
+gmsh leaves Ctrl-C to the system from ``gmsh.initialize()`` to ``gmsh.finalize()``.
+"""
 _running: ContextVar[tuple[Interrupts, ...]] = ContextVar("_running", default=())
 """The runs that are under way, the innermost last."""
 
@@ -59,24 +65,22 @@ class Interrupts:
     def __init__(self, comm: MPI.Comm) -> None:
         self.comm = comm
         self.first: float | None = None
-        self.ours: list[int] = []
+        self.before: dict[int, Any] = {}
         self.shared = False
 
     def __enter__(self) -> Interrupts:
         if threading.current_thread() is threading.main_thread():
-            self.ours = []
+            self.before = {}
             for number, usual in USUAL.items():
-                if signal.getsignal(number) == usual:
-                    self.ours.append(number)
-        for number in self.ours:
-            signal.signal(number, self._note)
+                if signal.getsignal(number) in usual:
+                    self.before[number] = signal.signal(number, self._note)
         self._token = _running.set((*_running.get(), self))
         return self
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
         _running.reset(self._token)
-        for number in self.ours:
-            signal.signal(number, USUAL[number])
+        for number, handler in self.before.items():
+            signal.signal(number, handler)
 
     def asked(self) -> bool:
         """Tell whether any rank was interrupted; collective."""
@@ -109,5 +113,5 @@ class Interrupts:
                 "Interrupted: the run will end with what it has. The signal again ends it at once."
             )
         elif now - self.first > SAME_SIGNAL:
-            signal.signal(number, USUAL[number])
+            signal.signal(number, USUAL[number][0])
             signal.raise_signal(number)

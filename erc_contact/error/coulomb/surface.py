@@ -214,8 +214,10 @@ def pieces(d: int, k: int) -> np.ndarray:
 
 
 def has_coulomb(contact: ContactOnMesh) -> bool:
-    """Tell whether the friction bound of a contact is a multiple of the pressure."""
-    return contact.friction is not None and contact.friction.dependence == PROPORTIONAL
+    """Tell whether a contact has Coulomb friction and is tangentially rigid."""
+    if contact.friction is None or contact.tangential_stiffness is not None:
+        return False
+    return contact.friction.dependence == PROPORTIONAL
 
 
 def coulomb_surface(model: Model) -> Surface:

@@ -26,6 +26,8 @@ def interval(error: ConstitutiveError | Run, goal: Goal) -> Bounds:
         error: The error of an admissible pair, or a history, whose error is taken.
         goal: :class:`erc_contact.Resultant`, :class:`erc_contact.Moment`,
             :class:`erc_contact.MeanDisplacement`, :class:`erc_contact.Rotation`,
+            :class:`erc_contact.Slip`, :class:`erc_contact.Opening`,
+            :class:`erc_contact.BoltForce`, :class:`erc_contact.Shortening`,
             :class:`erc_contact.Functional`, or :class:`erc_contact.Energy`, which needs
             no further solve.
 

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.bolt_perturbations import bolt_perturbation
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
 from erc_contact.error.goals.intensity_perturbation import stress_intensity
@@ -24,7 +25,9 @@ from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
 from erc_contact.scene.goal import (
+    BoltForce,
     Functional,
+    GoalOfBolt,
     GoalOfContact,
     GoalOfPart,
     MeanDisplacement,
@@ -32,49 +35,50 @@ from erc_contact.scene.goal import (
     Opening,
     Resultant,
     Rotation,
+    Shortening,
     Slip,
     StressIntensity,
 )
 
 
 def perturbation_of(
-    error: ConstitutiveError, goal: GoalOfPart | GoalOfContact | Functional | StressIntensity
+    error: ConstitutiveError,
+    goal: GoalOfPart | GoalOfContact | GoalOfBolt | Functional | StressIntensity,
 ) -> Perturbation:
     """Return what a goal moves; collective."""
     model = error.model
-    soft = [contact.name for contact in model.contacts if contact.stiffness is not None]
+    soft = [contact.name for contact in model.contacts if contact.is_compliant]
     if soft:
         raise InputError(
             f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
             " ec.resultant for a force of a contact."
         )
-    if isinstance(goal, Functional):
-        return functional(_base_scene(error), goal)
-    if isinstance(goal, StressIntensity):
-        return stress_intensity(error, _base_scene(error), goal)
-    if isinstance(goal, Slip | Opening):
-        if isinstance(goal, Slip) and goal.direction is not None:
-            _checked(goal, goal.direction, model.d)
-        return jump_perturbation(_base_scene(error), goal)
-    return _of_part(error, goal)
-
-
-def _of_part(error: ConstitutiveError, goal: GoalOfPart) -> Perturbation:
-    """Return what a goal of a boundary part moves; collective."""
-    model = error.model
-    vector = _checked_vector(goal, model.d)
-    if model.axisymmetric:
-        _check_on_rings(model, goal, vector)
+    if isinstance(goal, Slip) and goal.direction is not None:
+        _checked(goal, goal.direction, model.d)
+    vector = np.zeros(0)
+    if isinstance(goal, MeanDisplacement | Rotation | Moment | Resultant):
+        vector = _checked_vector(goal, model.d)
+        if model.axisymmetric:
+            _check_on_rings(model, goal, vector)
     base = _base_scene(error)
     match goal:
+        case Functional():
+            perturbation = functional(base, goal)
+        case StressIntensity():
+            perturbation = stress_intensity(error, base, goal)
+        case BoltForce() | Shortening():
+            perturbation = bolt_perturbation(base, goal, error.admissible)
+        case Slip() | Opening():
+            perturbation = jump_perturbation(base, goal)
         case MeanDisplacement():
-            return mean_displacement(base, goal, vector)
+            perturbation = mean_displacement(base, goal, vector)
         case Rotation():
-            return rotation(base, goal, vector)
+            perturbation = rotation(base, goal, vector)
         case Moment():
-            return moment(base, goal, vector)
+            perturbation = moment(base, goal, vector)
         case Resultant():
-            return resultant(base, goal, vector)
+            perturbation = resultant(base, goal, vector)
+    return perturbation
 
 
 def _check_on_rings(model: Model, goal: GoalOfPart, vector: np.ndarray) -> None:

@@ -43,6 +43,11 @@ The law may move, too, by a given strain t G. Then ``Q = psi(u) + int sigma : G`
 C eps(phi) the place of eps(phi) is taken by ``eps(phi) - G``, and V has a term beside
 psi(u^), ``int C G : (eps(u^) - eps_0)``.
 
+The shifts of preloads may move, too: u^ has jumps q d at their cuts, and phi has the
+jumps p d with the differences p of the shifts over t. So eps(phi) is the change of the
+elastic strain, loads work on the jumps, and so do the forces of bolts that are given
+(:mod:`erc_contact.error.goals.moved_shifts`).
+
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
 M is of second order if d falls like M. A t that changes the set makes d larger, and
@@ -70,6 +75,7 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.moved_shifts import MovedShifts
 from erc_contact.error.goals.perturbation import with_law
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
@@ -264,16 +270,17 @@ def _end(
     size_2 = elastic_work(pair, phi, phi).value
 
     size = float(np.sqrt(max(size_2, 0.0)))
-    product, d_squares = _across(base, phi, more, less, t, size)
+    shifts = MovedShifts.between(first.model, second.model, t)
+    product, d_squares = _across(base, phi, shifts, more, less, t, size)
     d_2 = model.comm.allreduce(float(d_squares.sum()), MPI.SUM)
     if d_2 > size_2:
         # Forces that a contact bears have a tau, and no phi.
-        product, d_squares = _across(base, phi, more, less, t, float(np.sqrt(d_2)))
+        product, d_squares = _across(base, phi, shifts, more, less, t, float(np.sqrt(d_2)))
 
     # The round-off of strains does work on the stress of phi.
     V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
-    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi)
+    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + shifts.work(pair, t)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
@@ -286,13 +293,20 @@ def _end(
 
 
 def _across(
-    base: Unmoved, phi: fem.Function, more: Admissible, less: Admissible, t: float, size: float
+    base: Unmoved,
+    phi: fem.Function,
+    shifts: MovedShifts,
+    more: Admissible,
+    less: Admissible,
+    t: float,
+    size: float,
 ) -> tuple[BoundedNumber, np.ndarray]:
     """Compute what V has of ``tau - C eps(phi)``, and ``d^2`` of cells; collective.
 
     Args:
         base: The scene, not moved.
         phi: phi.
+        shifts: The jumps of phi.
         more: One of two pairs whose sigma^ have the difference ``t tau``.
         less: The other one.
         t: t.
@@ -302,17 +316,18 @@ def _across(
     model = error.model
     # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
     h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
-    pairs = [error.admissible] * 3
-    if base.law_at is not None:
-        pairs[1:] = [with_law(error.admissible, base.law_at(sign * h)) for sign in (1.0, -1.0)]
     squares = []
     unresolved = 0.0
-    for pair, sign in zip(pairs, (0.0, 1.0, -1.0), strict=True):
-        body = _bulk(pair, phi, more, less, sign * h, t)
+    varies = False
+    for step in (0.0, h, -h):
+        moved = shifts.moved(error.admissible, step)
+        if base.law_at is not None and step != 0.0:
+            moved = with_law(moved, base.law_at(step))
+        body = _bulk(moved, phi, more, less, step, t)
         squares.append(body.gap)
         unresolved += body.moduli
+        varies |= moved.model.constitution.varies_in_cells
     # Adapted integrals are up to twice their share too large.
-    varies = any(pair.model.constitution.varies_in_cells for pair in pairs)
     share = 2 * UNKNOWN_SHARE if varies else 0.0
     d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
     d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
@@ -329,15 +344,15 @@ def _bulk(
     It is a gap [force length], with the springs at the cell.
     """
     model = pair.model
-    hat = model.function()
-    hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
+    u_hat = model.function()
+    u_hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
     of_springs = []
     triples = zip(pair.spring_tractions, more.spring_tractions, less.spring_tractions, strict=True)
     for value, of_more, of_less in triples:
         of_springs.append(value + h / t * (of_more - of_less))
     moved = replace(
         pair,
-        displacement=hat,
+        displacement=u_hat,
         stress=pair.stress + h / t * (more.stress - less.stress),
         spring_tractions=of_springs,
     )

@@ -5,6 +5,10 @@ afterwards: the triangles at a side are cut where the other side has a vertex. A
 them lie on the facets of side 1, so side 2 of a curved contact moves by the height of
 the facets over each other.
 
+Across a clearance or an interference each side keeps its own place. Vertices that would
+be one are then pairs of vertices, of which the normal of side 1 goes through both: the
+second one moves along the facets of side 2, and new ones lie on them.
+
 Symbols: 1 and 2 the sides. Lengths along the contact are places on a curve of side 1.
 """
 
@@ -36,16 +40,20 @@ class _Facing:
         sides: Their sides (cell, local facet), shape (k, 2).
         points: First and last point, in the direction of the curve, shape (k, 2).
         places: Their places, rising, shape (k, 2).
+        apart: Distances of the points from the curve [length], shape (k, 2).
         lengths: Lengths of the facets [length], shape (k,).
     """
 
     sides: np.ndarray
     points: np.ndarray
     places: np.ndarray
+    apart: np.ndarray
     lengths: np.ndarray
 
 
-def aligned(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
+def aligned(
+    plain: PlainMesh, here: int, there: int, apart: float = 0.0, *, keep: bool = False
+) -> PlainMesh:
     """Return a mesh in the plane whose two sides have common vertices.
 
     Args:
@@ -53,6 +61,8 @@ def aligned(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
         here: Tag of side 1.
         there: Tag of side 2.
         apart: Greatest distance of both sides [length].
+        keep: Whether each side keeps its place: its vertices are then pairs of points
+            of the glued mesh.
 
     Raises:
         InputError: If the sides are further apart, or cells would be crushed.
@@ -63,7 +73,7 @@ def aligned(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
         curve = curves(plain.x, plain.cells, plain.sides(here))[number]
         facing = _facing(plain, curve, plain.sides(there), apart)
         if len(facing.sides):
-            plain = _with_common_vertices(plain, curve, facing)
+            plain = _with_common_vertices(plain, curve, facing, keep)
     return plain
 
 
@@ -78,7 +88,8 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     used, rows = np.unique(points, return_inverse=True)
     place, distance = curve.projected(plain.x[used])
     places = place[rows.reshape(points.shape)]
-    apart = distance[rows.reshape(points.shape)].max(axis=1)
+    of_points = distance[rows.reshape(points.shape)]
+    apart = of_points.max(axis=1)
     lengths = np.linalg.norm(plain.x[end] - plain.x[start], axis=1)
     step = places[:, 1] - places[:, 0]
     if curve.closed:
@@ -110,7 +121,7 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
             f"apart= ({clearance} is enough), and by gap= of the contact; take smaller facets if "
             "the sides are curved."
         )
-    return _Facing(sides[near], points[near], places[near], lengths[near])
+    return _Facing(sides[near], points[near], places[near], of_points[near], lengths[near])
 
 
 def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -128,22 +139,30 @@ def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray
     return np.minimum(SAME * shorter + HEIGHTS * height, NEAR * shorter)
 
 
-def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing) -> PlainMesh:
+def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep: bool) -> PlainMesh:
     """Give a curve and the facets that face it common vertices.
 
     Raises:
         InputError: If cells would be crushed.
     """
     for close in CLOSE:
-        moved, insertions = _move_vertices(plain, curve, facing, close)
+        common = _common(plain, curve, facing, close, keep)
+        if keep:
+            moved, points = _kept_apart(plain, curve, facing, common)
+        else:
+            moved, points = _in_one_place(plain, common)
         # A cell that is turned over has a negative share of its area.
         before = _areas(plain.x, plain.cells)
         after = _areas(moved.x, moved.cells)
         if np.all(after / before > CRUSHED):
-            sides, points = insertions
+            sides = np.concatenate([common.free_sides, common.alone_sides])
             parts = cut(moved.x, moved.cells, moved.tags, sides, points)
             regions = plain.regions[parts.parents]
-            return PlainMesh(parts.x, parts.triangles, regions, parts.tags)
+            glued = moved.with_points(parts.x[len(moved.x) :]).glued
+            marks = None
+            if moved.marks is not None:
+                marks = cut(moved.x, moved.cells, moved.marks, sides, points).tags
+            return PlainMesh(parts.x, parts.triangles, regions, parts.tags, glued, marks)
     x, y = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
     raise InputError(
         f"joined: the vertices of the second part cannot move to the first one near ({x:.4g}, "
@@ -151,14 +170,37 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing) -> Pl
     )
 
 
-def _move_vertices(
-    plain: PlainMesh, curve: Curve, facing: _Facing, close: float
-) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
-    """Move and merge vertices, and say which ones are to be inserted on which sides.
+@dataclass(frozen=True, eq=False)
+class _Common:
+    """Hold which vertices of two sides become one, and which ones the sides lack.
 
-    Returns:
-        The mesh with moved and merged vertices, and sides and points to insert.
+    Attributes:
+        x: Points [length], with the vertices of side 1 that move to corners of side 2,
+            shape (n, 2).
+        merged: Vertices of side 2 that become one with a vertex of side 1, shape (m,).
+        partners: These vertices of side 1.
+        slides: Which of the merged vertices are not at the place of their partner, and
+            may move, shape (m,).
+        free: Vertices of side 2 that side 1 lacks, shape (k,).
+        free_sides: Sides (cell, local facet) of side 1 on which they are.
+        on_first: Their places on side 1 [length], shape (k, 2).
+        alone: Vertices of side 1 that side 2 lacks, shape (l,).
+        alone_sides: Sides of side 2 on which they are.
     """
+
+    x: np.ndarray
+    merged: np.ndarray
+    partners: np.ndarray
+    slides: np.ndarray
+    free: np.ndarray
+    free_sides: np.ndarray
+    on_first: np.ndarray
+    alone: np.ndarray
+    alone_sides: np.ndarray
+
+
+def _common(plain: PlainMesh, curve: Curve, facing: _Facing, close: float, keep: bool) -> _Common:
+    """Find the vertices that two sides are to have in common."""
     x = plain.x.copy()
     corners = np.arange(len(curve.points) - curve.closed)
     points1 = curve.points[corners]
@@ -177,30 +219,109 @@ def _move_vertices(
     distance = abs(place2 - curve.places[nearest])
     partner = points1[nearest % len(points1)]
     size = np.minimum(size1[nearest % len(points1)], size2)
+    same = SAME * size
+    if keep:
+        # What faces a corner is known as well as the normal there: to a turn of facets.
+        blur = _turns_beside(curve)[nearest] * facing.apart.ravel()[first]
+        same = np.minimum(same + blur, close * size)
     may_move = ~(fixed[partner] & fixed[points2])
-    merged = distance < np.where(may_move, close, SAME) * size
+    merged = distance < np.where(may_move, close * size, same)
     # A corner of side 2 stays, and the vertex of side 1 moves along its facets.
     to_second = merged & fixed[points2] & ~fixed[partner]
     x[partner[to_second]] = curve.at(place2[to_second])
 
-    inside = (place2 > 0) & (place2 < curve.length)
-    free = ~merged & inside
-    x[points2[free]] = curve.at(place2[free])
-    x[points2[merged]] = x[partner[merged]]
-    number = np.arange(len(x))
-    number[points2[merged]] = partner[merged]
+    free = ~merged & (place2 > 0) & (place2 < curve.length)
     sides1 = curve.sides[curve.facet_at(place2[free])]
-
     # Vertices of side 1 that became none of side 2 are inserted where its facets are.
     alone = ~np.isin(points1, partner[merged])
-    place1 = curve.places[corners[alone]]
-    row = _facet_over(curve, facing, place1)
-    sides2 = facing.sides[row[row >= 0]]
-    insertions = (
-        np.concatenate([sides1, sides2]),
-        np.concatenate([points2[free], points1[alone][row >= 0]]),
+    row = _facet_over(curve, facing, curve.places[corners[alone]])
+    return _Common(
+        x,
+        points2[merged],
+        partner[merged],
+        (~fixed[points2] & (distance > SAME * size))[merged],
+        points2[free],
+        sides1,
+        curve.at(place2[free]),
+        points1[alone][row >= 0],
+        facing.sides[row[row >= 0]],
     )
-    return replace(plain, x=x, cells=number[plain.cells]), insertions
+
+
+def _turns_beside(curve: Curve) -> np.ndarray:
+    """Return the greatest angle by which a curve turns at each vertex or beside it.
+
+    Corners do not count. Shape (k+1,).
+    """
+    turns = abs(curve.turns)
+    turns = np.where(turns < CORNER, turns, 0.0)
+    before, after = turns[-2:-1], turns[1:2]
+    if not curve.closed:
+        before = after = np.zeros(1)
+    padded = np.concatenate([before, turns, after])
+    return np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
+
+
+def _in_one_place(plain: PlainMesh, common: _Common) -> tuple[PlainMesh, np.ndarray]:
+    """Move side 2 onto side 1.
+
+    Returns:
+        The mesh, and the points to insert on the sides that lack them.
+    """
+    x = common.x
+    x[common.free] = common.on_first
+    x[common.merged] = x[common.partners]
+    number = np.arange(len(x))
+    number[common.merged] = common.partners
+    moved = replace(plain, x=x, cells=number[plain.cells])
+    if plain.glued is not None:
+        moved = moved.with_pairs(common.merged, common.partners)
+    return moved, np.concatenate([common.free, common.alone])
+
+
+def _kept_apart(
+    plain: PlainMesh, curve: Curve, facing: _Facing, common: _Common
+) -> tuple[PlainMesh, np.ndarray]:
+    """Let both sides keep their places, as :func:`_in_one_place` moves side 2."""
+    slides = common.slides
+    targets = np.concatenate([common.partners[slides], common.alone])
+    on_second, is_over = _facing_points(plain, curve, facing, targets)
+    count = int(slides.sum())
+    x = common.x
+    x[common.merged[slides][is_over[:count]]] = on_second[:count][is_over[:count]]
+    new = np.concatenate([common.on_first, on_second[count:]])
+    points = len(x) + np.arange(len(new))
+    moved = replace(plain, x=x).with_points(new)
+    here = np.concatenate([common.partners, points[: len(common.free)], common.alone])
+    there = np.concatenate([common.merged, common.free, points[len(common.free) :]])
+    return moved.with_pairs(here, there), points
+
+
+def _facing_points(
+    plain: PlainMesh, curve: Curve, facing: _Facing, vertices: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find where the normals at vertices of side 1 meet side 2.
+
+    Args:
+        plain: The mesh.
+        curve: Side 1.
+        facing: Side 2.
+        vertices: Numbers of vertices of the curve, shape (n,).
+
+    Returns:
+        Points [length], shape (n, 2), and which of the vertices have a facet of side 2
+        over them, shape (n,).
+    """
+    points = curve.points[: len(curve.points) - curve.closed]
+    order = np.argsort(points)
+    at = order[np.searchsorted(points, vertices, sorter=order)]
+    row = _facet_over(curve, facing, curve.places[at])
+    start, end = np.moveaxis(plain.x[facing.points[row]], 1, 0)
+    normal = curve.normals[at]
+    across = np.column_stack([-normal[:, 1], normal[:, 0]])
+    height = ((curve.x[at] - start) * across).sum(axis=1)
+    share = np.clip(height / ((end - start) * across).sum(axis=1), 0.0, 1.0)
+    return start + share[:, None] * (end - start), row >= 0
 
 
 def _facet_over(curve: Curve, facing: _Facing, places: np.ndarray) -> np.ndarray:

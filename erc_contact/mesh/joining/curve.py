@@ -17,6 +17,8 @@ NEWTON_STEPS = 4
 """Newton steps for the place of a point on a facet; the equation is quadratic."""
 LEAST_SLOPE = 1e-3
 """Slope below which a Newton step is left out, by the length of the facet [-]."""
+ON_FACET = 1e-9
+"""Distance beyond the end of a facet that is none, by its length [-]."""
 ROWS_AT_ONCE = 1_000_000
 """Greatest number of pairs (point, facet) that are looked at together."""
 
@@ -114,10 +116,13 @@ class Curve:
         beside = distance.argmin(axis=1)[:, None] + np.array([-1, 0, 1])
         facet = beside % count if self.closed else np.clip(beside, 0, count - 1)
         row = np.arange(len(x))[:, None]
-        share = self._shares(offset[row, facet], share[row, facet], facet)
-        share = np.clip(share, low[facet], high[facet])
+        along_normal = self._shares(offset[row, facet], share[row, facet], facet)
+        share = np.clip(along_normal, low[facet], high[facet])
         apart = np.linalg.norm(offset[row, facet] - share[..., None] * edge[facet], axis=2)
-        best = (np.arange(len(x)), apart.argmin(axis=1))
+        # A vertex may be nearer to a point than the foot of the normal through it.
+        beyond = abs(share - along_normal) > ON_FACET
+        beyond &= ~beyond.all(axis=1, keepdims=True)
+        best = (np.arange(len(x)), np.where(beyond, np.inf, apart).argmin(axis=1))
         place = self.places[facet[best]] + share[best] * self.lengths[facet[best]]
         return place, apart[best]
 

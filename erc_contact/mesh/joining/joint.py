@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from mpi4py import MPI
@@ -22,10 +21,9 @@ from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.joining.aligning import aligned
 from erc_contact.mesh.joining.corners import moved_corner
 from erc_contact.mesh.joining.imprint_curved import imprint_curved
-from erc_contact.mesh.joining.imprint_mutual import Facets, imprint_mutually
+from erc_contact.mesh.joining.imprint_mutual import imprint_mutually
 from erc_contact.mesh.joining.imprint_plane import imprint_plane, plane_sides
 from erc_contact.mesh.joining.matching import matched
-from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.seams import Interface, Regions
@@ -56,7 +54,7 @@ class Joint:
 def check_parts(
     here: object,
     there: object,
-    glued: NamedMesh,
+    glued: Bodies,
     pairs: tuple[tuple[str, str], ...],
     apart: object,
 ) -> None:
@@ -105,7 +103,7 @@ def last_tag(bodies: Bodies) -> int:
 
 
 def joint(
-    glued: NamedMesh, here: str, there: str, on: int, *, tied: bool, apart: float = 0.0
+    glued: Bodies, here: str, there: str, on: int, *, tied: bool, apart: float = 0.0
 ) -> Joint:
     """Glue two parts of the boundary where they meet; collective.
 
@@ -129,7 +127,13 @@ def joint(
     if comm.rank == 0:
         try:
             drawn = plain
-            plain, regions = met(drawn, tags, on, apart)
+            keep = apart > 0 and not tied
+            plain, regions = met(drawn, tags, on, apart, keep=keep)
+            if keep and plain.glued is None:
+                log_of(comm).warning(_moved_side_words(here, there, apart))
+            if not keep or plain.glued is None:
+                # Vertices of one side are on the facets of the other one.
+                plain = replace(plain, marks=None)
             plain = plain.without_unused_points()
             moved = moved_corner(drawn, plain, tags)
             if moved is not None and moved[1] > (1 + ROUND_OFF) * apart:
@@ -153,6 +157,15 @@ def joint(
     return Joint(plain, names, Interface((here, there), (on + 1, on + 2), (sides[0], sides[1]), on))
 
 
+def _moved_side_words(here: str, there: str, apart: float) -> str:
+    """Say that a side has moved onto the other one."""
+    return (
+        f"joined: the facets of {here!r} and {there!r} do not match, and in space one body takes "
+        f"facets of the other one: its side moved there, by {apart:g} at most. Give the distance "
+        "by gap= of the contact."
+    )
+
+
 def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> str:
     """Say that a corner has moved from its place by a distance [length]."""
     place = ", ".join(f"{coordinate + 0.0:.6g}" for coordinate in corner)
@@ -165,7 +178,7 @@ def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> 
 
 
 def met(
-    plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0
+    plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0, *, keep: bool = False
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
     """Glue the two sides, and give the facets where they meet a new tag.
 
@@ -174,6 +187,7 @@ def met(
         tags: Tags of both sides.
         on: Tag of the facets where they meet.
         apart: Greatest distance of both sides [length].
+        keep: Whether each side keeps its place across that distance.
 
     Returns:
         The mesh, and the tags of the regions on each side.
@@ -182,16 +196,14 @@ def met(
         InputError: If they do not meet.
     """
     if plain.dim == 2:
-        whole = aligned(plain, *tags, apart)
+        whole = aligned(plain, *tags, apart, keep=keep)
     else:
         # Sides that match keep their cells, plane or curved.
-        imprint: Facets = partial(imprint_mutually, imprint_curved)
-        if plane_sides(plain, *tags):
-            imprint = imprint_plane
-        whole = matched(plain, *tags, apart) or imprint(plain, *tags, apart)
+        whole = matched(plain, *tags, apart, keep=keep) or _imprinted(plain, tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
-    numbers1, numbers2 = row_numbers(whole.points_of(first), whole.points_of(second))
+    glued = whole.glued_points
+    numbers1, numbers2 = row_numbers(glued[whole.points_of(first)], glued[whole.points_of(second)])
     common = np.intersect1d(numbers1, numbers2)
     if not len(common):
         raise _apart(plain, tags)
@@ -202,6 +214,22 @@ def met(
     new_tags[tuple(second.T)] = on
     regions = (np.unique(whole.regions[first[:, 0]]), np.unique(whole.regions[second[:, 0]]))
     return replace(whole, tags=new_tags), regions
+
+
+def _imprinted(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
+    """Return a mesh in space of which one side has the facets of the other one.
+
+    Raises:
+        InputError: If they do not lie on each other, or sides keep their places.
+    """
+    if plain.glued is not None:
+        raise InputError(
+            "joined: the facets of the parts do not match, and other sides keep their own places "
+            "across a distance. Join the parts that do not match first."
+        )
+    if plane_sides(plain, *tags):
+        return imprint_plane(plain, *tags, apart)
+    return imprint_mutually(imprint_curved, plain, *tags, apart)
 
 
 def _apart(plain: PlainMesh, tags: tuple[int, int]) -> InputError:

@@ -1,6 +1,7 @@
 """Make one vertex of two where the facets of two sides in space match.
 
-The sides may be plane or curved.
+The sides may be plane or curved. Across a clearance or an interference the two are one
+vertex of the glued mesh alone, and each stays where it is.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ PAIRS_AT_ONCE = 1_000_000
 """Greatest number of pairs (point, facet) that are looked at together."""
 
 
-def matched(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh | None:
+def matched(
+    plain: PlainMesh, here: int, there: int, apart: float = 0.0, *, keep: bool = False
+) -> PlainMesh | None:
     """Return the mesh with common vertices, or None if the facets do not match.
 
     Args:
@@ -32,6 +35,7 @@ def matched(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
         here: Tag of side 1.
         there: Tag of side 2, which takes the vertices of side 1.
         apart: Greatest distance of both sides along their normal [length].
+        keep: Whether each side keeps its place.
 
     Raises:
         InputError: If cells would be crushed.
@@ -60,8 +64,12 @@ def matched(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> Plai
         return None
     if _overlap(plain.x, alone2, alone1, apart):
         return None
+    if keep:
+        return plain.with_pairs(points1, points2)
     if apart > 0:
         _check_cells(plain, number)
+    if plain.glued is not None:
+        plain = plain.with_pairs(points1, points2)
     return replace(plain, cells=number[plain.cells])
 
 

@@ -29,7 +29,7 @@ from test_domain import (
 import erc_contact as ec
 from erc_contact.mesh.remeshing import count
 
-MESHES = Path(__file__).parents[1] / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 BRICKS = {
     "rectangle": (lambda: ec.rectangle(*RECTANGLE, size=0.8), RECTANGLE_SIDES, 14.0),
     "rectangle of cells": (lambda: ec.rectangle(*RECTANGLE, cells=(3, 10)), RECTANGLE_SIDES, 14.0),

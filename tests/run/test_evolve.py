@@ -39,7 +39,7 @@ from erc_contact.run.evolution import _slides
 from erc_contact.run.walk import Walk
 
 COMM = MPI.COMM_WORLD
-MESHES = Path(__file__).parent.parent / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 PRESS, MU = 0.05, 0.3
 CYCLE = [0.0, *np.linspace(1.0, 2.0, 9)]
 

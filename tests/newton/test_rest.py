@@ -15,7 +15,7 @@ from scenes import mostly_serial
 
 import erc_contact as ec
 
-MESHES = Path(__file__).parent.parent / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 GAPS = {"closed": 0.0, "open": 0.1, "varying": lambda x: 0.01 + 0.1 * x[0]}
 
 

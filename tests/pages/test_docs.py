@@ -5,6 +5,8 @@ Docstrings and comments repeat the noun.
 """
 
 import re
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,16 @@ def test_code_of_pages_runs(shared_tmp_path, monkeypatch):
     first = shared_tmp_path / "results" / "first"
     for name in ("report.html", "error_map.png", "deformed.png", "contact_bottom.png"):
         assert (first / name).is_file()
+
+
+def test_one_number_prints_what_its_page_says():
+    """Blocks of text are what the code before them prints."""
+    page = (ROOT / "docs" / "one_number.md").read_text()
+    said = "".join(re.findall(r"^```text\n(.*?)^```", page, re.MULTILINE | re.DOTALL))
+    printed = StringIO()
+    with redirect_stdout(printed):
+        exec(compile("\n".join(CODE.findall(page)), "one_number.md", "exec"), {})
+    assert printed.getvalue() == said
 
 
 def test_figures_have_scripts():

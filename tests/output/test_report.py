@@ -240,7 +240,7 @@ def test_verdict_follows_from_friction_data_and_shape():
     (estimate,) = [words for kind, words in claims if kind == "estimate"]
     assert "prescribed displacements" in estimate
     assert percent(error.oscillations.supports / error.scale) in estimate
-    disc = ec.read_mesh(Path(__file__).parents[1] / "meshes" / "half_disc.msh")
+    disc = ec.read_mesh(Path(__file__).parents[2] / "meshes" / "half_disc.msh")
     _, claims = said(0.0, domain=disc, part="arc", normal=(0.0, -1.0), gap=lambda x: x[1])
     assert any("No true shape is known" in words for _, words in claims)
 

@@ -129,7 +129,7 @@ def test_intervals_meet(degree):
     crack = ec.Contact("upper lip", against="lower lip", friction=0.3)
     found = []
     for scene in (pulled("plane stress"), pulled("plane stress", (crack,))):
-        for size in (0.5, 0.2):
+        for size in (0.5, 0.3):
             error = certified(scene, strip(size), degree=degree)
             found += [ec.interval(error, factor(radius)) for radius in (0.45, 0.3)]
     without_contact = found[:4]
@@ -141,16 +141,16 @@ def test_intervals_meet(degree):
 @pytest.mark.serial
 def test_pressure_on_the_faces():
     """Tension far away and a pressure on the faces differ by a uniform stress."""
-    domain = strip(0.3, height=4.0)
+    domain = strip(0.5, height=3.0)
     far, near = (certified(pulled(pressure=p), domain, degree=2) for p in (0.0, 1.0))
     of_far, of_near = (ec.interval(error, factor(0.3)) for error in (far, near))
     assert of_near.guaranteed
     assert max(of_far.low, of_near.low) < min(of_far.high, of_near.high)
-    assert of_near.value == pytest.approx(of_far.value, rel=5e-3)
+    assert of_near.value == pytest.approx(of_far.value, rel=1e-2)
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("friction", "accuracy", "off"), [(0.0, 5e-4, 2e-3), (0.3, 2e-4, 1e-2)])
+@pytest.mark.parametrize(("friction", "accuracy", "off"), [(0.0, 5e-4, 2e-3), (0.3, 5e-4, 2e-2)])
 def test_closed_crack(friction, accuracy, off):
     """In a large plate K_II is the shear beyond friction times the root of pi a."""
     domain = plate(40.0, 8.0, 0.15)
@@ -164,8 +164,9 @@ def test_closed_crack(friction, accuracy, off):
         assert found.low < np.sign(found.value) * exact < found.high
 
 
+@pytest.mark.serial
 def test_runs_reach_their_accuracy():
-    history = ec.adapt(pulled(), strip(0.5), accuracy=0.02, degree=2, goal=factor(0.4))
+    history = ec.adapt(pulled(), strip(0.5), accuracy=0.05, degree=2, goal=factor(0.4))
     assert history.reached
     found = ec.interval(history, factor(0.4))
     assert found.low < OF_TABLES < found.high

@@ -67,8 +67,12 @@ def test_newton_alone_finds_the_same(method, monkeypatch):
 
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("friction", [0.0, ec.Tresca(1e-5)], ids=["none", "given"])
-def test_states_in_space_are_found(friction, degree, solver, monkeypatch):
+@pytest.mark.parametrize(
+    ("friction", "bed"),
+    [(0.0, None), (ec.Tresca(1e-5), None), (ec.Tresca(1e-5), ec.Foundation(1.0, 0.01))],
+    ids=["none", "given", "soft"],
+)
+def test_states_in_space_are_found(friction, bed, degree, solver, monkeypatch):
     """A plate sags on a bowl; Newton's method ends in few steps from interior points."""
     body = ec.box((0.0, 0.0, 0.0), (8.0, 2.0, 0.5), cells=(8, 2, 1))
     scene = ec.Scene(
@@ -78,6 +82,7 @@ def test_states_in_space_are_found(friction, degree, solver, monkeypatch):
         ec.Contact(
             "bottom",
             friction=friction,
+            foundation=bed,
             gap=lambda x: 2e-4 * (x[0] - 5) ** 2 + 3e-3 * (x[1] - 1) ** 2,
         ),
     )

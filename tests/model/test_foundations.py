@@ -21,7 +21,7 @@ from reference import true_errors
 from scenes import mostly_serial
 
 import erc_contact as ec
-from erc_contact.error.contact_term import law_error
+from erc_contact.error.contact_term import law_error, spring_of
 
 E, NU = 1000.0, 0.3
 METHODS = [None, ec.Nitsche(theta=1), ec.Nitsche(theta=-1), ec.AugmentedLagrangian()]
@@ -85,7 +85,7 @@ def test_a_column_lifts_off():
 def test_error_in_the_law():
     entry, pressure = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(0.0, 3.0, 31))
     k = np.full(entry.shape, 2.0)
-    value = law_error(entry, pressure, k)
+    value = law_error(*spring_of(entry, pressure, k))
     beyond = abs(pressure - k * np.maximum(entry, 0.0))
     assert np.all(value[beyond < 1e-12] < 1e-15)
     # It is at least the least convex one: the square of what the law is missed by.
@@ -206,10 +206,6 @@ BAD = {
     "infinite": (lambda: ec.Foundation(np.inf), "a finite number"),
     "words": (lambda: ec.Foundation("soft"), "a finite number"),
     "number": (lambda: ec.Contact("bottom", foundation=3.0), r"give Foundation\(stiffness\)"),
-    "bodies": (
-        lambda: ec.Contact("a", against="b", foundation=ec.Foundation(1.0)),
-        "a body of its own",
-    ),
     "bilateral": (
         lambda: ec.Contact("a", bilateral=True, foundation=ec.Foundation(1.0)),
         r"Spring\('a', normal=k\)",
@@ -235,5 +231,5 @@ def test_bad_foundations_are_refused_in_words(case):
 
 def test_a_scene_says_its_foundation():
     scene = pressed(50.0)
-    assert "foundation of stiffness 50" in scene._repr_html_()
+    assert "foundation of normal stiffness 50" in scene._repr_html_()
     assert replace(scene.contacts[0], foundation=None) == pressed(None).contacts[0]

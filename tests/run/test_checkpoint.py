@@ -19,6 +19,7 @@ import os
 import resource
 import shutil
 import signal
+import sys
 from pathlib import Path
 from time import sleep
 
@@ -41,7 +42,7 @@ from erc_contact.run.levels import BLOCK, Damaged, Folder, packed, unpacked
 from erc_contact.run.states import level_of
 
 COMM = MPI.COMM_WORLD
-MESHES = Path(__file__).parent.parent / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 
 
 def same(history, other, *, solved=0):
@@ -456,7 +457,7 @@ def test_folder_that_cannot_be_written_is_refused_at_once(shared_tmp_path):
 
 
 KEPT = """
-import sys; sys.path[:0] = [{tests!r}, {tests!r} + "/../benchmarks"]
+import sys; sys.path[:0] = {paths!r}
 import os
 import test_checkpoint as t
 from mpi4py import MPI
@@ -480,7 +481,7 @@ def test_killed_runs_go_on(problem, ranks, tmp_path):
 
     On one rank it goes on, with other hashes of strings.
     """
-    script = KEPT.format(tests=str(Path(__file__).parent), problem=problem.__name__)
+    script = KEPT.format(paths=sys.path, problem=problem.__name__)
     with started(script, ranks, tmp_path) as process:
         elsewhere = told(process, "fingerprint")
         pids = [told(process, "mesh") for _ in range(2 + ranks)][-1]

@@ -23,7 +23,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD
-MESHES = Path(__file__).parents[1] / "meshes"
+MESHES = Path(__file__).parents[2] / "meshes"
 
 
 def from_script(text, folder, name):

@@ -507,7 +507,7 @@ def test_file_that_cannot_be_written(error, shared_tmp_path):
 def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, seen):
     scene, domain = punch(2)
     if body == "half disc":
-        domain = ec.read_mesh(Path(__file__).parents[1] / "meshes" / "half_disc.msh")
+        domain = ec.read_mesh(Path(__file__).parents[2] / "meshes" / "half_disc.msh")
         scene = replace(
             scene,
             contacts=[ec.Contact("arc", friction=0.4, normal=(0.0, -1.0), gap=lambda x: x[1])],
@@ -560,7 +560,9 @@ def test_area_under_the_pressure_of_any_contact(shape):
     contact = contact_with(n)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
     zero = np.zeros(ends.shape)
-    axes = contact_plots.contact_curves(gathered.Surface(traction, x, ends, zero, zero, 0 * x, x))
+    axes = contact_plots.contact_curves(
+        gathered.Surface(traction, x, ends, zero, zero, 0 * x, x, zero)
+    )
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)
     assert areas(axes, CURVE) == pytest.approx([force, 0.1 * force], rel=1e-3)

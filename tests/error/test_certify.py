@@ -238,7 +238,7 @@ def test_a_traction_that_does_not_fit_is_refused(traction, said):
 # -- files of results
 # ---------------------------------------------------------------------------------
 
-CALCULIX = Path(__file__).parents[1] / "meshes" / "calculix"
+CALCULIX = Path(__file__).parents[2] / "meshes" / "calculix"
 
 
 def test_a_result_of_calculix_on_hexahedra():

@@ -1280,7 +1280,7 @@ def test_no_rank_waits_for_one_that_failed(tmp_path):
         "-k",
         names,
         "--rootdir",
-        str(Path(__file__).parent.parent),
+        str(Path(__file__).parents[2]),
     ]
     script = f"import sys, pytest; sys.exit(pytest.main({arguments!r}))"
     with started(script, 2, tmp_path) as process:

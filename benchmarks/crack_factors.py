@@ -1,0 +1,152 @@
+"""Attack intervals of stress intensity factors with random cracks.
+
+A crack of random length and direction is at a side of a plate or inside it. The plate
+is pulled, sheared and turned, and its crack is open, under pressure, or closed without
+friction; the strain or the stress is plane, Poisson's ratio from 0 to 0.49. Each factor
+is asked on a coarse and on a fine mesh, with two radii and both degrees: all proved
+intervals have to share a number.
+
+- width: half of the interval over the largest factor of the scene, on the coarse mesh;
+- error: the middle of the interval less the middle on the fine mesh, over its half;
+- apart: scenes with intervals that do not meet; none may.
+
+    OMP_NUM_THREADS=1 python benchmarks/crack_factors.py [seed] [count]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from mpi4py import MPI
+
+import erc_contact as ec
+from erc_contact.mesh.gmsh_session import session
+
+import numpy as np  # isort: skip - after erc_contact, which loads MPI first
+
+RADII = (0.9, 0.5)
+"""Radii around the tip over what there is room for [-]."""
+SIZES = (0.2, 0.08)
+"""Sizes of elements of both meshes, over the plate and, at a crack, over it [-]."""
+
+
+@dataclass(frozen=True)
+class Crack:
+    """Hold a random crack in the square from -1 to 1.
+
+    Attributes:
+        root: Where it begins, shape (2,).
+        tip: Where it ends.
+        room: Radius around the tip within which there is nothing else.
+    """
+
+    root: np.ndarray
+    tip: np.ndarray
+    room: float
+
+
+def random_crack(rng: np.random.Generator) -> Crack:
+    """Return a crack at the left side, or inside."""
+    length = rng.uniform(0.4, 1.0)
+    angle = rng.uniform(-0.7, 0.7)
+    is_inside = rng.random() < 0.5
+    root = np.array([rng.uniform(-0.5, -0.1) if is_inside else -1.0, rng.uniform(-0.3, 0.3)])
+    tip = root + length * np.array([np.cos(angle), np.sin(angle)])
+    return Crack(root, tip, float(min(length, *(1 - abs(tip)))))
+
+
+def way_of(crack: Crack) -> np.ndarray:
+    """Return the vector from the root of a crack to its tip."""
+    return crack.tip - crack.root
+
+
+def plate(crack: Crack, size: float) -> ec.Domain:
+    """Return the plate, split along its crack."""
+
+    def build(gmsh: Any) -> None:
+        occ = gmsh.model.occ
+        square = occ.addRectangle(-1, -1, 0, 2, 2)
+        way = way_of(crack)
+        starts = [crack.root - 5 * way, crack.root, crack.tip, crack.tip + 5 * way]
+        points = [occ.addPoint(*place, 0) for place in starts]
+        lines = [occ.addLine(*points[i : i + 2]) for i in range(3)]
+        _, parts = occ.fragment([(2, square)], [(1, line) for line in lines])
+        occ.synchronize()
+        for _, tag in parts[0]:
+            middle = np.array(occ.getCenterOfMass(2, tag)[:2]) - crack.root
+            above = way[0] * middle[1] - way[1] * middle[0] > 0
+            gmsh.model.addPhysicalGroup(2, [tag], name="up" if above else "down")
+        gmsh.model.addPhysicalGroup(1, [tag for _, tag in parts[2]], name="crack")
+        for name, (axis, sign) in {"top": (1, 1), "bottom": (1, -1), "right": (0, 1)}.items():
+            tags = []
+            for _, tag in gmsh.model.getEntities(1):
+                if np.isclose(occ.getCenterOfMass(1, tag)[axis], sign):
+                    tags.append(tag)
+            gmsh.model.addPhysicalGroup(1, tags, name=name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 2 * size)
+        ends = gmsh.model.getBoundary(parts[2], combined=False, oriented=False)
+        gmsh.model.mesh.setSize(ends, size * np.linalg.norm(way_of(crack)))
+
+    with session(MPI.COMM_WORLD, build, "The plate") as model:
+        whole = ec.from_gmsh(model, MPI.COMM_WORLD)
+    return whole.split({"upper lip": "up", "lower lip": "down"}, on="crack")
+
+
+def random_scene(rng: np.random.Generator) -> ec.Scene:
+    """Return loads and a material for the plate."""
+    hypothesis = str(rng.choice(["plane strain", "plane stress"]))
+    material = ec.Elastic(1000.0, rng.uniform(0.0, 0.49), hypothesis=hypothesis)
+    supports = [ec.Displacement("bottom", (0.0, 0.0))]
+    pull = rng.normal(size=2)
+    kind = rng.choice(["open", "pressure", "closed"])
+    pull[1] = -abs(pull[1]) if kind == "closed" else abs(pull[1])
+    turn = rng.normal()
+    loads = [ec.Traction("top", (pull[0], lambda x: pull[1] + turn * x[0]))]
+    if kind == "pressure":
+        loads += [ec.Traction(lip, pressure=1.0) for lip in ("upper lip", "lower lip")]
+    contacts = [] if kind == "pressure" else [ec.Contact("upper lip", against="lower lip")]
+    return ec.Scene(material, supports, loads, contacts)
+
+
+def main(seed: int = 0, count: int = 20) -> None:
+    """Print what random cracks gave."""
+    widths, errors = [], []
+    endings: Counter[str] = Counter()
+    for number in range(count):
+        rng = np.random.default_rng([seed, number])
+        crack, scene = random_crack(rng), random_scene(rng)
+        tip, way = crack.tip.tolist(), way_of(crack).tolist()
+        found: dict[str, list[ec.Bounds]] = {"I": [], "II": []}
+        for size in SIZES:
+            domain = plate(crack, size)
+            for degree in (1, 2):
+                solution = ec.solve(scene, domain, degree=degree)
+                error = ec.constitutive_error(ec.equilibrate(solution))
+                for mode, share in product(found, RADII):
+                    radius = share * crack.room
+                    goal = ec.StressIntensity(tip, way, radius, mode)
+                    found[mode].append(ec.interval(error, goal))
+        largest = max(abs(bounds[-1].value) for bounds in found.values())
+        for mode, bounds in found.items():
+            proved = [one for one in bounds if one.guaranteed]
+            endings["proved"] += len(proved)
+            endings["estimated"] += len(bounds) - len(proved)
+            if proved and max(b.low for b in proved) > min(b.high for b in proved):
+                endings["apart"] += 1
+                print(f"{number}, K_{mode}: apart: {[str(one) for one in bounds]}")
+            for one in bounds[: len(bounds) // 2]:
+                half = (one.high - one.low) / 2
+                widths.append(half / largest)
+                errors.append(abs(one.value - bounds[-1].value) / half)
+    print(f"seed {seed}, {count} cracks: {dict(endings)}")
+    for name, values in (("width", widths), ("error", errors)):
+        quantiles = np.quantile(values, [0.0, 0.05, 0.5, 0.95, 1.0])
+        print(f"{name}: least, 5%, median, 95%, most", quantiles.round(4))
+
+
+if __name__ == "__main__":
+    main(*(int(argument) for argument in sys.argv[1:]))

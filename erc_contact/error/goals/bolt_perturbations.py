@@ -1,0 +1,101 @@
+"""Perturbations of preloads: a shift or a force moves by t.
+
+Let q be the shift of a bolt, F its force along the axis, and J the energy with the work
+of the loads on the whole displacement ``u = u_c + q psi``
+(:mod:`erc_contact.model.preload`). If the shift is given, the jump of u at the cut is a
+support that moves with q, and ``J' = F``. If the force is given, J has the further work
+``-F q``, and its derivative by F is -q. That needs a sigma^ whose resultants are the
+given forces: where supports hold both halves of a bolt they are near them alone, and
+the interval is an estimate. See :mod:`erc_contact.error.goals.perturbation`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.base.exceptions import InputError
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.mesh.tags import listed
+from erc_contact.results.forces import force as force_of
+from erc_contact.scene.goal import BoltForce, GoalOfBolt
+from erc_contact.scene.preload import Preload
+from erc_contact.scene.scene import Scene
+
+SAME_FORCE = 1e-9
+"""Difference of the force of sigma^ from the given one that is round-off [-]."""
+
+
+def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Perturbation:
+    """Return the perturbation for the force or the shift of a bolt; collective.
+
+    Args:
+        base: The scene.
+        goal: The goal.
+        pair: Its pair.
+
+    Raises:
+        InputError: If no preload has the part, or the number is given.
+    """
+    scene = base.scene
+    preload = _preload(scene, goal)
+    assert preload.shortening is not None
+    if isinstance(goal, BoltForce):
+        if preload.force is not None:
+            raise InputError(
+                f"{goal!r}: this force is given, {preload.force:g}; ask for the Shortening."
+            )
+        q = float(preload.shortening)
+
+        def shifted(t: float) -> Scene:
+            return _with(scene, replace(preload, shortening=q + t))
+
+        return Perturbation(shifted, no_load, -1.0, BoundedNumber(0.0), base.step_of(1.0))
+    if preload.force is None:
+        raise InputError(
+            f"{goal!r}: this shift is given, {preload.shortening:g}; ask for the BoltForce."
+        )
+    force = preload.force
+    # All bolts keep their forces, and their shifts are found.
+    loose = scene
+    for tie in scene.ties:
+        if isinstance(tie, Preload) and tie.force is not None:
+            loose = _with(loose, replace(tie, shortening=None))
+
+    def tightened(t: float) -> Scene:
+        return _with(loose, replace(preload, force=force + t, shortening=None))
+
+    shift = BoundedNumber(float(preload.shortening), resolved=_has_forces(pair))
+    step = base.e * base.norm / base.length
+    return Perturbation(tightened, no_load, 1.0, shift, step)
+
+
+def _has_forces(pair: Admissible) -> bool:
+    """Tell whether sigma^ has the given forces of all bolts; collective."""
+    axes = {preload.name: preload.axis for preload in pair.model.preloads}
+    given = []
+    missing = []
+    for tie in pair.model.scene.ties:
+        if isinstance(tie, Preload) and tie.force is not None:
+            given.append(abs(tie.force))
+            of_stress = force_of(pair, tie.facets).force @ axes[tie.facets]
+            missing.append(abs(of_stress - tie.force))
+    return max(missing) <= SAME_FORCE * max(given)
+
+
+def _with(scene: Scene, preload: Preload) -> Scene:
+    """Return a scene with another preload at the same cut."""
+    ties = [preload if tie.facets == preload.facets else tie for tie in scene.ties]
+    return replace(scene, ties=ties)
+
+
+def _preload(scene: Scene, goal: GoalOfBolt) -> Preload:
+    """Return the preload that has the part of a goal."""
+    parts: list[str] = []
+    for tie in scene.ties:
+        if isinstance(tie, Preload):
+            parts += tie.sides
+            if goal.part in tie.sides:
+                return tie
+    raise InputError(f"{goal!r}: give a side of a preload; this scene has {listed(parts)}.")

@@ -1,0 +1,111 @@
+"""What moved shifts of preloads add to an interval from three pairs.
+
+Symbols of :mod:`erc_contact.error.goals.three_pairs` and
+:mod:`erc_contact.model.preload`: p difference of two shifts over t, psi the field of
+the jump of one preload, E = - eps(psi) its given strain.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+import ufl
+
+from erc_contact.admissible.pair import Admissible
+from erc_contact.base.runtime import compiled
+from erc_contact.error.load_work import assembled
+from erc_contact.error.numbers import BoundedNumber
+from erc_contact.error.works import strain_energy
+from erc_contact.model.model import Model
+from erc_contact.model.preload import PreloadOnMesh, shifts_of
+from erc_contact.newton.preload import with_shifts
+from erc_contact.scene.preload import Preload
+
+
+@dataclass(frozen=True, eq=False)
+class MovedShifts:
+    """Hold the differences p of the shifts of two scenes over t.
+
+    Attributes:
+        differences: p of each preload that has moved, by its name [-].
+    """
+
+    differences: dict[str, float]
+
+    @classmethod
+    def between(cls, first: Model, second: Model, t: float) -> MovedShifts:
+        """Return the shifts of the first scene less the shifts of the second over t."""
+        more, less = shifts_of(first.scene.ties), shifts_of(second.scene.ties)
+        moved = {name: (more[name] - less[name]) / t for name in more if more[name] != less[name]}
+        return cls(moved)
+
+    def moved(self, pair: Admissible, amount: float) -> Admissible:
+        """Return a pair whose shifts have grown by p times an amount; collective."""
+        if not self.differences or amount == 0.0:
+            return pair
+        scene = pair.model.scene
+        shifts = shifts_of(scene.ties)
+        for name, p in self.differences.items():
+            shifts[name] += amount * p
+        model = copy(pair.model)
+        model.scene = with_shifts(scene, shifts)
+        model.bind_strains(model.scene)
+        return replace(pair, solution=replace(pair.solution, model=model))
+
+    def work(self, pair: Admissible, t: float) -> BoundedNumber:
+        """Compute what V has of the jumps of phi [force length]; collective.
+
+        It is ``f(p psi) + F p + int C (eps(u^) - eps_0) : p E``. The last term is minus
+        the derivative of the strain energy of u^ by the shifts, of which it is a
+        polynomial of degree 2.
+
+        Args:
+            pair: The pair of the scene that is not moved.
+            t: t.
+        """
+        if not self.differences:
+            return BoundedNumber(0.0)
+        model = pair.model
+        total = BoundedNumber(0.0)
+        shifts = shifts_of(model.scene.ties)
+        amount = t
+        for name, p in self.differences.items():
+            amount = max(amount, abs(shifts[name] / p))
+        u = pair.displacement
+        more, less = (strain_energy(self.moved(pair, s), u) for s in (amount, -amount))
+        total += (0.5 / amount) * (less - more)
+        for preload in model.preloads:
+            p = self.differences.get(preload.name, 0.0)
+            if p != 0.0:
+                total += p * _load_work(model, preload)
+        for tie in model.scene.ties:
+            if isinstance(tie, Preload) and tie.force is not None:
+                total += BoundedNumber(tie.force * self.differences.get(tie.facets, 0.0))
+        # Shifts are rounded before their small differences are taken.
+        largest = max(abs(shifts[name]) for name in self.differences)
+        round_off = 2 * np.finfo(float).eps * largest / t
+        return total + BoundedNumber(0.0, round_off * abs(total.value))
+
+
+def _load_work(model: Model, preload: PreloadOnMesh) -> BoundedNumber:
+    """Compute the work of the loads on psi [force length]; collective.
+
+    It is not resolved where loads that vary in space act on the cells of psi.
+    """
+    middle = model.domain.function("DG", 0, (model.d,))
+    middle.x.array[:] = model.cell_corners().mean(axis=1).ravel()
+    value = model.domain.function("DG", 0)
+    value.x.array[:] = preload.weights.mean(axis=1)
+    chi = value + ufl.dot(preload.gradient, model.x - middle)
+    axis = compiled.constant(model.mesh, preload.axis)
+    # psi is zero in all other cells.
+    inside = model.domain.function("DG", 0)
+    inside.x.array[:] = np.where(preload.weights.any(axis=1), 1.0, 0.0)
+    works = []
+    for form in (model.loads(inside * chi * axis, varying=False), model.loads(inside * chi * axis)):
+        works.append(0.0 if form is None else assembled(model, form))
+    constant, every = works
+    size = abs(constant) + abs(every)
+    return BoundedNumber(every, resolved=abs(every - constant) <= 1e-14 * size)

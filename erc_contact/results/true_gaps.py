@@ -1,0 +1,68 @@
+"""Compare the linearised gap of two bodies with the distance of the deformed bodies.
+
+The law of a contact takes the gap g - w_n, in which each point keeps its partner and
+its normal. Deformed bodies have a distance: the normal part of the vector from a point
+to the nearest point of the other side. Both differ by terms of second order, slip
+squared over radii and turns times distances.
+
+Symbols: u^ admissible displacement, w its jump, n normal.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.admissible.pair import pair_of
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.closest import closest
+from erc_contact.mesh.quadrature import facet_pieces
+from erc_contact.mesh.simplex import lagrange
+from erc_contact.model.profile import OPEN, facet_status, greatest_pressure
+
+
+def gap_deviation(result: Any, name: str) -> float:
+    """Tell how far the linearised gap is from the true one [length]; collective.
+
+    It is the greatest difference of the gap of the law from the distance of the bodies
+    deformed by u^, at the nodes of closed facets. A gap that the scene gives is left
+    out of both.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+        name: Name of a contact between bodies.
+
+    Raises:
+        InputError: If it is no contact between bodies.
+    """
+    pair = pair_of(result)
+    model = pair.model
+    contact = model.contact(name)
+    trace = contact.trace
+    if trace.there is None or contact in model.ties:
+        raise InputError(f"gap_deviation: {name!r} is no contact between bodies; give one of them.")
+    u = pair.displacement.x.array
+    places = model.V.tabulate_dof_coordinates()[:, : model.d] + u.reshape(-1, model.d)
+    own = trace.here.owned
+
+    # Facets of the deformed side are curved where u^ is, and are taken in pieces.
+    pieces = facet_pieces(model.d - 1) if model.degree > 1 else np.eye(model.d)[None]
+    shape = lagrange(model.d - 1, model.degree, pieces[..., 1:].reshape(-1, model.d - 1))
+    of_pieces = np.matmul(shape, places[trace.there.nodes[own]])
+    of_ranks = model.comm.allgather(of_pieces.reshape(-1, model.d, model.d))
+    corners = np.concatenate(of_ranks)
+
+    law = pair.tractions[model.contacts.index(contact)].in_law()
+    peak = greatest_pressure(model, law[0])
+    is_closed = own & (facet_status(contact, *law, peak) != OPEN)
+    n = np.broadcast_to(trace.normals, (*trace.here.nodes.shape, model.d))[is_closed]
+    left = ((contact.to_partners - trace.of(u))[is_closed] * n).sum(axis=-1)
+    x = places[trace.here.nodes[is_closed]].reshape(-1, model.d)
+    facet, local, _ = closest(x, corners)
+    nearest = np.einsum("nv,nvi->ni", local, corners[facet])
+    # Along the normal: a point that slid off the end of the other side has no distance.
+    distance = ((nearest - x) * n.reshape(-1, model.d)).sum(axis=1)
+    greatest = abs(distance - left.ravel()).max(initial=0.0)
+    return float(model.comm.allreduce(float(greatest), MPI.MAX))
