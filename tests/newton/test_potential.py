@@ -136,7 +136,7 @@ def test_energies_add_up_to_the_error(d, degree, friction):
 def random_scene(seed):
     """A slab of a random law, hardening 1% to 100%, smooth or with given friction, with or without gap and load."""
     rng = np.random.default_rng(seed)
-    d = 2 if seed % 4 else 3
+    d = 2 if seed % 8 else 3
     degree = 1 + seed % 2 if d == 2 else 1
     laws = [
         ec.Plastic(1.0, rng.uniform(0.0, 0.45), 0.01, 10 ** rng.uniform(-2, 0)),
@@ -156,7 +156,7 @@ def random_scene(seed):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(16))
 def test_the_exact_energy_lies_in_the_interval(seed):
     """So e^2/2 is above the errors of energy of u^ and of sigma^, hence e above both Bregman distances."""
     scene, d, degree = random_scene(seed)
