@@ -37,7 +37,7 @@ def environment() -> dict[str, str]:
         "OMP_NUM_THREADS": "1",
         "MPIR_CVAR_CH4_PROGRESS_THROTTLE": "1",
         "PYTHONHASHSEED": "7",  # another than in the tests, on all ranks
-        "PYTHONPATH": str(ROOT),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")]),
     }
     return {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "MPI"))} | own
 
