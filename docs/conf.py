@@ -35,6 +35,8 @@ nitpick_ignore = [
         "model.constitution.Constitution",
         "model.friction.Friction",
         "model.last_step.LastStep",
+        "model.potential.Linearised",
+        "model.strains.Strains",
         "newton.nodal_values.AnyField",
         "scene.goal.Goal",
         "newton.linear.solver.ElasticSolver",
