@@ -25,8 +25,8 @@ class Plastic:
     The body comes from rest without plastic strain, and is loaded once: ``solve`` and
     ``adapt`` make one step of implicit Euler, so an unloading is not followed. The
     energy of the step, with plastic strain, hardening and dissipation at their best, is
-    convex in the strain: with the deviator e and ``q_e = sqrt(6) G |e|``, the trial
-    stress,
+    convex in the strain. With the deviator e and the trial stress ``q_e = sqrt(6) G
+    |e|`` it is, with its conjugate::
 
         psi = K (tr eps)^2/2 + G |e|^2 - [q_e - y]_+^2 / (2 (3 G + H)),
         psi* = (tr sigma)^2/(18 K) + q^2/(6 G) + [q - y]_+^2 / (2 H).
