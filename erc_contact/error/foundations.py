@@ -92,7 +92,7 @@ def foundation_energies(
 class Sliding:
     """Evaluate friction bound and slip of u^ on a contact; construction is collective.
 
-    The arguments of its methods are those of a density of
+    Its methods have the arguments of a density of
     :func:`erc_contact.error.contact_integral.contact_integral`.
 
     Args:

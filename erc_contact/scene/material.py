@@ -192,6 +192,27 @@ class Material(Protocol):
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
+def check_numbers(material: Any) -> None:
+    """Check the parameters of a material that are numbers by its own ``check``.
+
+    Raises:
+        InputError: If one is neither a number nor a callable, or is not allowed.
+    """
+    for name in material.parameters:
+        value = getattr(material, name)
+        numbers = value.values() if isinstance(value, Mapping) else [value]
+        for number in numbers:
+            if callable(number):
+                # Its values are checked on the mesh.
+                continue
+            if not isinstance(number, Real):
+                raise InputError(
+                    f"{type(material).__name__}: {name} is {number!r}; give a number, a callable"
+                    " of x, or a mapping of regions."
+                )
+            material.check(name, float(number), float(number))
+
+
 @dataclass(frozen=True)
 class Elastic:
     """Declare isotropic linear elasticity.
@@ -242,18 +263,7 @@ class Elastic:
             raise InputError(
                 f"Elastic: hypothesis is {self.hypothesis!r}; allowed are {', '.join(HYPOTHESES)}."
             )
-        for name in self.parameters:
-            value = getattr(self, name)
-            numbers = value.values() if isinstance(value, Mapping) else [value]
-            for number in numbers:
-                if callable(number):
-                    continue
-                if not isinstance(number, Real):
-                    raise InputError(
-                        f"Elastic: {name} is {number!r}; give a number, a callable of x, or a"
-                        " mapping of regions."
-                    )
-                self.check(name, float(number), float(number))
+        check_numbers(self)
 
     @staticmethod
     def check(name: str, low: float, high: float) -> None:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from typing import ClassVar
 
 import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.material import Elastic, Value
+from erc_contact.scene.material import Elastic, Value, check_numbers
 
 
 @dataclass(frozen=True)
@@ -59,17 +58,7 @@ class Plastic:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name in self.parameters:
-            value = getattr(self, name)
-            for number in value.values() if isinstance(value, Mapping) else [value]:
-                if callable(number):
-                    continue
-                if not isinstance(number, Real):
-                    raise InputError(
-                        f"Plastic: {name} is {number!r}; give a number, a callable of x, or a"
-                        " mapping of regions."
-                    )
-                self.check(name, float(number), float(number))
+        check_numbers(self)
 
     @staticmethod
     def check(name: str, low: float, high: float) -> None:

@@ -82,7 +82,7 @@ def test_a_quadratic_potential_is_linear_elasticity(d, degree, method):
 
 
 def test_a_quadratic_potential_that_varies_in_cells():
-    """Moduli by a callable of x and by region are those of the linear law."""
+    """Moduli by a callable of x: the same numbers as by the linear law."""
     errors = []
     for kind in (ec.Elastic, Quadratic):
         scene = pressed(kind(lambda x: 1.0 + x[0] * x[1], 0.3), 2)

@@ -152,6 +152,7 @@ def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
             " it is not the line of the crack; give a smaller radius, or the place of the tip and"
             " the direction in which the crack points."
         )
+    # The part of each facet within the radius; both faces have facets of their own.
     back = np.clip(-frame.at(corners[on_faces])[..., 0], 0, goal.radius)
     length = model.comm.allreduce(float(abs(back[:, 1] - back[:, 0]).sum()), MPI.SUM)
     if abs(length - 2 * goal.radius) > ON_LINE * goal.radius:
@@ -195,6 +196,7 @@ def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarra
     values = np.concatenate(model.comm.allgather(local))
     first = values[0]
     changes = abs(values - first).max()
+    # In Mandel components shear has the factor S_11 - S_12 in an isotropic material.
     isotropic = np.diag([first[0, 0], first[0, 0], first[0, 0] - first[0, 1]])
     isotropic[0, 1] = isotropic[1, 0] = first[0, 1]
     if max(changes, abs(first - isotropic).max()) > SAME_MATERIAL * first.max():
@@ -253,6 +255,7 @@ def _on_faces(
     inner = INNER_SHARE * goal.radius
     totals = np.zeros(2)
     for low, high in ((0.0, inner), (inner, goal.radius)):
+        # The ends of each facet within this range of rho; equal outside, so no weight.
         roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
         width = roots[:, 1:] - roots[:, :1]
         rho = (roots[:, :1] + width * points[:, 0]) ** 2

@@ -8,13 +8,14 @@ the jump of one preload, E = - eps(psi) its given strain.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import ufl
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.runtime import compiled
+from erc_contact.error.goals.perturbation import with_law
 from erc_contact.error.load_work import assembled
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.works import strain_energy
@@ -52,7 +53,7 @@ class MovedShifts:
         model = copy(pair.model)
         model.scene = with_shifts(scene, shifts)
         model.bind_strains(model.scene)
-        return replace(pair, solution=replace(pair.solution, model=model))
+        return with_law(pair, model)
 
     def work(self, pair: Admissible, t: float) -> BoundedNumber:
         """Compute what V has of the jumps of phi [force length]; collective.

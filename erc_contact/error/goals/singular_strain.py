@@ -39,7 +39,11 @@ from erc_contact.base.ufl_types import Ufl
 INNER_SHARE = 0.25
 """Share of the radius up to which eta is 1 [-]."""
 SIZE = 2.9
-"""Norm of G over ``sqrt(E'/radius)``, as measured for all materials [-]."""
+"""About the norm of G over ``sqrt(E'/radius)`` [-].
+
+It is 3.3 for mode I and 1.8 for mode II, and larger where kappa is near 1. It tells a
+first t, and how much of an integral may stay unknown.
+"""
 PSI_SHARES = {"I": 0.5, "II": -1.5}
 """Ratio of the potentials psi and phi of a mode [-]."""
 
