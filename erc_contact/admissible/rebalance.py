@@ -343,6 +343,8 @@ def _forces_that_stay(cells: CellGeometry, stress: np.ndarray, forces: np.ndarra
         forces: Its forces on facets [force], shape (n, d+1, b, d).
     """
     d = cells.d
-    pressure = np.trace(stress, axis1=2, axis2=3)[..., None, None] / d * np.eye(d)
-    deviator = facet_forces(cells.area[: len(stress)], stress - pressure)
-    return np.maximum(d / (d - 1) * abs(deviator), OSCILLATING_SHARE * abs(forces))
+    # The force of a pressure is the pressure times the area vector of the facet.
+    pressure = np.trace(stress, axis1=2, axis2=3)[:, None, :, None] / d
+    deviator = abs(forces - pressure * cells.area[: len(stress), :, None])
+    deviator *= d / (d - 1)
+    return np.maximum(deviator, OSCILLATING_SHARE * abs(forces))
