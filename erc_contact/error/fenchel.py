@@ -20,7 +20,8 @@ from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.laws import LawError
 from erc_contact.mesh.quadrature import cell_pieces, integrate
-from erc_contact.mesh.simplex import bernstein
+from erc_contact.mesh.simplex import barycentric
+from erc_contact.model.space import circumferences
 
 UNKNOWN_SHARE = 1e-3
 """Share of e^2 that the integrals may leave unknown [-]; e^2 contains it."""
@@ -44,19 +45,20 @@ def fenchel_error(admissible: Admissible) -> LawError:
     strain = CellStrains.of(model, cells, admissible.displacement)
     near = _LinearLaws(admissible, strain)
 
+    assert model.linearised is not None
+    law = model.linearised.law
+    is_constant = k == 1 and not model.axisymmetric and not law.varies_in_cells
+
     def difference(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         sigma = macro_values(admissible.stress, k, cell, places)
-        eps = strain.at(cell, places, x)
-        of_law = model.constitution.squares(eps, sigma, x, of_cells[cell])
-        return np.asarray(of_law - near.squares(cell, eps, sigma))
+        if model.hoop_load is not None:
+            sigma[..., -1] += model.hoop_load(x, of_cells[cell])
+        eps = near.strain_of(cell) if is_constant else strain.at(cell, places, x)
+        out_of_plane = near.out_of_plane(cell, sigma)
+        of_law = model.constitution.fenchel(eps, sigma, out_of_plane, x, of_cells[cell])
+        return of_law - near.squares(cell, eps, sigma) if near.taken else of_law
 
-    shape, points, weights = macro_points(model.d, k)
-    sigma = np.matmul(shape, admissible.stress).reshape(
-        owned, len(points), admissible.stress.shape[-1]
-    )
-    eps = np.matmul(bernstein(model.d, k - 1, points), strain.in_plane[:owned])
-    squares = near.squares(np.arange(owned), eps, sigma)
-    of_linear = volume[:, None] * np.einsum("nqi,q->ni", squares, weights)
+    of_linear = near.integrals(volume)
     # The round-off of both energies is known, and need not be resolved.
     size = comm.allreduce(of_linear.sum(axis=0), MPI.SUM)
     floor = UNKNOWN_SHARE * size + ROUND_OFF * size[1]
@@ -64,7 +66,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
     pieces = cell_pieces(model.d)
     total = integrate(comm, difference, corners, volume, pieces, share=UNKNOWN_SHARE, floor=floor)
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
-    value = np.maximum(of_linear + total.value, 0.0)
+    value = np.maximum(near.taken * of_linear + total.value, 0.0)
     return LawError(value[:, 0] + total.rest[:, 0], value[:, 1], unknown)
 
 
@@ -74,6 +76,10 @@ class _LinearLaws:
     Args:
         admissible: The pair.
         strain: The strain of u^.
+
+    Attributes:
+        taken: Whether its gap is taken from the gap of the law: on rings it is no
+            polynomial, and only tells the size of the integrals.
     """
 
     def __init__(self, admissible: Admissible, strain: CellStrains) -> None:
@@ -81,18 +87,56 @@ class _LinearLaws:
         assert model.linearised is not None
         law = model.linearised.law
         owned = model.owned_cells
+        size = len(law.rows)
         x = admissible.cell_geometry.corners[: len(owned)].mean(axis=1, keepdims=True)
         middles = np.full((len(owned), 1, model.d + 1), 1 / (model.d + 1))
+        self._pair = admissible
+        self._of_displacement = strain
+        self.taken = not model.axisymmetric
         self._strain = strain.at(owned, middles, x)
-        self._stress = law.stress(self._strain, x, owned)
-        self._tangent = law.tangent(self._strain, x, owned)[:, 0]
+        whole_stress = law.whole_stress(self._strain, x, owned)
+        whole_tangent = law.whole_tangent(self._strain, x, owned)[:, 0]
+        self._stress = whole_stress[..., :size]
+        self._tangent = whole_tangent[:, :size, :size]
         self._metric = np.linalg.inv(self._tangent)
+        self._factor = circumferences(x) if model.axisymmetric else np.ones(x.shape[:2])
+        if law.is_plane:
+            self._normal = whole_stress[:, 0, -1:]
+            self._slope = np.matmul(self._metric, whole_tangent[:, :size, size:])
+
+    def strain_of(self, cell: np.ndarray) -> np.ndarray:
+        """Return the strain in the middle of cells, shape (n, 1, s)."""
+        return np.asarray(self._strain[cell])
+
+    def out_of_plane(self, cell: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """Return the stress out of plane that goes with stresses (n, q, s), (n, q)."""
+        if sigma.shape[-1] != 3:
+            return np.zeros(sigma.shape[:2])
+        change = np.matmul(sigma - self._stress[cell], self._slope[cell])[..., 0]
+        return np.asarray(self._normal[cell] + change)
 
     def squares(self, cell: np.ndarray, eps: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-        """Return ``|sigma -+ S(eps)|^2`` in the metrics of cells, shape (n, q, 2)."""
+        """Return ``|sigma -+ S(eps)|^2`` in the metrics of cells, shape (n, q, 2).
+
+        On rings they are about these, with the circumference of the middle.
+        """
         change = np.matmul(eps - self._strain[cell], self._tangent[cell])
-        of_law = self._stress[cell] + change
+        factor = self._factor[cell, :, None]
+        of_law = factor * (self._stress[cell] + change)
         squares = []
         for tensor in (sigma - of_law, sigma + of_law):
-            squares.append((np.matmul(tensor, self._metric[cell]) * tensor).sum(axis=-1))
-        return np.stack(squares, axis=-1)
+            strain = np.matmul(tensor, self._metric[cell])
+            squares.append(np.einsum("nqi,nqi->nq", strain, tensor))
+        return np.stack(squares, axis=-1) / factor
+
+    def integrals(self, volume: np.ndarray) -> np.ndarray:
+        """Integrate :meth:`squares` by the rule of the sub-simplices, (owned, 2)."""
+        pair = self._pair
+        model = pair.model
+        shape, points, weights = macro_points(model.d, model.degree)
+        owned = len(volume)
+        sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[-1])
+        x = np.matmul(barycentric(points), pair.cell_geometry.corners[:owned])
+        eps = self._of_displacement.at_points(slice(owned), points, x)
+        squares = self.squares(np.arange(owned), eps, sigma)
+        return np.asarray(volume[:, None] * np.einsum("nqi,q->ni", squares, weights))

@@ -26,6 +26,7 @@ from erc_contact.model.constitution import act
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from erc_contact.model.space import circumferences
 from erc_contact.model.trace import split
 
 
@@ -106,7 +107,8 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
 
         def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             eps = strain.at(entity, places, x)
-            return law.energy_and_stress(eps, x, of_cells[entity])[0][..., None]
+            energy = law.energy(eps, x, of_cells[entity])[..., None]
+            return energy * circumferences(x)[..., None] if model.axisymmetric else energy
 
         def once(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             return np.ones((*x.shape[:2], 1))

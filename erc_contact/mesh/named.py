@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
+import basix
+import basix.ufl
 import numpy as np
 from dolfinx import fem
 from dolfinx import mesh as dmesh
@@ -17,6 +20,12 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.simplex import in_space
 from erc_contact.mesh.tags import listed
+
+INSIDE_CELLS = "DG inside cells"
+"""Family of polynomials in each cell whose nodes are inside it.
+
+So each node belongs to one cell of any mesh that this mesh refines.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,13 +143,14 @@ class NamedMesh:
         for each step.
 
         Args:
-            family: Family of the elements, "Lagrange" or "DG".
+            family: Family of the elements: "Lagrange", "DG", or :data:`INSIDE_CELLS`.
             degree: Degree of the elements.
             shape: Shape of the values.
         """
         kind = (family, degree, shape)
         if kind not in self._zeros:
-            self._zeros[kind] = fem.Function(fem.functionspace(self.mesh, kind))
+            element = _inside_cells(self.mesh, degree, shape) if family == INSIDE_CELLS else kind
+            self._zeros[kind] = fem.Function(fem.functionspace(self.mesh, element))
         return self._zeros[kind].copy()
 
     def tag(self, name: str) -> int:
@@ -194,3 +204,11 @@ class NamedMesh:
                 f"No cell region is called {name!r}; this domain has {listed(self.regions)}."
             )
         return self.cell_tags.find(self.regions[name])
+
+
+def _inside_cells(mesh: dmesh.Mesh, degree: int, shape: tuple[int, ...]) -> Any:
+    """Return an element of the family :data:`INSIDE_CELLS`."""
+    variants = basix.LagrangeVariant
+    variant = variants.gl_isaac if degree else variants.unset
+    cell = mesh.basix_cell()
+    return basix.ufl.element("DG", cell, degree, variant, shape=shape, discontinuous=True)

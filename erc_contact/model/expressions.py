@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
+import basix
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -14,6 +15,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.corealg.traversal import traverse_unique_terminals
 
+from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_tables import TableFunction, has_tables
@@ -145,9 +147,40 @@ class Everywhere:
             return blocks[terminal.function_space.dofmap.list[cells, 0]]
         if n == 0:
             return np.empty((0, size))
+        if is_polynomial(terminal):
+            return polynomial_at(terminal, x, cells[::q]).reshape(n * q, size)
         places = np.zeros((n * q, 3))
         places[:, :d] = x.reshape(-1, d)
         return terminal.eval(places, cells).reshape(n * q, size)
+
+
+def is_polynomial(function: fem.Function) -> bool:
+    """Tell whether a function has nodal values of polynomials in cells."""
+    space = function.function_space
+    element = space.element.basix_element
+    is_nodal = element.map_type == basix.MapType.identity and element.family == basix.ElementFamily.P
+    return is_nodal and space.num_sub_spaces in (0, space.dofmap.bs)
+
+
+def polynomial_at(function: fem.Function, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Evaluate such a function at points of cells.
+
+    Args:
+        function: The function.
+        x: Points of each cell [length], shape (n, q, d).
+        cells: The cells, shape (n,).
+
+    Returns:
+        Values, shape (n, q, size).
+    """
+    space = function.function_space
+    n, q, d = x.shape
+    corners = space.mesh.geometry.x[cell_nodes(space.mesh.geometry)[cells], :d]
+    edges = corners[:, 1:] - corners[:, :1]
+    local = np.matmul(x - corners[:, :1], np.linalg.inv(edges))
+    shape = space.element.basix_element.tabulate(0, local.reshape(n * q, d))[0, :, :, 0]
+    blocks = function.x.array.reshape(-1, space.dofmap.bs)
+    return np.matmul(shape.reshape(n, q, -1), blocks[space.dofmap.list[cells]])
 
 
 class OfNumbers:
@@ -216,9 +249,9 @@ class OfNumbers:
             cells = np.arange(chunk.stop - start, dtype=np.int32)
             for terminal, array in numbers.items():
                 if terminal in self.numbers:
-                    function = self.numbers[terminal]
-                    dofs = function.function_space.dofmap.list[cells, 0]
-                    function.x.array.reshape(POINT_CHUNK, -1)[dofs] = array[chunk]
+                    # The points are in the order of the cells that stand for them.
+                    of_cells = self.numbers[terminal].x.array.reshape(POINT_CHUNK, -1)
+                    of_cells[: len(cells)] = array[chunk]
             values[chunk] = self._compiled.eval(line_of_points(), cells).reshape(len(cells), size)
         return values
 

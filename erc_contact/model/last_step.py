@@ -22,6 +22,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
+from erc_contact.model.law_state import LawState
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 
@@ -59,11 +60,13 @@ class LastStep:
             included, shape (f, 2), and its displacement at their nodes [length], shape
             (f, m, d): between bodies the jump from the part that has this name.
         greatest: The sizes of the history so far.
+        state: The state of the law at the end of the step; None of laws without.
     """
 
     space: Space
     contacts: Mapping[str, tuple[np.ndarray, np.ndarray]]
     greatest: Greatest
+    state: LawState | None = None
 
     def on(
         self,

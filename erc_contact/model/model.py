@@ -26,13 +26,15 @@ from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.held_motions import free_motions, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
+from erc_contact.model.law_state import state_of
 from erc_contact.model.load_balance import Relief, relief_of
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
-from erc_contact.model.potential import ConvexConstitution, Linearised, PointLaw
+from erc_contact.model.point_law import PointLaw
+from erc_contact.model.potential import ConvexConstitution, Linearised
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
 from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
@@ -127,7 +129,9 @@ class Model(Space):
         self.linearised: Linearised | None = None
         if has_potential(scene.material):
             try_potential(self.comm, scene.material, self.parameters)
-            law = PointLaw(self, scene.material, self.parameters)
+            state = None if last is None else last.state
+            state = state_of(self, scene.material, state)
+            law = PointLaw(self, scene.material, self.parameters, state)
             self._linearise(Linearised(self, scene.material, law, None))
         elif type(scene.material) is not Elastic:
             try_material(self.V, self.material, self.parameters, partial(strain_of, self))
@@ -200,7 +204,7 @@ class Model(Space):
     def _linearise(self, linearised: Linearised) -> None:
         """Take a linearised potential as the law of the body."""
         self.linearised = self.material = linearised
-        self.strains = None if linearised.at_rest else linearised
+        self.strains = linearised if linearised.is_strained else None
         self.constitution = ConvexConstitution(linearised)
 
     def _held_facets(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
@@ -286,7 +290,7 @@ class Model(Space):
             elastic_strain -= given.tensor
         stress = self._stress_of(elastic_strain)
         if isinstance(given, Linearised):
-            stress -= given.given_stress(**self.parameters)
+            stress -= self.on_meridian(given.given_stress(**self.parameters))
         return in_half_plane(stress) if self.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
@@ -320,7 +324,7 @@ class Model(Space):
         if self.strains is None:
             return None
         if isinstance(self.strains, Linearised):
-            stress = self.strains.given_stress(**self.parameters)
+            stress = self.on_meridian(self.strains.given_stress(**self.parameters))
         else:
             stress = self._stress_of(self.strains.tensor)
         measure = self._measure(self.constitution.varies_in_cells)

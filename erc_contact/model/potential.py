@@ -1,4 +1,4 @@
-"""Evaluate a law with a convex potential, and linearise it about a strain.
+"""Linearise a law with a convex potential about a strain.
 
 The contact solver, the reconstruction of stresses and the tightening know linear laws
 ``sigma = C (eps - eps_0)``. A potential gives them its linearisation about the strain
@@ -10,212 +10,32 @@ so that Newton's method for the body is a sequence of contact problems of linear
 (:mod:`erc_contact.newton.law`), and the last one has the pair. Only the gap of the law
 knows psi and psi* themselves.
 
-Tensors are in Mandel components of space, of which a body in plane strain uses some.
-Symbols: s number of components that the body uses, n cells, q points of a cell.
+Of axisymmetric bodies C and stresses are times the circumference, as everywhere
+(:mod:`erc_contact.model.meridian`); :class:`.point_law.PointLaw` knows no
+circumference.
+
+Symbols: s number of components that the body has, n cells, q points of a cell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.constitution import Constitution, ElasticMatrix
-from erc_contact.model.expressions import Everywhere, OfNumbers
-from erc_contact.model.meridian import in_space
-from erc_contact.model.space import Space
-from erc_contact.model.stand_ins import stand_in
-from erc_contact.model.symbolic import varies_in_cells, without_derivatives
+from erc_contact.model.expressions import Everywhere
+from erc_contact.model.law_state import LawState
+from erc_contact.model.meridian import in_space, strain_of
+from erc_contact.model.point_law import Derivatives, PointLaw
+from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import mandel_basis, strain
 from erc_contact.scene.potential import Potential
-
-PLANE_ROWS = (0, 1, 3)
-"""Components of ``mandel_basis(3)`` that a tensor in the plane has: xx, yy and xy."""
-STEPS_OUT_OF_PLANE = 8
-"""Limit of Newton steps for the stress out of plane; any value of it gives a bound."""
-AT_MINIMUM = 1e-15
-"""Share of psi* that a last such step may gain [-]."""
-
-
-class Derivatives:
-    """Differentiate a potential at a strain of space, in UFL.
-
-    Args:
-        potential: The potential.
-        eps: The strain, UFL (3, 3).
-        rows: Components of ``mandel_basis(3)`` by which it is differentiated.
-        parameters: Parameters of the potential, UFL.
-    """
-
-    def __init__(
-        self, potential: Potential, eps: Ufl, rows: Sequence[int], parameters: Mapping[str, Ufl]
-    ) -> None:
-        self._amounts = []
-        for tensor in mandel_basis(3)[list(rows)]:
-            amount = ufl.variable(ufl.as_ufl(0.0))
-            eps += amount * ufl.as_tensor(tensor.tolist())
-            self._amounts.append(amount)
-        self.energy = potential.potential(eps, **parameters)
-
-    def stress(self) -> Ufl:
-        """Return the components of psi' [force/area], UFL (s,)."""
-        return ufl.as_vector([ufl.diff(self.energy, amount) for amount in self._amounts])
-
-    def tangent(self) -> Ufl:
-        """Return psi'' [force/area], UFL (s, s)."""
-        size = len(self._amounts)
-        matrix = [[ufl.as_ufl(0.0)] * size for _ in range(size)]
-        for i, amount in enumerate(self._amounts):
-            slope = ufl.diff(self.energy, amount)
-            for j in range(i + 1):
-                matrix[i][j] = matrix[j][i] = ufl.diff(slope, self._amounts[j])
-        return ufl.as_matrix(matrix)
-
-
-class PointLaw:
-    """Evaluate a potential, its derivatives and its conjugate at points of cells.
-
-    Args:
-        space: The mesh.
-        potential: The potential.
-        parameters: Its parameters, scalar UFL. Construction is collective.
-
-    Attributes:
-        rows: The components of ``mandel_basis(3)`` that the body uses.
-    """
-
-    def __init__(self, space: Space, potential: Potential, parameters: Mapping[str, Ufl]) -> None:
-        self._comm = lasting(space.comm)
-        self._potential = potential
-        self._values = {}
-        self._numbers = {}
-        for number, (name, value) in enumerate(parameters.items()):
-            self._values[name] = Everywhere(value, space.mesh)
-            self._numbers[name] = stand_in((), number)
-        self.rows = list(PLANE_ROWS) if space.d == 2 else list(range(6))
-        self._tensor = stand_in((6,), 0)
-        self._out_of_plane = stand_in((), len(parameters))
-        self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
-
-    @cached_property
-    def _energy_and_stress(self) -> OfNumbers:
-        """Compile psi and psi' as functions of a strain."""
-        law = self._derivatives(range(6))
-        return self._compiled(ufl.as_vector([law.energy, *law.stress()]))
-
-    @cached_property
-    def _tangent(self) -> OfNumbers:
-        """Compile psi'' as a function of a strain, for the rows that the body uses."""
-        return self._compiled(self._derivatives(self.rows).tangent())
-
-    @cached_property
-    def _conjugate(self) -> OfNumbers:
-        """Compile psi* and its two derivatives by the stress out of plane."""
-        out = ufl.variable(self._out_of_plane)
-        normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
-        stress = _in_tensor(self._tensor) + out * normal
-        energy = self._potential.conjugate(stress, **self._numbers)
-        slope = ufl.diff(energy, out)
-        return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
-
-    def _derivatives(self, rows: Sequence[int]) -> Derivatives:
-        """Return the derivatives of psi as functions of numbers."""
-        return Derivatives(self._potential, _in_tensor(self._tensor), rows, self._numbers)
-
-    def _compiled(self, expression: Ufl) -> OfNumbers:
-        """Compile an expression of numbers at points; collective."""
-        return OfNumbers(without_derivatives(expression), self._comm, is_matrix=True)
-
-    def energy_and_stress(
-        self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return psi (n, q) and all six components of psi' [force/area].
-
-        Args:
-            eps: Strains that the body has, shape (n, q, s).
-            x: Points of each cell [length], shape (n, q, d).
-            cells: The cells, shape (n,).
-        """
-        values = self._at(self._energy_and_stress, self._in_space(eps), x, cells)
-        return values[..., 0], values[..., 1:]
-
-    def stress(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return the components of psi' that the body uses [force/area], (n, q, s)."""
-        return self.energy_and_stress(eps, x, cells)[1][..., self.rows]
-
-    def tangent(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return psi'' at strains of the body [force/area], shape (n, q, s, s)."""
-        values = self._at(self._tangent, self._in_space(eps), x, cells)
-        size = len(self.rows)
-        return values.reshape(*values.shape[:2], size, size)
-
-    def complementary(
-        self, stress: np.ndarray, near: np.ndarray, x: np.ndarray, cells: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return psi* of stresses, in the plane its minimum over sigma_zz.
-
-        Newton's method finds the minimum at each point. The least value that it has
-        seen is taken, and each one is a bound of the minimum from above.
-
-        Args:
-            stress: Stresses that the body has [force/area], shape (n, q, s).
-            near: Stress out of plane from which it starts [force/area], shape (n, q).
-            x: Points of each cell [length], shape (n, q, d).
-            cells: The cells, shape (n,).
-
-        Returns:
-            psi* [force/area] and sigma_zz [force/area], each (n, q).
-        """
-        tensors = self._in_space(stress)
-        in_plane = len(self.rows) < 6
-        out = near.copy() if in_plane else np.zeros(near.shape)
-        energy, slope, curvature = np.moveaxis(
-            self._at(self._conjugate, tensors, x, cells, out), -1, 0
-        )
-        best = energy, out
-        for _ in range(STEPS_OUT_OF_PLANE if in_plane else 0):
-            step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
-            if not (0.5 * abs(slope * step) > AT_MINIMUM * abs(best[0])).any():
-                break
-            out = out - step
-            energy, slope, curvature = np.moveaxis(
-                self._at(self._conjugate, tensors, x, cells, out), -1, 0
-            )
-            is_less = energy < best[0]
-            best = np.where(is_less, energy, best[0]), np.where(is_less, out, best[1])
-        return best
-
-    def _in_space(self, tensor: np.ndarray) -> np.ndarray:
-        """Return all six components of tensors (n, q, s)."""
-        result = np.zeros((*tensor.shape[:-1], 6))
-        result[..., self.rows] = tensor
-        return result
-
-    def _at(
-        self,
-        law: OfNumbers,
-        tensor: np.ndarray,
-        x: np.ndarray,
-        cells: np.ndarray,
-        out_of_plane: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """Evaluate a compiled part of the law, shape (n, q, size)."""
-        n, q = tensor.shape[:2]
-        numbers: dict[Any, np.ndarray] = {self._tensor: tensor.reshape(n * q, 6)}
-        for name, value in self._values.items():
-            of_points = np.broadcast_to(value(x, cells), (n, q))
-            numbers[self._numbers[name]] = of_points.reshape(n * q, 1)
-        if out_of_plane is not None:
-            numbers[self._out_of_plane] = out_of_plane.reshape(n * q, 1)
-        values = law(numbers, n * q)
-        return values.reshape(n, q, values.shape[-1])
 
 
 class Linearised:
@@ -227,40 +47,61 @@ class Linearised:
         space: The mesh.
         potential: The potential.
         law: Its values at points.
-        u: The displacement [length]; None for a body at rest.
+        u: The displacement [length]; None for a body without displacement.
 
     Attributes:
         law: As given.
         u: As given.
-        strain: The strain E of u in Mandel components, a Function.
+        varies_in_cells: Whether C varies inside cells.
     """
 
     def __init__(
         self, space: Space, potential: Potential, law: PointLaw, u: fem.Function | None
     ) -> None:
+        self._space = space
         self._potential = potential
-        self._tensors = [ufl.as_matrix(tensor.tolist()) for tensor in mandel_basis(space.d)]
         self.law = law
         self.u = u
-        W = fem.functionspace(space.mesh, ("DG", space.degree - 1, (len(self._tensors),)))
-        self.strain = fem.Function(W)
-        if u is not None:
-            components = [ufl.inner(tensor, strain(u)) for tensor in self._tensors]
-            at_nodes = compiled.expression(
-                ufl.as_vector(components), W.element.interpolation_points, space.comm
-            )
-            self.strain.interpolate(at_nodes)
-        self._of_points = Everywhere(self.strain, space.mesh)
-        self.varies_in_cells = law.varies_in_cells or (space.degree > 1 and not self.at_rest)
+        # Without displacement forms are as with one, so that they are compiled once.
+        self._about = space.function() if u is None else u
+        self._strain_in_plane = Everywhere(self._in_plane(), space.mesh)
+        self._displacement = Everywhere(self._about, space.mesh)
+        strain_varies = space.degree > 1 and not self.at_rest
+        self.varies_in_cells = law.varies_in_cells or space.axisymmetric or strain_varies
+
+    def _in_plane(self) -> fem.Function:
+        """Return the strain without the hoop part in Mandel components, a Function."""
+        space = self._space
+        tensors = mandel_basis(space.d)
+        values = space.domain.function("DG", space.degree - 1, (len(tensors),))
+        if not self.at_rest:
+            components = []
+            for tensor in tensors:
+                components.append(ufl.inner(ufl.as_matrix(tensor.tolist()), strain(self.u)))
+            points = values.function_space.element.interpolation_points
+            at_nodes = compiled.expression(ufl.as_vector(components), points, space.comm)
+            values.interpolate(at_nodes)
+        return values
 
     @property
     def at_rest(self) -> bool:
-        """Tell whether there is no strain."""
+        """Tell whether there is no displacement."""
         return self.u is None
+
+    @property
+    def is_strained(self) -> bool:
+        """Tell whether there may be a stress without a further displacement."""
+        return not self.at_rest or self.law.state is not None
 
     def at(self, space: Space, u: fem.Function) -> Linearised:
         """Return the linearisation about another displacement; collective."""
         return Linearised(space, self._potential, self.law, u)
+
+    def state_at_end(self) -> LawState | None:
+        """Return the state of the law after a load step that ends at u; collective."""
+        if self.law.state is None:
+            return None
+        return LawState.at_end(self._space, self.law, self.strain_at)
 
     # -- UFL, as a material has it
 
@@ -270,19 +111,32 @@ class Linearised:
         return self._tensor(self._law(parameters).tangent() * ufl.as_vector(components))
 
     def given_stress(self, **parameters: Ufl) -> Ufl:
-        """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, shape (d, d)."""
+        """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, as a strain has shape."""
         law = self._law(parameters)
-        return self._tensor(law.tangent() * self.strain - law.stress())
+        strain = strain_of(self._space, self._about)
+        components = [ufl.inner(tensor, strain) for tensor in self._tensors]
+        return self._tensor(law.tangent() * ufl.as_vector(components) - law.stress())
+
+    @property
+    def _tensors(self) -> list[Ufl]:
+        """Return the basis of the strains of the body, UFL."""
+        basis = mandel_basis(self._space.d)
+        if self._space.axisymmetric:
+            basis = mandel_basis(3)[self.law.rows]
+        return [ufl.as_matrix(tensor.tolist()) for tensor in basis]
 
     def _law(self, parameters: Mapping[str, Ufl]) -> Derivatives:
         """Return the derivatives of the potential at E."""
-        eps = self._tensor(self.strain)
-        if len(self._tensors) == 3:
+        eps = strain_of(self._space, self._about)
+        if self.law.is_plane:
             eps = in_space(eps, 0)
-        return Derivatives(self._potential, eps, self.law.rows, parameters)
+        values = dict(parameters)
+        if self.law.state is not None:
+            values |= self.law.state.ufl(self._potential.state)
+        return Derivatives(self._potential, eps, self.law.rows, values)
 
     def _tensor(self, components: Ufl) -> Ufl:
-        """Return the tensor of Mandel components of the body, UFL (d, d)."""
+        """Return the tensor of components of the body, UFL."""
         return sum(components[i] * tensor for i, tensor in enumerate(self._tensors))
 
     def modulus(self, **parameters: Ufl) -> Ufl:
@@ -293,7 +147,11 @@ class Linearised:
 
     def strain_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate E at points of cells, shape (n, q, s)."""
-        return self._of_points(x, cells)
+        in_plane = self._strain_in_plane(x, cells)
+        if not self._space.axisymmetric:
+            return in_plane
+        radial = self._displacement(x, cells)[..., :1]
+        return np.concatenate([in_plane, radial / x[..., :1]], axis=-1)
 
     def tangent_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate C at points of cells [force/area], shape (n, q, s, s)."""
@@ -312,8 +170,9 @@ class TangentMatrix(ElasticMatrix):
 
     def __init__(self, linearised: Linearised, *, inverse: bool = False) -> None:
         self.size = len(linearised.law.rows)
-        self.on_rings = False
+        self.on_rings = not linearised.law.is_plane and self.size == 4
         self.varies_in_cells = linearised.varies_in_cells
+        self._exponent = -1 if inverse else 1
         self._constant = None
         self._linearised = linearised
         self._inverse = inverse
@@ -335,7 +194,7 @@ class ConvexConstitution(Constitution):
 
     def __init__(self, linearised: Linearised) -> None:
         self._linearised = linearised
-        self._given = None if linearised.at_rest else linearised
+        self._given = linearised if linearised.is_strained else None
 
     @cached_property
     def stiffness(self) -> TangentMatrix:
@@ -347,24 +206,34 @@ class ConvexConstitution(Constitution):
         """Return C^-1 [area/force], the metric of stresses."""
         return TangentMatrix(self._linearised, inverse=True)
 
-    def squares(
-        self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+    def fenchel(
+        self,
+        strain: np.ndarray,
+        stress: np.ndarray,
+        out_of_plane: np.ndarray,
+        x: np.ndarray,
+        cells: np.ndarray,
     ) -> np.ndarray:
         """Return twice Fenchel's gap, and the same with plus.
 
+        Args:
+            strain: Strains, shape (n, q, s), or (n, 1, s) where neither strain nor law
+                vary in the cells.
+            stress: Stresses, shape (n, q, s), on rings times the circumference.
+            out_of_plane: Stress out of plane from which its search starts [force/area].
+            x: The points [length], shape (n, q, d).
+            cells: The cells, shape (n,).
+
         Returns:
-            ``2 (psi + psi* -+ sigma : eps)`` [force/area], shape (n, q, 2).
+            ``2 (psi + psi* -+ sigma : eps)`` [force/area], shape (n, q, 2), on rings
+            times the circumference.
         """
         law = self._linearised.law
-        psi, of_law = law.energy_and_stress(strain, x, cells)
-        psi_star, _ = law.complementary(stress, of_law[..., 2], x, cells)
-        work = (stress * strain).sum(axis=-1)
+        factor = circumferences(x)[..., None] if self.stiffness.on_rings else 1.0
+        sigma = stress / factor
+        psi = law.energy(strain, x[:, : strain.shape[1]], cells)
+        work = np.einsum("nqi,nqi->nq", sigma, np.broadcast_to(strain, sigma.shape))
+        psi_star, _ = law.complementary(sigma, out_of_plane, x, cells, psi - work)
         both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
         # Below zero there is only round-off.
-        return 2 * np.maximum(both, 0.0)
-
-
-def _in_tensor(components: Ufl) -> Ufl:
-    """Return the tensor (3, 3) of six Mandel components, UFL."""
-    basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
-    return sum(components[i] * one for i, one in enumerate(basis))
+        return np.asarray(2 * factor * np.maximum(both, 0.0))

@@ -26,7 +26,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, tensor_basis
-from erc_contact.scene.potential import Potential
+from erc_contact.scene.potential import Potential, entries, size_of
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) or np.sin(x[0]) instead of"
@@ -133,6 +133,8 @@ def linear(what: str, integrand: Ufl, *arguments: Ufl) -> None:
 def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, Ufl]) -> None:
     """Call the functions of a potential to see that they work; collective.
 
+    A state is zero.
+
     Args:
         comm: The ranks.
         material: The material.
@@ -143,10 +145,18 @@ def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, 
     """
     what = f"The material {type(material).__name__}"
     tensor = ufl.as_tensor(np.zeros((3, 3)).tolist())
-    for name, arguments in (("potential", [tensor]), ("conjugate", [tensor]), ("modulus", [])):
+    shapes = getattr(material, "state", {})
+    values = dict(parameters)
+    values |= entries(shapes, [ufl.as_ufl(0.0)] * size_of(shapes))
+    calls = [("potential", (tensor,), values), ("conjugate", (tensor,), values)]
+    for name, arguments, numbers in (*calls, ("modulus", (), parameters)):
 
-        def attempt(name: str = name, arguments: list[Ufl] = arguments) -> Ufl:
-            returned = getattr(material, name)(*arguments, **parameters)
+        def attempt(
+            name: str = name,
+            arguments: tuple[Ufl, ...] = arguments,
+            numbers: Mapping[str, Ufl] = numbers,
+        ) -> Ufl:
+            returned = getattr(material, name)(*arguments, **numbers)
             return scalar(f"{what}: {name}", returned)
 
         call_of_user(comm, f"{what}: {name}", attempt)

@@ -9,6 +9,8 @@ tangentially the slip alone is kept: it gives way again in the next step.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from dolfinx import la
 from mpi4py import MPI
@@ -24,7 +26,6 @@ from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.profile import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
-from erc_contact.scene.potential import ONE_STEP, refuse_potential
 from erc_contact.scene.scene import Scene
 
 
@@ -39,7 +40,7 @@ def check_after(scene: Scene, domain: Domain, after: object) -> None:
         raise InputError(
             f"after is {checks.description(after)}; give the Solution of the last step, or None."
         )
-    refuse_potential(scene.material, "A step after another one", ONE_STEP)
+    _check_law(scene.material, after.scene.material)
     if after.domain.dim != domain.dim:
         raise InputError(
             f"after is a solution in {after.domain.dim}D, and the domain is in {domain.dim}D."
@@ -106,7 +107,10 @@ def last_step(solution: Solution) -> LastStep:
         max(model.comm.allreduce(moved, MPI.MAX), before.displacement),
         max(load_size(model, solution.stiffness.load_vector()), before.load),
     )
-    return LastStep(model, contacts, greatest)
+    state = None
+    if model.linearised is not None:
+        state = model.linearised.at(model, solution.u).state_at_end()
+    return LastStep(model, contacts, greatest, state)
 
 
 def _given_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
@@ -137,3 +141,17 @@ def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     sum_of_moves.x.scatter_reverse(la.InsertMode.add)
     sum_of_moves.x.scatter_forward()
     return of_node == 0.0
+
+
+def _check_law(material: Any, before: Any) -> None:
+    """Check that a potential remembers in the next step what it did in the last one.
+
+    Raises:
+        InputError: If its state has other entries.
+    """
+    state, state_before = (dict(getattr(law, "state", {})) for law in (material, before))
+    if state != state_before:
+        raise InputError(
+            f"The material of the scene has the state {state or 'none'}, and the material of the "
+            f"scene of after {state_before or 'none'}. All scenes of a history have the same law."
+        )

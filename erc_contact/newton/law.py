@@ -36,6 +36,7 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.model import Model
+from erc_contact.model.space import circumferences
 from erc_contact.model.values import DATA_DEGREE
 from erc_contact.newton.contact_solve import Solver
 from erc_contact.newton.methods import Method
@@ -136,7 +137,7 @@ class _Change:
         assert linearised is not None
         self._comm = model.comm
         self._law = linearised.law
-        is_plain = model.degree == 1 and not linearised.varies_in_cells
+        is_plain = not linearised.varies_in_cells and model.degree == 1
         points, weights = rule(model.d, 1 if is_plain else DATA_DEGREE)
         self._cells = model.owned_cells
         corners = model.cell_corners()[self._cells]
@@ -145,13 +146,15 @@ class _Change:
         # The sum of the weights is arbitrary: only ratios of energies count but for the
         # misfit, which has the volume of the simplex.
         self._weights = volume[:, None] * weights / weights.sum() / (2, 6)[model.d - 2]
+        if model.axisymmetric:
+            self._weights = self._weights * circumferences(self._x)
         places = self._x, self._cells
         self._strain = linearised.strain_at(*places)
         self._step = linearised.at(model, u).strain_at(*places) - self._strain
-        stiffness = model.constitution.stiffness(*places)
+        tangent = linearised.tangent_at(*places)
         self._stress = self._law.stress(self._strain, *places)
-        self._stress += np.matmul(stiffness, self._step[..., None])[..., 0]
-        self._metric = np.linalg.inv(stiffness)
+        self._stress += np.matmul(tangent, self._step[..., None])[..., 0]
+        self._metric = np.linalg.inv(tangent)
 
     def misfit(self) -> tuple[float, float]:
         """Return the misfit and the norm of the stress [sqrt(force length)]."""

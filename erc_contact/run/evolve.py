@@ -25,7 +25,6 @@ from erc_contact.run.plan import DECISIVE, check_callback, check_folder, checked
 from erc_contact.run.time_row import TimeStep
 from erc_contact.run.time_steps import InTime
 from erc_contact.run.walk import Walk
-from erc_contact.scene.potential import ONE_STEP, refuse_potential
 from erc_contact.scene.scene import Scene
 
 
@@ -136,7 +135,6 @@ def evolve(
         max_cells=max_cells,
         max_steps=max_steps,
     )
-    refuse_potential(plan.scene.material, "evolve()", ONE_STEP)
     # The C compiler works on another core while the forms are compiled here.
     kernels_ahead(domain.dim)
     store = None

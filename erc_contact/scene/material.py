@@ -13,7 +13,7 @@ so the compliance stays bounded as nu -> 1/2 (b -> infinity) and no digit is los
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from math import sqrt
@@ -84,6 +84,12 @@ def mandel_matrix(act: Callable[..., Ufl], tensors: np.ndarray, **parameters: Uf
     for tensor in basis:
         rows.append([ufl.inner(tensor, image) for image in images])
     return ufl.as_matrix(rows)
+
+
+def in_tensor(components: Sequence[Ufl]) -> Ufl:
+    """Return the tensor (3, 3) of six Mandel components, UFL."""
+    basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
+    return sum(components[i] * one for i, one in enumerate(basis))
 
 
 def strain(u: Ufl) -> Ufl:

@@ -23,10 +23,12 @@ Symbols: eps strain [-], sigma stress [force/area].
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeGuard
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.scene.material import in_tensor
 
 
 class Potential(Protocol):
@@ -68,6 +70,18 @@ class Potential(Protocol):
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
+Shapes = Mapping[str, tuple[int, ...]]
+"""Names of the entries of a state with their shapes: () or (3, 3)."""
+POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
+"""Names of the members of a material with a potential."""
+
+
+BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
+"""What there is of a potential where a number has no interval."""
+FROM_REST = "Potentials are solved in plane strain and in space, from rest."
+"""What there is of a potential where a hypothesis or a given strain is refused."""
+Shapes = Mapping[str, tuple[int, ...]]
+"""Names of the entries of a state with their shapes: () or (3, 3)."""
 POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
 """Names of the members of a material with a potential."""
 
@@ -78,6 +92,25 @@ FROM_REST = "Potentials are solved in plane strain and in space, from rest."
 """What there is of a potential where a hypothesis or a given strain is refused."""
 ONE_STEP = "A potential is loaded in one step from rest: solve() or adapt()."
 """What there is of a potential where a history is refused."""
+
+
+def size_of(shapes: Shapes) -> int:
+    """Return the number of components of a state."""
+    return sum(6 if shape else 1 for shape in shapes.values())
+
+
+def entries(shapes: Shapes, components: Sequence[Ufl]) -> dict[str, Ufl]:
+    """Return the entries of a state by their names from its components, UFL."""
+    values = {}
+    place = 0
+    for name, shape in shapes.items():
+        if shape:
+            values[name] = in_tensor(components[place : place + 6])
+            place += 6
+        else:
+            values[name] = components[place]
+            place += 1
+    return values
 
 
 def has_potential(material: Any) -> TypeGuard[Potential]:

@@ -1,0 +1,148 @@
+"""Hold the state of a law before a load step: plastic strain and hardening, say.
+
+It is what the body remembers, tensors and numbers at each point, as a polynomial of
+degree k-1 in each cell. The law of a load step is a potential for this state. The state
+after the step follows from the strain at its end.
+
+A mesh that refines the last one has the same state: its cells inherit the polynomials.
+On any other mesh the state is interpolated at points inside the cells, and what this
+moves is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.named import INSIDE_CELLS
+from erc_contact.mesh.simplex import barycentric
+from erc_contact.model.expressions import Everywhere
+from erc_contact.model.space import Space
+from erc_contact.scene.material import mandel_basis
+from erc_contact.scene.potential import Potential, Shapes, entries, size_of
+
+PADDING = 1e-3
+"""How far cells reach beyond the mesh of the last step where the new one bulges [-].
+
+It is over the extent of the body.
+"""
+
+
+class LawState:
+    """Hold a state as a function of the cells.
+
+    Args:
+        values: The entries, tensors in Mandel components, shape (size,) at each point.
+
+    Attributes:
+        values: As given.
+        size: Number of components.
+        varies_in_cells: Whether they vary inside cells.
+        moved: What a new mesh moved of the state: the root of the mean square of the
+            difference, over the root of its mean square [-].
+    """
+
+    def __init__(self, values: fem.Function, moved: float = 0.0) -> None:
+        self.values = values
+        (self.size,) = values.ufl_shape
+        self.varies_in_cells = values.ufl_element().embedded_superdegree > 0
+        self.moved = moved
+        self.at = Everywhere(values, values.function_space.mesh)
+
+    @classmethod
+    def at_rest(cls, space: Space, potential: Potential) -> LawState:
+        """Return the state of a body that has not been loaded: zero."""
+        return cls(_function(space, size_of(potential.state)))
+
+    def ufl(self, shapes: Shapes) -> dict[str, Ufl]:
+        """Return the entries of the state by their names, UFL."""
+        return entries(shapes, [self.values[i] for i in range(self.size)])
+
+    @staticmethod
+    def after(potential: Potential, strain: Ufl, values: Mapping[str, Ufl]) -> Ufl:
+        """Return the components of the state after a step, UFL (size,)."""
+        new = potential.new_state(strain, **values)
+        components: list[Ufl] = []
+        for name, shape in potential.state.items():
+            if shape:
+                basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
+                components += [ufl.inner(one, new[name]) for one in basis]
+            else:
+                components.append(new[name])
+        return ufl.as_vector(components)
+
+    @classmethod
+    def at_end(cls, space: Space, law: Any, strain_at: Any) -> LawState:
+        """Return the state at the end of a load step; collective.
+
+        Args:
+            space: The mesh.
+            law: The :class:`.point_law.PointLaw` of the step.
+            strain_at: Gives the strain at its end at points of cells.
+        """
+        values = _function(space, law.state.size)
+        W = values.function_space
+        cells = space.owned_cells
+        x = np.matmul(barycentric(W.element.interpolation_points), space.cell_corners()[cells])
+        new = law.new_state(strain_at(x, cells), x, cells)
+        blocks = values.x.array.reshape(-1, law.state.size)
+        blocks[W.dofmap.list[cells].ravel()] = new.reshape(-1, law.state.size)
+        values.x.scatter_forward()
+        return cls(values)
+
+    def on(self, space: Space) -> LawState:
+        """Return the state on another mesh of the body; collective."""
+        old = self.values.function_space
+        new = _function(space, self.size)
+        if old.mesh is space.mesh and old.ufl_element() == new.function_space.ufl_element():
+            return self
+        _interpolate(self.values, new, space)
+        # A degree more tells what the new mesh does not carry.
+        finer = _function(space, self.size, more=1)
+        _interpolate(self.values, finer, space)
+        cells = space.owned_cells
+        corners = space.cell_corners()[cells]
+        of_old = finer.x.array.reshape(-1, self.size)[finer.function_space.dofmap.list[cells]]
+        places = barycentric(finer.function_space.element.interpolation_points)
+        of_new = Everywhere(new, space.mesh)(np.matmul(places, corners), cells)
+        volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+        sums = []
+        for field in (of_new - of_old, of_old):
+            local = float(volume @ (field**2).sum(axis=-1).mean(axis=1))
+            sums.append(space.comm.allreduce(local, MPI.SUM))
+        return LawState(new, float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0)
+
+
+def state_of(space: Space, potential: Potential, before: LawState | None) -> LawState | None:
+    """Return the state of a body before a load step; None of laws without; collective.
+
+    Args:
+        space: The mesh.
+        potential: The law.
+        before: The state at the end of the last step, None at first.
+    """
+    if not getattr(potential, "state", None):
+        return None
+    return LawState.at_rest(space, potential) if before is None else before.on(space)
+
+
+def _function(space: Space, size: int, more: int = 0) -> fem.Function:
+    """Return polynomials of degree k-1 (and more) in each cell, zero everywhere."""
+    return space.domain.function(INSIDE_CELLS, space.degree - 1 + more, (size,))
+
+
+def _interpolate(old: fem.Function, new: fem.Function, space: Space) -> None:
+    """Interpolate a function of another mesh at the nodes of a function; collective."""
+    cells = space.owned_cells
+    padding = PADDING * space.domain.extent
+    data = fem.create_interpolation_data(
+        new.function_space, old.function_space, cells, padding=padding
+    )
+    new.interpolate_nonmatching(old, cells, interpolation_data=data)
+    new.x.scatter_forward()

@@ -1,0 +1,265 @@
+"""Evaluate a law with a convex potential at points of cells.
+
+Tensors are in Mandel components of space, of which a body in plane strain has xx, yy
+and xy, and an axisymmetric body rr, zz, rz and hoop. All that the law knows of a point,
+a strain or stress, parameters and state, are numbers in a row. So each part of a law is
+compiled once, for all data and meshes.
+
+Symbols: s number of components that the body has, n cells, q points of a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+import ufl
+
+from erc_contact.base.runtime.communicators import lasting
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.expressions import Everywhere, OfNumbers
+from erc_contact.model.law_state import LawState
+from erc_contact.model.space import Space
+from erc_contact.model.stand_ins import stand_in
+from erc_contact.model.symbolic import varies_in_cells, without_derivatives
+from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
+from erc_contact.scene.potential import Potential, entries
+
+STEPS_OUT_OF_PLANE = 8
+"""Limit of Newton steps for the stress out of plane; any value of it gives a bound."""
+AT_MINIMUM = 1e-15
+"""Share of psi* that a last such step may gain [-]."""
+SHARE_OF_GAP = 1e-6
+"""Share of Fenchel's gap that a last such step may gain [-]."""
+
+
+class Derivatives:
+    """Differentiate a potential at a strain of space, in UFL.
+
+    Args:
+        potential: The potential.
+        eps: The strain, UFL (3, 3).
+        rows: Components of ``mandel_basis(3)`` by which it is differentiated.
+        values: Parameters and state of the potential, UFL.
+    """
+
+    def __init__(
+        self, potential: Potential, eps: Ufl, rows: Sequence[int], values: Mapping[str, Ufl]
+    ) -> None:
+        self._amounts = []
+        for tensor in mandel_basis(3)[list(rows)]:
+            amount = ufl.variable(ufl.as_ufl(0.0))
+            eps += amount * ufl.as_tensor(tensor.tolist())
+            self._amounts.append(amount)
+        self.energy = potential.potential(eps, **values)
+
+    def stress(self) -> Ufl:
+        """Return the components of psi' [force/area], UFL (s,)."""
+        return ufl.as_vector([ufl.diff(self.energy, amount) for amount in self._amounts])
+
+    def tangent(self) -> Ufl:
+        """Return psi'' [force/area], UFL (s, s)."""
+        size = len(self._amounts)
+        matrix = [[ufl.as_ufl(0.0)] * size for _ in range(size)]
+        for i, amount in enumerate(self._amounts):
+            slope = ufl.diff(self.energy, amount)
+            for j in range(i + 1):
+                matrix[i][j] = matrix[j][i] = ufl.diff(slope, self._amounts[j])
+        return ufl.as_matrix(matrix)
+
+
+class PointLaw:
+    """Evaluate a potential, its derivatives and its conjugate at points of cells.
+
+    Points x are given for cells, shapes (n, q, d) and (n,).
+
+    Args:
+        space: The mesh.
+        potential: The potential.
+        parameters: Its parameters, scalar UFL. Construction is collective.
+        state: The state of the body before the load step; None of laws without.
+
+    Attributes:
+        rows: The components of ``mandel_basis(3)`` that the body has.
+        is_plane: Whether the body is in plane strain, with a stress out of plane.
+        state: As given.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        potential: Potential,
+        parameters: Mapping[str, Ufl],
+        state: LawState | None = None,
+    ) -> None:
+        self._comm = lasting(space.comm)
+        self._potential = potential
+        self._parameters = [Everywhere(value, space.mesh) for value in parameters.values()]
+        self.state = state
+        self.is_plane = space.d == 2 and not space.axisymmetric
+        # The last of these, out of plane or hoop, is no component of plane strain.
+        self._known = list(HOOP_ROWS) if space.d == 2 else list(range(6))
+        self.rows = self._known[:-1] if self.is_plane else self._known
+        self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
+        if state is not None:
+            self.varies_in_cells |= state.varies_in_cells
+        self._place_of_state = 6 + len(parameters)
+        size = self._place_of_state + (0 if state is None else state.size)
+        self._row = stand_in((size,), 0)
+        names = list(parameters)
+        self._values = {name: self._row[6 + i] for i, name in enumerate(names)}
+        if state is not None:
+            components = [self._row[i] for i in range(self._place_of_state, size)]
+            self._values |= entries(potential.state, components)
+
+    # -- compiled parts, each a function of the numbers of a point
+
+    @cached_property
+    def _energy(self) -> OfNumbers:
+        """Compile psi as a function of a strain."""
+        return self._compiled(self._derivatives().energy)
+
+    @cached_property
+    def _stress(self) -> OfNumbers:
+        """Compile psi' as a function of a strain."""
+        return self._compiled(self._derivatives().stress())
+
+    @cached_property
+    def _tangent(self) -> OfNumbers:
+        """Compile psi'' as a function of a strain."""
+        return self._compiled(self._derivatives().tangent())
+
+    @cached_property
+    def _conjugate(self) -> OfNumbers:
+        """Compile psi*, in plane strain with two derivatives by the stress out of plane."""
+        if not self.is_plane:
+            return self._compiled(self._potential.conjugate(self._tensor, **self._values))
+        out = ufl.variable(ufl.as_ufl(0.0))
+        normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
+        energy = self._potential.conjugate(self._tensor + out * normal, **self._values)
+        slope = ufl.diff(energy, out)
+        return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
+
+    @cached_property
+    def _new_state(self) -> OfNumbers:
+        """Compile the state after a load step as a function of a strain."""
+        assert self.state is not None
+        return self._compiled(self.state.after(self._potential, self._tensor, self._values))
+
+    @property
+    def _tensor(self) -> Ufl:
+        """Return the strain or stress of a point, UFL (3, 3)."""
+        return in_tensor([self._row[i] for i in range(6)])
+
+    def _derivatives(self) -> Derivatives:
+        """Return the derivatives of psi as functions of numbers."""
+        return Derivatives(self._potential, self._tensor, self._known, self._values)
+
+    def _compiled(self, expression: Ufl) -> OfNumbers:
+        """Compile an expression of numbers at points; collective."""
+        return OfNumbers(without_derivatives(expression), self._comm, is_matrix=True)
+
+    # -- values
+
+    def energy(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return psi of strains (n, q, s) that the body has [force/area], (n, q)."""
+        return self._at(self._energy, eps, x, cells)[..., 0]
+
+    def stress(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the components of psi' that the body has [force/area], (n, q, s)."""
+        return self.whole_stress(eps, x, cells)[..., : len(self.rows)]
+
+    def whole_stress(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return psi', in plane strain with the stress out of plane as last component."""
+        return self._at(self._stress, eps, x, cells)
+
+    def tangent(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return psi'' at strains of the body [force/area], shape (n, q, s, s)."""
+        size = len(self.rows)
+        return self.whole_tangent(eps, x, cells)[..., :size, :size]
+
+    def whole_tangent(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return psi'' as :meth:`whole_stress` has components."""
+        values = self._at(self._tangent, eps, x, cells)
+        size = len(self._known)
+        return values.reshape(*values.shape[:2], size, size)
+
+    def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the state after a load step that ends at strains, (n, q, size)."""
+        return self._at(self._new_state, eps, x, cells)
+
+    def complementary(
+        self,
+        stress: np.ndarray,
+        near: np.ndarray,
+        x: np.ndarray,
+        cells: np.ndarray,
+        beside: np.ndarray | float = np.inf,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return psi* of stresses, in plane strain its minimum over sigma_zz.
+
+        Newton's method finds the minimum at each point. The least value that it has
+        seen is taken, and each one is a bound of the minimum from above.
+
+        Args:
+            stress: Stresses that the body has [force/area], shape (n, q, s).
+            near: Stress out of plane from which it starts [force/area], shape (n, q).
+            x: Points of each cell [length].
+            cells: The cells.
+            beside: What psi* is added to in Fenchel's gap [force/area], shape (n, q). A
+                minimum is near enough for a small share of the gap.
+
+        Returns:
+            psi* [force/area] and sigma_zz [force/area], each (n, q).
+        """
+        shape = stress.shape[:2]
+        rows = self._rows(stress, x, cells)
+        if not self.is_plane:
+            return self._conjugate_of(rows)[:, 0].reshape(shape), np.zeros(shape)
+        zz = HOOP_ROWS[-1]
+        rows[:, zz] = near.ravel()
+        beside = np.broadcast_to(beside, shape).ravel()
+        values = self._conjugate_of(rows)
+        best, best_out = values[:, 0].copy(), rows[:, zz].copy()
+        left = np.arange(len(rows))
+        for _ in range(STEPS_OUT_OF_PLANE):
+            energy, slope, curvature = values.T
+            step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
+            gain = 0.5 * abs(slope * step)
+            allowed = AT_MINIMUM * abs(energy)
+            if np.isfinite(beside).all():
+                allowed = np.maximum(allowed, SHARE_OF_GAP * (beside[left] + energy))
+            goes_on = gain > allowed
+            if not goes_on.any():
+                break
+            left = left[goes_on]
+            rows[left, zz] -= step[goes_on]
+            values = self._conjugate_of(rows[left])
+            less = values[:, 0] < best[left]
+            best[left[less]] = values[less, 0]
+            best_out[left[less]] = rows[left[less], zz]
+        return best.reshape(shape), best_out.reshape(shape)
+
+    def _conjugate_of(self, rows: np.ndarray) -> np.ndarray:
+        """Return the compiled conjugate of rows of numbers."""
+        return self._conjugate({self._row: rows}, len(rows))
+
+    def _at(
+        self, part: OfNumbers, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Evaluate a compiled part of the law, shape (n, q, size)."""
+        rows = self._rows(tensor, x, cells)
+        values = part({self._row: rows}, len(rows))
+        return values.reshape(*tensor.shape[:2], values.shape[-1])
+
+    def _rows(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return all numbers of points, shape (n q, size), as the law is compiled."""
+        n, q = tensor.shape[:2]
+        rows = np.zeros((n, q, self._row.ufl_shape[0]))
+        rows[..., self.rows] = tensor
+        for i, value in enumerate(self._parameters):
+            rows[..., 6 + i] = value(x, cells)
+        if self.state is not None:
+            rows[..., self._place_of_state :] = self.state.at(x, cells)
+        return rows.reshape(n * q, rows.shape[-1])
