@@ -33,7 +33,8 @@ def fenchel_error(admissible: Admissible) -> LawError:
     """Measure how far sigma^ and u^ are from the law of a potential; collective.
 
     ``gap`` is twice the integral of ``psi + psi* - sigma : eps``, with what that leaves
-    unknown, and ``both`` of ``psi + psi* + sigma : eps``.
+    unknown, and ``both`` of ``psi + psi* + sigma : (eps - 2 eps_r)`` with the strain
+    eps_r without stress in the middle of each cell, which a plastic strain leaves.
     """
     model = admissible.model
     comm = model.comm
@@ -56,6 +57,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
         eps = near.strain_of(cell) if is_constant else strain.at(cell, places, x)
         out_of_plane = near.out_of_plane(cell, sigma)
         of_law = model.constitution.fenchel(eps, sigma, out_of_plane, x, of_cells[cell])
+        of_law[..., 1] -= 4 * near.work_at_rest(cell, sigma)
         return of_law - near.squares(cell, eps, sigma) if near.taken else of_law
 
     of_linear = near.integrals(volume)
@@ -100,6 +102,7 @@ class _LinearLaws:
         self._tangent = whole_tangent[:, :size, :size]
         self._metric = np.linalg.inv(self._tangent)
         self._factor = circumferences(x) if model.axisymmetric else np.ones(x.shape[:2])
+        self._rest = law.strain_at_rest(x, owned)
         if law.is_plane:
             self._normal = whole_stress[:, 0, -1:]
             self._slope = np.matmul(self._metric, whole_tangent[:, :size, size:])
@@ -107,6 +110,10 @@ class _LinearLaws:
     def strain_of(self, cell: np.ndarray) -> np.ndarray:
         """Return the strain in the middle of cells, shape (n, 1, s)."""
         return np.asarray(self._strain[cell])
+
+    def work_at_rest(self, cell: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+        """Return the work of stresses (n, q, s) on the strain without stress, (n, q)."""
+        return np.einsum("nqi,ni->nq", sigma, self._rest[cell, 0])
 
     def out_of_plane(self, cell: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the stress out of plane that goes with stresses (n, q, s), (n, q)."""

@@ -142,6 +142,15 @@ class PointLaw:
         return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
 
     @cached_property
+    def _dual(self) -> OfNumbers:
+        """Compile psi*' as a function of a stress."""
+        stress = ufl.variable(self._tensor)
+        slope = ufl.diff(self._potential.conjugate(stress, **self._values), stress)
+        basis = mandel_basis(3)[self._known]
+        components = [ufl.inner(ufl.as_tensor(one.tolist()), slope) for one in basis]
+        return self._compiled(ufl.as_vector(components))
+
+    @cached_property
     def _new_state(self) -> OfNumbers:
         """Compile the state after a load step as a function of a strain."""
         assert self.state is not None
@@ -184,6 +193,23 @@ class PointLaw:
         values = self._at(self._tangent, eps, x, cells)
         size = len(self._known)
         return values.reshape(*values.shape[:2], size, size)
+
+    def strain_at_rest(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the strain without stress, ``psi*'(0)``, shape (n, q, s).
+
+        It is zero without a state. In plane strain only the stress in the plane is
+        zero.
+        """
+        size = len(self.rows)
+        nothing = np.zeros((*x.shape[:2], size))
+        if self.state is None:
+            return nothing
+        rows = self._rows(nothing, x, cells)
+        if self.is_plane:
+            _, out = self.complementary(nothing, nothing[..., 0], x, cells)
+            rows[:, HOOP_ROWS[-1]] = out.ravel()
+        values = self._dual({self._row: rows}, len(rows))
+        return values.reshape(*x.shape[:2], -1)[..., :size]
 
     def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the state after a load step that ends at strains, (n, q, size)."""

@@ -235,5 +235,6 @@ class ConvexConstitution(Constitution):
         work = np.einsum("nqi,nqi->nq", sigma, np.broadcast_to(strain, sigma.shape))
         psi_star, _ = law.complementary(sigma, out_of_plane, x, cells, psi - work)
         both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
-        # Below zero there is only round-off.
-        return np.asarray(2 * factor * np.maximum(both, 0.0))
+        # A gap below zero is round-off.
+        both[..., 0] = np.maximum(both[..., 0], 0.0)
+        return np.asarray(2 * factor * both)

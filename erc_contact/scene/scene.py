@@ -18,7 +18,7 @@ from erc_contact.base.html import table
 from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
-from erc_contact.scene.material import PLANE_STRAIN, Material, of_regions
+from erc_contact.scene.material import PLANE_STRAIN, PLANE_STRESS, Material, of_regions
 from erc_contact.scene.potential import (
     FROM_REST,
     POTENTIAL_MEMBERS,
@@ -126,12 +126,12 @@ class Scene:
 
         Raises:
             InputError: If the material has a potential, and the scene has given
-                strains, or is axisymmetric or in plane stress.
+                strains, or is in plane stress.
         """
         hypothesis = getattr(self.material, "hypothesis", PLANE_STRAIN)
         needs_linear = {
             "A given strain": bool(self.strains),
-            f"The hypothesis {hypothesis!r}": hypothesis != PLANE_STRAIN,
+            f"The hypothesis {hypothesis!r}": hypothesis == PLANE_STRESS,
         }
         for what, is_there in needs_linear.items():
             if is_there:
