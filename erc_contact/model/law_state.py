@@ -11,9 +11,7 @@ moves is measured.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from collections.abc import Callable, Mapping
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -27,6 +25,8 @@ from erc_contact.model.space import Space
 from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.potential import Potential, Shapes, entries, size_of
 
+ValuesAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""A function of points (n, q, d) of cells (n,) that returns values (n, q, size)."""
 PADDING = 1e-3
 """How far cells reach beyond the mesh of the last step where the new one bulges [-].
 
@@ -78,21 +78,20 @@ class LawState:
         return ufl.as_vector(components)
 
     @classmethod
-    def at_end(cls, space: Space, law: Any, strain_at: Any) -> LawState:
-        """Return the state at the end of a load step; collective.
+    def of(cls, space: Space, size: int, values_at: ValuesAt) -> LawState:
+        """Return a field by its values at points of cells; collective.
 
         Args:
             space: The mesh.
-            law: The :class:`.point_law.PointLaw` of the step.
-            strain_at: Gives the strain at its end at points of cells.
+            size: Number of components.
+            values_at: Gives them, shape (n, q, size), at points (n, q, d) of cells (n,).
         """
-        values = _function(space, law.state.size)
+        values = _function(space, size)
         W = values.function_space
         cells = space.owned_cells
         x = np.matmul(barycentric(W.element.interpolation_points), space.cell_corners()[cells])
-        new = law.new_state(strain_at(x, cells), x, cells)
-        blocks = values.x.array.reshape(-1, law.state.size)
-        blocks[W.dofmap.list[cells].ravel()] = new.reshape(-1, law.state.size)
+        blocks = values.x.array.reshape(-1, size)
+        blocks[W.dofmap.list[cells].ravel()] = values_at(x, cells).reshape(-1, size)
         values.x.scatter_forward()
         return cls(values)
 

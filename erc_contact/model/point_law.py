@@ -194,6 +194,12 @@ class PointLaw:
         size = len(self._known)
         return values.reshape(*values.shape[:2], size, size)
 
+    def in_space(self, tensor: np.ndarray) -> np.ndarray:
+        """Return all six components of tensors of the body, or of :meth:`whole_stress`."""
+        result = np.zeros((*tensor.shape[:-1], 6))
+        result[..., self._known[: tensor.shape[-1]]] = tensor
+        return result
+
     def strain_at_rest(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the strain without stress, ``psi*'(0)``, shape (n, q, s).
 

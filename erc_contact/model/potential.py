@@ -35,7 +35,7 @@ from erc_contact.model.meridian import in_space, strain_of
 from erc_contact.model.point_law import Derivatives, PointLaw
 from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import mandel_basis, strain
-from erc_contact.scene.potential import Potential
+from erc_contact.scene.potential import Potential, place_of
 
 
 class Linearised:
@@ -99,9 +99,39 @@ class Linearised:
 
     def state_at_end(self) -> LawState | None:
         """Return the state of the law after a load step that ends at u; collective."""
-        if self.law.state is None:
+        state = self.law.state
+        if state is None:
             return None
-        return LawState.at_end(self._space, self.law, self.strain_at)
+
+        def values_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+            return self.law.new_state(self.strain_at(x, cells), x, cells)
+
+        return LawState.of(self._space, state.size, values_at)
+
+    def stress_and_strains(self, plastic: str) -> tuple[LawState, LawState, LawState]:
+        """Return stress, elastic and plastic strain after a load step that ends at u.
+
+        They have six Mandel components of space each.
+
+        Args:
+            plastic: Name of the plastic strain in the state.
+        """
+        law, space = self.law, self._space
+        place = place_of(self._potential.state, plastic)
+
+        def stress_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+            return law.in_space(law.whole_stress(self.strain_at(x, cells), x, cells))
+
+        def plastic_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+            return law.new_state(self.strain_at(x, cells), x, cells)[..., place]
+
+        def elastic_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+            return law.in_space(self.strain_at(x, cells)) - plastic_at(x, cells)
+
+        stress, elastic, of_plastic = (
+            LawState.of(space, 6, field) for field in (stress_at, elastic_at, plastic_at)
+        )
+        return stress, elastic, of_plastic
 
     # -- UFL, as a material has it
 

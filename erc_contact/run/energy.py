@@ -65,6 +65,7 @@ from erc_contact.model.contacts import bind_contact
 from erc_contact.model.model import Model
 from erc_contact.results.profile import contact_of
 from erc_contact.run.body_work import work_in_body, work_of_strains
+from erc_contact.run.plastic_work import plastic_energies
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,15 @@ class Energies:
         friction: Work that friction does on the slip of the step, part of the work of
             the contacts up to what u^ leaves of it.
         dissipated: Energy that friction takes in the step.
-        stored: Strain energy at its end.
+        plastic: Plastic work in the step.
+        stored: Strain energy at its end, with a plastic strain the elastic energy.
     """
 
     work: float
     contact: float
     friction: float
     dissipated: float
+    plastic: float
     stored: float
 
 
@@ -109,8 +112,15 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
             contact_work += of_part
         else:
             work += of_part
-    work += work_of_strains(pair, before)
-    stored = strain_energy(pair, pair.displacement).value
+    plastic = plastic_energies(error.solution, None if last is None else last.solution)
+    if plastic is None:
+        work_of_yielding = 0.0
+        stored = strain_energy(pair, pair.displacement).value
+    else:
+        work_of_yielding = plastic.work
+        stored = plastic.stored
+    if pair.model.linearised is None:
+        work += work_of_strains(pair, before)
     floor = ROUND_OFF * stored
     work_of_friction = 0.0
     dissipated = 0.0
@@ -119,7 +129,9 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
             begin = _traction_at_begin(pair.model, before, traction)
             work_of_friction += _work_on_slip(pair, begin, traction, floor)
             dissipated += _dissipated(pair, begin, traction, floor)
-    return Energies(work, contact_work, work_of_friction, dissipated, stored)
+    return Energies(
+        work, contact_work, work_of_friction, dissipated, work_of_yielding, stored
+    )
 
 
 def _work_on_slip(

@@ -28,9 +28,10 @@ def new_time_step(
         sums = {name: getattr(before, name) for name in SUMS}
         greatest_energy = before.greatest_energy
     dissipated = sums["dissipated"] + energy.dissipated
+    plastic_work = sums["plastic_work"] + energy.plastic
     # without stress both energies of the step are round-off
     if error.scale > 0:
-        greatest_energy = max(greatest_energy, energy.stored, dissipated)
+        greatest_energy = max(greatest_energy, energy.stored, dissipated, plastic_work)
     forces = {}
     moments = {}
     for joint in (*error.model.contacts, *error.model.ties):
@@ -58,4 +59,5 @@ def new_time_step(
         equilibrate_seconds=sum(step.equilibrate_seconds for step in history.steps),
         seconds=0.0,
         greatest_energy=greatest_energy,
+        plastic_work=plastic_work,
     )

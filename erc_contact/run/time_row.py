@@ -32,7 +32,7 @@ SHOWN = (
 """The same columns in notebooks and reports."""
 ROW_NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
 """Columns of the CSV file before forces and moments."""
-SUMS = ("work", "contact_work", "friction_work", "dissipated")
+SUMS = ("work", "contact_work", "friction_work", "dissipated", "plastic_work")
 """Energies of all steps so far."""
 ENERGIES = (*SUMS, "stored", "imbalance", "in_time")
 """Columns of the CSV file after forces and moments: energies [force length]."""
@@ -64,7 +64,8 @@ class TimeStep:
             the errors of the steps.
         dissipated: What friction took [force length], of second order in the length of
             the steps; see :mod:`erc_contact.run.energy`.
-        stored: Strain energy of u^ [force length].
+        stored: Strain energy of u^ [force length]; of a body with plastic strain the
+            elastic energy.
         scale: ``|sigma^ + C eps(u^)|``, the norm that eps is relative to [sqrt(force
             length)].
         solve_seconds: Seconds of the contact solves of the step.
@@ -72,6 +73,8 @@ class TimeStep:
         seconds: Seconds from the start of the run.
         greatest_energy: The greatest strain energy or dissipation so far [force
             length], without those that are round-off.
+        plastic_work: What plastic strains took [force length], heat and the energy of
+            hardening, of second order in the length of the steps.
 
     Example:
         >>> step = evolution.steps[-1]
@@ -99,16 +102,17 @@ class TimeStep:
     equilibrate_seconds: float
     seconds: float
     greatest_energy: float = 0.0
+    plastic_work: float = 0.0
 
     @property
     def imbalance(self) -> float:
-        """Compute ``work + contact_work - stored`` [force length].
+        """Compute ``work + contact_work - plastic_work - stored`` [force length].
 
         It is zero for the exact solution of all steps. Both fields of the pair are in
         it, so it is of the order of their errors. The work of moduli and springs that
         change in time is in it, too.
         """
-        return self.work + self.contact_work - self.stored
+        return self.work + self.contact_work - self.plastic_work - self.stored
 
     @property
     def in_time(self) -> float:

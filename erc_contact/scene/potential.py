@@ -99,6 +99,14 @@ def size_of(shapes: Shapes) -> int:
     return sum(6 if shape else 1 for shape in shapes.values())
 
 
+def place_of(shapes: Shapes, name: str) -> slice:
+    """Return the place of an entry among the components of a state."""
+    names = list(shapes)
+    before = {one: shapes[one] for one in names[: names.index(name)]}
+    begin = size_of(before)
+    return slice(begin, begin + size_of({name: shapes[name]}))
+
+
 def entries(shapes: Shapes, components: Sequence[Ufl]) -> dict[str, Ufl]:
     """Return the entries of a state by their names from its components, UFL."""
     values = {}
