@@ -21,6 +21,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.error.laws import LawError
 from erc_contact.mesh.quadrature import cell_pieces, integrate
 from erc_contact.mesh.simplex import barycentric
+from erc_contact.model.potential import ConvexConstitution
 from erc_contact.model.space import circumferences
 
 UNKNOWN_SHARE = 1e-3
@@ -46,7 +47,9 @@ def fenchel_error(admissible: Admissible) -> LawError:
     strain = CellStrains.of(model, cells, admissible.displacement)
     near = _LinearLaws(admissible, strain)
 
+    constitution = model.constitution
     assert model.linearised is not None
+    assert isinstance(constitution, ConvexConstitution)
     law = model.linearised.law
     is_constant = k == 1 and not model.axisymmetric and not law.varies_in_cells
 
@@ -56,7 +59,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
             sigma[..., -1] += model.hoop_load(x, of_cells[cell])
         eps = near.strain_of(cell) if is_constant else strain.at(cell, places, x)
         out_of_plane = near.out_of_plane(cell, sigma)
-        of_law = model.constitution.fenchel(eps, sigma, out_of_plane, x, of_cells[cell])
+        of_law = constitution.fenchel(eps, sigma, out_of_plane, x, of_cells[cell])
         of_law[..., 1] -= 4 * near.work_at_rest(cell, sigma)
         return of_law - near.squares(cell, eps, sigma) if near.taken else of_law
 
@@ -112,7 +115,7 @@ class _LinearLaws:
         return np.asarray(self._strain[cell])
 
     def work_at_rest(self, cell: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-        """Return the work of stresses (n, q, s) on the strain without stress, (n, q)."""
+        """Return the work of stresses (n, q, s) on the strain at rest, (n, q)."""
         return np.einsum("nqi,ni->nq", sigma, self._rest[cell, 0])
 
     def out_of_plane(self, cell: np.ndarray, sigma: np.ndarray) -> np.ndarray:

@@ -28,7 +28,8 @@ from erc_contact.scene.material import Elastic, Material, mandel_matrix, tensor_
 class StrainField(Protocol):
     """Evaluate given strains in Mandel components at points of cells [-]."""
 
-    varies_in_cells: bool
+    @property
+    def varies_in_cells(self) -> bool: ...  # noqa: D102
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the strains, see :class:`erc_contact.model.strains.Strains`."""

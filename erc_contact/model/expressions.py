@@ -140,25 +140,34 @@ class Everywhere:
             normals = self.normal.eval(self.mesh, entities) if n else np.zeros((0, 1, d))
             return np.repeat(normals.reshape(n, d), q, axis=0)
         cells = entities if entities.ndim == 1 else entities[:, 0]
-        cells = np.repeat(cells, q).astype(np.int32)
-        size = int(np.prod(terminal.ufl_shape))
-        if not varies_in_cells(terminal):
-            blocks = terminal.x.array.reshape(-1, size)
-            return blocks[terminal.function_space.dofmap.list[cells, 0]]
-        if n == 0:
-            return np.empty((0, size))
-        if is_polynomial(terminal):
-            return polynomial_at(terminal, x, cells[::q]).reshape(n * q, size)
-        places = np.zeros((n * q, 3))
-        places[:, :d] = x.reshape(-1, d)
-        return terminal.eval(places, cells).reshape(n * q, size)
+        return function_at(terminal, x, cells)
+
+
+def function_at(function: fem.Function, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Evaluate a function at points (n, q, d) of cells (n,), shape (n q, size)."""
+    n, q, d = x.shape
+    size = int(np.prod(function.ufl_shape))
+    if not varies_in_cells(function):
+        blocks = function.x.array.reshape(-1, size)
+        of_cells = blocks[function.function_space.dofmap.list[cells, 0]]
+        return np.repeat(of_cells, q, axis=0)
+    if n == 0:
+        return np.empty((0, size))
+    if is_polynomial(function):
+        return polynomial_at(function, x, cells).reshape(n * q, size)
+    places = np.zeros((n * q, 3))
+    places[:, :d] = x.reshape(-1, d)
+    of_points = np.repeat(cells, q).astype(np.int32)
+    return function.eval(places, of_points).reshape(n * q, size)
 
 
 def is_polynomial(function: fem.Function) -> bool:
     """Tell whether a function has nodal values of polynomials in cells."""
     space = function.function_space
     element = space.element.basix_element
-    is_nodal = element.map_type == basix.MapType.identity and element.family == basix.ElementFamily.P
+    is_nodal = (
+        element.map_type == basix.MapType.identity and element.family == basix.ElementFamily.P
+    )
     return is_nodal and space.num_sub_spaces in (0, space.dofmap.bs)
 
 

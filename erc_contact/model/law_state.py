@@ -11,9 +11,9 @@ moves is measured.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+
 import numpy as np
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -22,8 +22,7 @@ from erc_contact.mesh.named import INSIDE_CELLS
 from erc_contact.mesh.simplex import barycentric
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.space import Space
-from erc_contact.scene.material import mandel_basis
-from erc_contact.scene.potential import Potential, Shapes, entries, size_of
+from erc_contact.scene.potential import Potential, Remembering, Shapes, entries, remembers, size_of
 
 ValuesAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """A function of points (n, q, d) of cells (n,) that returns values (n, q, size)."""
@@ -56,26 +55,13 @@ class LawState:
         self.at = Everywhere(values, values.function_space.mesh)
 
     @classmethod
-    def at_rest(cls, space: Space, potential: Potential) -> LawState:
+    def at_rest(cls, space: Space, potential: Remembering) -> LawState:
         """Return the state of a body that has not been loaded: zero."""
         return cls(_function(space, size_of(potential.state)))
 
     def ufl(self, shapes: Shapes) -> dict[str, Ufl]:
         """Return the entries of the state by their names, UFL."""
         return entries(shapes, [self.values[i] for i in range(self.size)])
-
-    @staticmethod
-    def after(potential: Potential, strain: Ufl, values: Mapping[str, Ufl]) -> Ufl:
-        """Return the components of the state after a step, UFL (size,)."""
-        new = potential.new_state(strain, **values)
-        components: list[Ufl] = []
-        for name, shape in potential.state.items():
-            if shape:
-                basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
-                components += [ufl.inner(one, new[name]) for one in basis]
-            else:
-                components.append(new[name])
-        return ufl.as_vector(components)
 
     @classmethod
     def of(cls, space: Space, size: int, values_at: ValuesAt) -> LawState:
@@ -84,7 +70,7 @@ class LawState:
         Args:
             space: The mesh.
             size: Number of components.
-            values_at: Gives them, shape (n, q, size), at points (n, q, d) of cells (n,).
+            values_at: Gives them at points of cells.
         """
         values = _function(space, size)
         W = values.function_space
@@ -126,9 +112,18 @@ def state_of(space: Space, potential: Potential, before: LawState | None) -> Law
         potential: The law.
         before: The state at the end of the last step, None at first.
     """
-    if not getattr(potential, "state", None):
+    if not remembers(potential):
         return None
     return LawState.at_rest(space, potential) if before is None else before.on(space)
+
+
+def carried(u: fem.Function, space: Space) -> fem.Function:
+    """Return a displacement of another mesh of the body on a mesh; collective."""
+    if u.function_space.mesh is space.mesh:
+        return u.copy()
+    result = space.function()
+    _interpolate(u, result, space)
+    return result
 
 
 def _function(space: Space, size: int, more: int = 0) -> fem.Function:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from copy import copy
 from functools import cached_property, partial
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import ufl
@@ -132,7 +131,10 @@ class Model(Space):
             state = None if last is None else last.state
             state = state_of(self, scene.material, state)
             law = PointLaw(self, scene.material, self.parameters, state)
-            self._linearise(Linearised(self, scene.material, law, None))
+            self.linearised = Linearised(self, scene.material, law, self.parameters)
+            self.material = self.linearised
+            self.strains = self.linearised
+            self.constitution = ConvexConstitution(self.linearised)
         elif type(scene.material) is not Elastic:
             try_material(self.V, self.material, self.parameters, partial(strain_of, self))
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
@@ -193,19 +195,6 @@ class Model(Space):
             self, scene.strains, self.material, self.parameters, of_preloads
         )
         self.constitution = Constitution(self, self.material, self.parameters, self.strains)
-
-    def linearised_at(self, u: fem.Function) -> Self:
-        """Return this model with its potential linearised about a displacement."""
-        assert self.linearised is not None
-        model = copy(self)
-        model._linearise(self.linearised.at(self, u))
-        return model
-
-    def _linearise(self, linearised: Linearised) -> None:
-        """Take a linearised potential as the law of the body."""
-        self.linearised = self.material = linearised
-        self.strains = linearised if linearised.is_strained else None
-        self.constitution = ConvexConstitution(linearised)
 
     def _held_facets(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         """Return name, facets and held components of each support and spring."""
@@ -290,7 +279,7 @@ class Model(Space):
             elastic_strain -= given.tensor
         stress = self._stress_of(elastic_strain)
         if isinstance(given, Linearised):
-            stress -= self.on_meridian(given.given_stress(**self.parameters))
+            stress -= self.on_meridian(given.given_stress)
         return in_half_plane(stress) if self.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
@@ -324,7 +313,7 @@ class Model(Space):
         if self.strains is None:
             return None
         if isinstance(self.strains, Linearised):
-            stress = self.on_meridian(self.strains.given_stress(**self.parameters))
+            stress = self.on_meridian(self.strains.given_stress)
         else:
             stress = self._stress_of(self.strains.tensor)
         measure = self._measure(self.constitution.varies_in_cells)

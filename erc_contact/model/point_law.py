@@ -10,11 +10,13 @@ Symbols: s number of components that the body has, n cells, q points of a cell.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
@@ -24,7 +26,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
-from erc_contact.scene.potential import Potential, entries
+from erc_contact.scene.potential import Potential, entries, remembers, size_of, state_after
 
 STEPS_OUT_OF_PLANE = 8
 """Limit of Newton steps for the stress out of plane; any value of it gives a bound."""
@@ -69,6 +71,114 @@ class Derivatives:
         return ufl.as_matrix(matrix)
 
 
+class LawCode:
+    """Hold the compiled parts of a law, each a function of the numbers of a point.
+
+    Args:
+        potential: The potential.
+        names: Names of its parameters.
+        is_plane: Whether bodies are in plane strain.
+        known: Components of ``mandel_basis(3)`` of stresses that are computed.
+        comm: The ranks that compile together.
+
+    Attributes:
+        row: The numbers of a point: six components of a strain or stress, parameters,
+            state.
+        place_of_state: Place of the state among them.
+    """
+
+    def __init__(
+        self,
+        potential: Potential,
+        names: Sequence[str],
+        is_plane: bool,
+        known: Sequence[int],
+        comm: MPI.Comm,
+    ) -> None:
+        self.potential = potential
+        self.known = list(known)
+        self.kind = tuple(names), is_plane, tuple(known), comm
+        self._is_plane = is_plane
+        self._comm = comm
+        shapes = getattr(potential, "state", {})
+        self.place_of_state = 6 + len(names)
+        size = self.place_of_state + size_of(shapes)
+        self.row = stand_in((size,), 0)
+        self._values = {name: self.row[6 + i] for i, name in enumerate(names)}
+        state = [self.row[i] for i in range(self.place_of_state, size)]
+        self._values |= entries(shapes, state)
+
+    @cached_property
+    def energy(self) -> OfNumbers:
+        """Compile psi as a function of a strain."""
+        return self._compiled(self._derivatives().energy)
+
+    @cached_property
+    def stress(self) -> OfNumbers:
+        """Compile psi' as a function of a strain."""
+        return self._compiled(self._derivatives().stress())
+
+    @cached_property
+    def tangent(self) -> OfNumbers:
+        """Compile psi'' as a function of a strain."""
+        return self._compiled(self._derivatives().tangent())
+
+    @cached_property
+    def conjugate(self) -> OfNumbers:
+        """Compile psi*, in plane strain with derivatives by the stress out of plane."""
+        if not self._is_plane:
+            return self._compiled(self.potential.conjugate(self._tensor, **self._values))
+        out = ufl.variable(ufl.as_ufl(0.0))
+        normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
+        energy = self.potential.conjugate(self._tensor + out * normal, **self._values)
+        slope = ufl.diff(energy, out)
+        return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
+
+    @cached_property
+    def dual(self) -> OfNumbers:
+        """Compile psi*' as a function of a stress."""
+        stress = ufl.variable(self._tensor)
+        slope = ufl.diff(self.potential.conjugate(stress, **self._values), stress)
+        basis = mandel_basis(3)[self.known]
+        components = [ufl.inner(ufl.as_tensor(one.tolist()), slope) for one in basis]
+        return self._compiled(ufl.as_vector(components))
+
+    @cached_property
+    def new_state(self) -> OfNumbers:
+        """Compile the state after a load step as a function of a strain."""
+        assert remembers(self.potential)
+        return self._compiled(state_after(self.potential, self._tensor, self._values))
+
+    @property
+    def _tensor(self) -> Ufl:
+        """Return the strain or stress of a point, UFL (3, 3)."""
+        return in_tensor([self.row[i] for i in range(6)])
+
+    def _derivatives(self) -> Derivatives:
+        """Return the derivatives of psi as functions of numbers."""
+        return Derivatives(self.potential, self._tensor, self.known, self._values)
+
+    def _compiled(self, expression: Ufl) -> OfNumbers:
+        """Compile an expression of numbers at points; collective."""
+        return OfNumbers(without_derivatives(expression), self._comm, is_matrix=True)
+
+
+_recent: deque[LawCode] = deque(maxlen=8)
+"""The laws that were used last: all meshes and steps of a run have the same ones."""
+
+
+def law_code(
+    potential: Potential, names: Sequence[str], is_plane: bool, known: Sequence[int], comm: MPI.Comm
+) -> LawCode:
+    """Return the code of a law, the same for all its meshes; see :class:`LawCode`."""
+    kind = tuple(names), is_plane, tuple(known), comm
+    for code in _recent:
+        if code.potential is potential and code.kind == kind:
+            return code
+    _recent.append(LawCode(potential, names, is_plane, known, comm))
+    return _recent[-1]
+
+
 class PointLaw:
     """Evaluate a potential, its derivatives and its conjugate at points of cells.
 
@@ -93,95 +203,31 @@ class PointLaw:
         parameters: Mapping[str, Ufl],
         state: LawState | None = None,
     ) -> None:
-        self._comm = lasting(space.comm)
-        self._potential = potential
         self._parameters = [Everywhere(value, space.mesh) for value in parameters.values()]
         self.state = state
         self.is_plane = space.d == 2 and not space.axisymmetric
         # The last of these, out of plane or hoop, is no component of plane strain.
-        self._known = list(HOOP_ROWS) if space.d == 2 else list(range(6))
-        self.rows = self._known[:-1] if self.is_plane else self._known
+        known = list(HOOP_ROWS) if space.d == 2 else list(range(6))
+        self.rows = known[:-1] if self.is_plane else known
         self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
         if state is not None:
             self.varies_in_cells |= state.varies_in_cells
-        self._place_of_state = 6 + len(parameters)
-        size = self._place_of_state + (0 if state is None else state.size)
-        self._row = stand_in((size,), 0)
-        names = list(parameters)
-        self._values = {name: self._row[6 + i] for i, name in enumerate(names)}
-        if state is not None:
-            components = [self._row[i] for i in range(self._place_of_state, size)]
-            self._values |= entries(potential.state, components)
-
-    # -- compiled parts, each a function of the numbers of a point
-
-    @cached_property
-    def _energy(self) -> OfNumbers:
-        """Compile psi as a function of a strain."""
-        return self._compiled(self._derivatives().energy)
-
-    @cached_property
-    def _stress(self) -> OfNumbers:
-        """Compile psi' as a function of a strain."""
-        return self._compiled(self._derivatives().stress())
-
-    @cached_property
-    def _tangent(self) -> OfNumbers:
-        """Compile psi'' as a function of a strain."""
-        return self._compiled(self._derivatives().tangent())
-
-    @cached_property
-    def _conjugate(self) -> OfNumbers:
-        """Compile psi*, in plane strain with two derivatives by the stress out of plane."""
-        if not self.is_plane:
-            return self._compiled(self._potential.conjugate(self._tensor, **self._values))
-        out = ufl.variable(ufl.as_ufl(0.0))
-        normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
-        energy = self._potential.conjugate(self._tensor + out * normal, **self._values)
-        slope = ufl.diff(energy, out)
-        return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
-
-    @cached_property
-    def _dual(self) -> OfNumbers:
-        """Compile psi*' as a function of a stress."""
-        stress = ufl.variable(self._tensor)
-        slope = ufl.diff(self._potential.conjugate(stress, **self._values), stress)
-        basis = mandel_basis(3)[self._known]
-        components = [ufl.inner(ufl.as_tensor(one.tolist()), slope) for one in basis]
-        return self._compiled(ufl.as_vector(components))
-
-    @cached_property
-    def _new_state(self) -> OfNumbers:
-        """Compile the state after a load step as a function of a strain."""
-        assert self.state is not None
-        return self._compiled(self.state.after(self._potential, self._tensor, self._values))
-
-    @property
-    def _tensor(self) -> Ufl:
-        """Return the strain or stress of a point, UFL (3, 3)."""
-        return in_tensor([self._row[i] for i in range(6)])
-
-    def _derivatives(self) -> Derivatives:
-        """Return the derivatives of psi as functions of numbers."""
-        return Derivatives(self._potential, self._tensor, self._known, self._values)
-
-    def _compiled(self, expression: Ufl) -> OfNumbers:
-        """Compile an expression of numbers at points; collective."""
-        return OfNumbers(without_derivatives(expression), self._comm, is_matrix=True)
+        comm = lasting(space.comm)
+        self._code = law_code(potential, list(parameters), self.is_plane, known, comm)
 
     # -- values
 
     def energy(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return psi of strains (n, q, s) that the body has [force/area], (n, q)."""
-        return self._at(self._energy, eps, x, cells)[..., 0]
+        return self._at(self._code.energy, eps, x, cells)[..., 0]
 
     def stress(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the components of psi' that the body has [force/area], (n, q, s)."""
         return self.whole_stress(eps, x, cells)[..., : len(self.rows)]
 
     def whole_stress(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return psi', in plane strain with the stress out of plane as last component."""
-        return self._at(self._stress, eps, x, cells)
+        """Return psi', in plane strain with the stress out of plane as the last."""
+        return self._at(self._code.stress, eps, x, cells)
 
     def tangent(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return psi'' at strains of the body [force/area], shape (n, q, s, s)."""
@@ -190,14 +236,14 @@ class PointLaw:
 
     def whole_tangent(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return psi'' as :meth:`whole_stress` has components."""
-        values = self._at(self._tangent, eps, x, cells)
-        size = len(self._known)
+        values = self._at(self._code.tangent, eps, x, cells)
+        size = len(self._code.known)
         return values.reshape(*values.shape[:2], size, size)
 
     def in_space(self, tensor: np.ndarray) -> np.ndarray:
-        """Return all six components of tensors of the body, or of :meth:`whole_stress`."""
+        """Return six components of tensors of the body, or of :meth:`whole_stress`."""
         result = np.zeros((*tensor.shape[:-1], 6))
-        result[..., self._known[: tensor.shape[-1]]] = tensor
+        result[..., self._code.known[: tensor.shape[-1]]] = tensor
         return result
 
     def strain_at_rest(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -214,12 +260,12 @@ class PointLaw:
         if self.is_plane:
             _, out = self.complementary(nothing, nothing[..., 0], x, cells)
             rows[:, HOOP_ROWS[-1]] = out.ravel()
-        values = self._dual({self._row: rows}, len(rows))
+        values = self._code.dual({self._code.row: rows}, len(rows))
         return values.reshape(*x.shape[:2], -1)[..., :size]
 
     def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the state after a load step that ends at strains, (n, q, size)."""
-        return self._at(self._new_state, eps, x, cells)
+        return self._at(self._code.new_state, eps, x, cells)
 
     def complementary(
         self,
@@ -275,23 +321,23 @@ class PointLaw:
 
     def _conjugate_of(self, rows: np.ndarray) -> np.ndarray:
         """Return the compiled conjugate of rows of numbers."""
-        return self._conjugate({self._row: rows}, len(rows))
+        return self._code.conjugate({self._code.row: rows}, len(rows))
 
     def _at(
         self, part: OfNumbers, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray
     ) -> np.ndarray:
         """Evaluate a compiled part of the law, shape (n, q, size)."""
         rows = self._rows(tensor, x, cells)
-        values = part({self._row: rows}, len(rows))
+        values = part({self._code.row: rows}, len(rows))
         return values.reshape(*tensor.shape[:2], values.shape[-1])
 
     def _rows(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return all numbers of points, shape (n q, size), as the law is compiled."""
         n, q = tensor.shape[:2]
-        rows = np.zeros((n, q, self._row.ufl_shape[0]))
+        rows = np.zeros((n, q, self._code.row.ufl_shape[0]))
         rows[..., self.rows] = tensor
         for i, value in enumerate(self._parameters):
             rows[..., 6 + i] = value(x, cells)
         if self.state is not None:
-            rows[..., self._place_of_state :] = self.state.at(x, cells)
+            rows[..., self._code.place_of_state :] = self.state.at(x, cells)
         return rows.reshape(n * q, rows.shape[-1])

@@ -28,105 +28,130 @@ from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.constitution import Constitution, ElasticMatrix
+from erc_contact.model.constitution import Constitution, ElasticMatrix, StrainField
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.law_state import LawState
 from erc_contact.model.meridian import in_space, strain_of
 from erc_contact.model.point_law import Derivatives, PointLaw
 from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import mandel_basis, strain
-from erc_contact.scene.potential import Potential, place_of
+from erc_contact.scene.potential import Potential, place_of, remembers
+
+
+class StrainOf:
+    """Evaluate the strain of a displacement at points of cells; collective to make.
+
+    Args:
+        space: The mesh.
+        u: The displacement [length].
+    """
+
+    def __init__(self, space: Space, u: fem.Function) -> None:
+        self._space = space
+        self._u = u
+        size = space.d * (space.d + 1) // 2
+        self._in_plane = space.domain.function("DG", space.degree - 1, (size,))
+        self._of_in_plane = Everywhere(self._in_plane, space.mesh)
+        self._of_displacement = Everywhere(u, space.mesh)
+        self.update()
+
+    def update(self) -> None:
+        """Take the values that the displacement has now; collective."""
+        components = []
+        for tensor in mandel_basis(self._space.d):
+            components.append(ufl.inner(ufl.as_matrix(tensor.tolist()), strain(self._u)))
+        points = self._in_plane.function_space.element.interpolation_points
+        at_nodes = compiled.expression(ufl.as_vector(components), points, self._space.comm)
+        self._in_plane.interpolate(at_nodes)
+
+    def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the strain in Mandel components, shape (n, q, s)."""
+        in_plane = self._of_in_plane(x, cells)
+        if not self._space.axisymmetric:
+            return in_plane
+        radial = self._of_displacement(x, cells)[..., :1]
+        return np.concatenate([in_plane, radial / x[..., :1]], axis=-1)
 
 
 class Linearised:
     """Linearise a potential about the strain of a displacement; it acts as a material.
 
-    Construction is collective.
+    Construction is collective. At first the displacement is zero. :meth:`move` changes
+    it in place: forms with this law stay, so that they are made and compiled once.
 
     Args:
         space: The mesh.
         potential: The potential.
         law: Its values at points.
-        u: The displacement [length]; None for a body without displacement.
+        parameters: Its parameters, scalar UFL.
 
     Attributes:
         law: As given.
-        u: As given.
-        varies_in_cells: Whether C varies inside cells.
+        u: The displacement [length].
+        at_rest: Whether it is zero.
     """
 
     def __init__(
-        self, space: Space, potential: Potential, law: PointLaw, u: fem.Function | None
+        self, space: Space, potential: Potential, law: PointLaw, parameters: Mapping[str, Ufl]
     ) -> None:
         self._space = space
         self._potential = potential
+        self._parameters = parameters
         self.law = law
-        self.u = u
-        # Without displacement forms are as with one, so that they are compiled once.
-        self._about = space.function() if u is None else u
-        self._strain_in_plane = Everywhere(self._in_plane(), space.mesh)
-        self._displacement = Everywhere(self._about, space.mesh)
-        strain_varies = space.degree > 1 and not self.at_rest
-        self.varies_in_cells = law.varies_in_cells or space.axisymmetric or strain_varies
+        self.u = space.function()
+        self.at_rest = True
+        self._strain = StrainOf(space, self.u)
 
-    def _in_plane(self) -> fem.Function:
-        """Return the strain without the hoop part in Mandel components, a Function."""
-        space = self._space
-        tensors = mandel_basis(space.d)
-        values = space.domain.function("DG", space.degree - 1, (len(tensors),))
-        if not self.at_rest:
-            components = []
-            for tensor in tensors:
-                components.append(ufl.inner(ufl.as_matrix(tensor.tolist()), strain(self.u)))
-            points = values.function_space.element.interpolation_points
-            at_nodes = compiled.expression(ufl.as_vector(components), points, space.comm)
-            values.interpolate(at_nodes)
-        return values
+    def move(self, u: fem.Function) -> None:
+        """Linearise about another displacement [length]; collective."""
+        self.u.x.array[:] = u.x.array
+        self.at_rest = False
+        self._strain.update()
 
     @property
-    def at_rest(self) -> bool:
-        """Tell whether there is no displacement."""
-        return self.u is None
+    def varies_in_cells(self) -> bool:
+        """Tell whether C varies inside cells."""
+        strain_varies = self._space.degree > 1 and not self.at_rest
+        return self.law.varies_in_cells or self._space.axisymmetric or strain_varies
 
-    @property
-    def is_strained(self) -> bool:
-        """Tell whether there may be a stress without a further displacement."""
-        return not self.at_rest or self.law.state is not None
+    # -- after a load step
 
-    def at(self, space: Space, u: fem.Function) -> Linearised:
-        """Return the linearisation about another displacement; collective."""
-        return Linearised(space, self._potential, self.law, u)
-
-    def state_at_end(self) -> LawState | None:
+    def state_at_end(self, u: fem.Function) -> LawState | None:
         """Return the state of the law after a load step that ends at u; collective."""
         state = self.law.state
         if state is None:
             return None
+        strain_at = StrainOf(self._space, u)
 
         def values_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-            return self.law.new_state(self.strain_at(x, cells), x, cells)
+            return self.law.new_state(strain_at(x, cells), x, cells)
 
         return LawState.of(self._space, state.size, values_at)
 
-    def stress_and_strains(self, plastic: str) -> tuple[LawState, LawState, LawState]:
-        """Return stress, elastic and plastic strain after a load step that ends at u.
+    def stress_and_strains(
+        self, u: fem.Function, plastic: str
+    ) -> tuple[LawState, LawState, LawState]:
+        """Return stress, elastic and plastic strain after a load step; collective.
 
         They have six Mandel components of space each.
 
         Args:
+            u: The displacement at its end [length].
             plastic: Name of the plastic strain in the state.
         """
         law, space = self.law, self._space
+        strain_at = StrainOf(space, u)
+        assert remembers(self._potential)
         place = place_of(self._potential.state, plastic)
 
         def stress_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-            return law.in_space(law.whole_stress(self.strain_at(x, cells), x, cells))
+            return law.in_space(law.whole_stress(strain_at(x, cells), x, cells))
 
         def plastic_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-            return law.new_state(self.strain_at(x, cells), x, cells)[..., place]
+            return law.new_state(strain_at(x, cells), x, cells)[..., place]
 
         def elastic_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-            return law.in_space(self.strain_at(x, cells)) - plastic_at(x, cells)
+            return law.in_space(strain_at(x, cells)) - plastic_at(x, cells)
 
         stress, elastic, of_plastic = (
             LawState.of(space, 6, field) for field in (stress_at, elastic_at, plastic_at)
@@ -135,19 +160,33 @@ class Linearised:
 
     # -- UFL, as a material has it
 
-    def stress(self, eps: Ufl, **parameters: Ufl) -> Ufl:
+    def stress(self, eps: Ufl, **_: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], UFL, of the shape of eps."""
-        components = [ufl.inner(tensor, eps) for tensor in self._tensors]
-        return self._tensor(self._law(parameters).tangent() * ufl.as_vector(components))
+        return self._tensor(self._tangent * self._components(eps))
 
-    def given_stress(self, **parameters: Ufl) -> Ufl:
-        """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, as a strain has shape."""
-        law = self._law(parameters)
-        strain = strain_of(self._space, self._about)
-        components = [ufl.inner(tensor, strain) for tensor in self._tensors]
-        return self._tensor(law.tangent() * ufl.as_vector(components) - law.stress())
+    @cached_property
+    def given_stress(self) -> Ufl:
+        """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, shaped as a strain."""
+        of_strain = self._tangent * self._components(strain_of(self._space, self.u))
+        return self._tensor(of_strain - self._derivatives.stress())
 
-    @property
+    @cached_property
+    def _tangent(self) -> Ufl:
+        """Return C in Mandel components, UFL (s, s)."""
+        return self._derivatives.tangent()
+
+    @cached_property
+    def _derivatives(self) -> Derivatives:
+        """Return the derivatives of the potential at E."""
+        eps = strain_of(self._space, self.u)
+        if self.law.is_plane:
+            eps = in_space(eps, 0)
+        values = dict(self._parameters)
+        if self.law.state is not None and remembers(self._potential):
+            values |= self.law.state.ufl(self._potential.state)
+        return Derivatives(self._potential, eps, self.law.rows, values)
+
+    @cached_property
     def _tensors(self) -> list[Ufl]:
         """Return the basis of the strains of the body, UFL."""
         basis = mandel_basis(self._space.d)
@@ -155,15 +194,9 @@ class Linearised:
             basis = mandel_basis(3)[self.law.rows]
         return [ufl.as_matrix(tensor.tolist()) for tensor in basis]
 
-    def _law(self, parameters: Mapping[str, Ufl]) -> Derivatives:
-        """Return the derivatives of the potential at E."""
-        eps = strain_of(self._space, self._about)
-        if self.law.is_plane:
-            eps = in_space(eps, 0)
-        values = dict(parameters)
-        if self.law.state is not None:
-            values |= self.law.state.ufl(self._potential.state)
-        return Derivatives(self._potential, eps, self.law.rows, values)
+    def _components(self, tensor: Ufl) -> Ufl:
+        """Return the components of a tensor of the body, UFL (s,)."""
+        return ufl.as_vector([ufl.inner(one, tensor) for one in self._tensors])
 
     def _tensor(self, components: Ufl) -> Ufl:
         """Return the tensor of components of the body, UFL."""
@@ -177,11 +210,7 @@ class Linearised:
 
     def strain_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate E at points of cells, shape (n, q, s)."""
-        in_plane = self._strain_in_plane(x, cells)
-        if not self._space.axisymmetric:
-            return in_plane
-        radial = self._displacement(x, cells)[..., :1]
-        return np.concatenate([in_plane, radial / x[..., :1]], axis=-1)
+        return self._strain(x, cells)
 
     def tangent_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate C at points of cells [force/area], shape (n, q, s, s)."""
@@ -201,11 +230,15 @@ class TangentMatrix(ElasticMatrix):
     def __init__(self, linearised: Linearised, *, inverse: bool = False) -> None:
         self.size = len(linearised.law.rows)
         self.on_rings = not linearised.law.is_plane and self.size == 4
-        self.varies_in_cells = linearised.varies_in_cells
         self._exponent = -1 if inverse else 1
         self._constant = None
         self._linearised = linearised
         self._inverse = inverse
+
+    @property
+    def varies_in_cells(self) -> bool:  # type: ignore[override]
+        """Tell whether C varies inside cells."""
+        return self._linearised.varies_in_cells
 
     def of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix, see :meth:`.constitution.ElasticMatrix.of_material`."""
@@ -224,7 +257,7 @@ class ConvexConstitution(Constitution):
 
     def __init__(self, linearised: Linearised) -> None:
         self._linearised = linearised
-        self._given = linearised if linearised.is_strained else None
+        self._given: StrainField = linearised
 
     @cached_property
     def stiffness(self) -> TangentMatrix:

@@ -27,8 +27,8 @@ FLAT = 1e-12
 def check_potential(model: Model) -> None:
     """Check the potential of a model at samples; collective.
 
-    psi and psi' must be zero without strain from rest, psi convex, and Fenchel's inequality hold,
-    as an equality for a stress ``psi'(eps)``.
+    From rest psi and psi' must be zero without strain. psi must be convex, and
+    Fenchel's inequality hold, as an equality for a stress ``psi'(eps)``.
 
     Raises:
         InputError: If they do not.

@@ -109,7 +109,7 @@ def last_step(solution: Solution) -> LastStep:
     )
     state = None
     if model.linearised is not None:
-        state = model.linearised.at(model, solution.u).state_at_end()
+        state = model.linearised.state_at_end(solution.u)
     return LastStep(model, contacts, greatest, state)
 
 

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from dolfinx import fem
@@ -35,7 +36,9 @@ from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
 from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.model.law_state import carried
 from erc_contact.model.model import Model
+from erc_contact.model.potential import StrainOf
 from erc_contact.model.space import circumferences
 from erc_contact.model.values import DATA_DEGREE
 from erc_contact.newton.contact_solve import Solver
@@ -58,13 +61,21 @@ SHARE_OF_TOLERANCE = 0.7
 
 
 def solution_of_law(
-    kind: Callable[[Model], Solver],
+    kind: Callable[..., Solver],
     model: Model,
     method: Method | None,
     start: Solution | None,
     tolerance: float | None,
 ) -> Solution:
     """Solve a model as :func:`.model_solve.solution_of`, also with a potential.
+
+    Args:
+        kind: Makes a solver of a model; its argument ``forms`` are forms that there
+            are.
+        model: The scene on a mesh. A potential is linearised in place.
+        method: The contact method, None for the default.
+        start: A solution to start from, of any mesh of the body.
+        tolerance: Greatest error of the solution in the energy norm.
 
     Returns:
         The solution of the last linear body. Its ``newton_steps`` are of all contact
@@ -81,6 +92,12 @@ def solution_of_law(
     steps = 0
     misfits: list[float] = []
     about = model.function()
+    holds = False
+    if start is not None:
+        about = carried(start.u, model)
+        model.linearised.move(about)
+    # The forms of all steps are alike.
+    kind = partial(kind, forms={})
     while len(misfits) < LAW_STEPS:
         at(model.comm, f"law step {len(misfits) + 1}")
         solution = solution_of(kind, model, method, start, tolerance)
@@ -99,10 +116,11 @@ def solution_of_law(
                 distance=float(np.hypot(solution.distance, misfit)),
                 reason=f"{solution.reason}; misfits of the law: {told}",
             )
-        # At rest the supports do not hold yet: only a full step makes them hold.
-        share = 1.0 if model.linearised.at_rest else change.share()
+        # At first the supports do not hold yet: only a full step makes them hold.
+        share = change.share() if holds else 1.0
+        holds = True
         about.x.array[:] += share * (solution.u.x.array - about.x.array)
-        model = model.linearised_at(about)
+        model.linearised.move(about)
         start = solution
     told = ", ".join(f"{one:.0e}" for one in misfits[-5:])
     raise NotConverged(
@@ -150,7 +168,7 @@ class _Change:
             self._weights = self._weights * circumferences(self._x)
         places = self._x, self._cells
         self._strain = linearised.strain_at(*places)
-        self._step = linearised.at(model, u).strain_at(*places) - self._strain
+        self._step = StrainOf(model, u)(*places) - self._strain
         tangent = linearised.tangent_at(*places)
         self._stress = self._law.stress(self._strain, *places)
         self._stress += np.matmul(tangent, self._step[..., None])[..., 0]

@@ -129,9 +129,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
             begin = _traction_at_begin(pair.model, before, traction)
             work_of_friction += _work_on_slip(pair, begin, traction, floor)
             dissipated += _dissipated(pair, begin, traction, floor)
-    return Energies(
-        work, contact_work, work_of_friction, dissipated, work_of_yielding, stored
-    )
+    return Energies(work, contact_work, work_of_friction, dissipated, work_of_yielding, stored)
 
 
 def _work_on_slip(

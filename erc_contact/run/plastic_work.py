@@ -65,7 +65,7 @@ def _fields(solution: Solution) -> tuple[LawState, LawState, LawState]:
     """Return stress, elastic and plastic strain in Mandel components of space."""
     model = solution.model
     assert model.linearised is not None
-    return model.linearised.at(model, solution.u).stress_and_strains(PLASTIC_STRAIN)
+    return model.linearised.stress_and_strains(solution.u, PLASTIC_STRAIN)
 
 
 def _product(model: Model, first: LawState, second: LawState) -> float:

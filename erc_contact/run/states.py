@@ -97,7 +97,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     at_nodes = {}
     for number, multiplier in enumerate(solution.multipliers):
         at_nodes[f"multipliers/{number}"] = _owned(error, multiplier)
-    if model.linearised is not None and model.linearised.u is not None:
+    if model.linearised is not None and not model.linearised.at_rest:
         at_nodes[ABOUT] = _owned(error, model.linearised.u)
     tags = tag_tables(domain)
     cells = model.global_numbers(model.nodes[: domain.owned_cells])
@@ -251,7 +251,8 @@ class Restored:
         model = bind(scene, self.domain, about["degree"], last)
         u = self._function(model, "u")
         if about.get(ABOUT, False):
-            model = model.linearised_at(self._function(model, ABOUT))
+            assert model.linearised is not None
+            model.linearised.move(self._function(model, ABOUT))
         multipliers = []
         for number in range(about["multipliers"]):
             multipliers.append(self._function(model, f"multipliers/{number}"))

@@ -99,7 +99,9 @@ class Plastic:
         elif name == "yield_stress" and not 0.0 < low <= high < float("inf"):
             raise InputError(f"Plastic: {what} is {low:g}; it must be > 0 and finite [force/area].")
         elif not 0.0 <= low <= high < float("inf"):
-            raise InputError(f"Plastic: {what} is {low:g}; it must be >= 0 and finite [force/area].")
+            raise InputError(
+                f"Plastic: {what} is {low:g}; it must be >= 0 and finite [force/area]."
+            )
         elif name == "hardening" and low == 0.0 and self.kinematic == 0.0:
             raise InputError(
                 "Plastic: hardening is 0. Without hardening psi* is infinite wherever a stress is "
@@ -109,8 +111,8 @@ class Plastic:
             )
         elif name == "kinematic" and low == 0.0 and self.hardening == 0.0:
             raise InputError(
-                "Plastic: hardening and kinematic are both 0; their sum must be > 0. Give, e.g., 1% "
-                "of E."
+                "Plastic: hardening and kinematic are both 0, and their sum must be > 0. Give, "
+                "e.g., 1% of E."
             )
 
     def potential(
@@ -177,9 +179,7 @@ class Plastic:
             "accumulated": accumulated + flow,
         }
 
-    def modulus(
-        self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl
-    ) -> Ufl:
+    def modulus(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]: Young's."""
         return E
 

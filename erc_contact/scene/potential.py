@@ -26,9 +26,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, TypeGuard
 
+import ufl
+
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.material import in_tensor
+from erc_contact.scene.material import in_tensor, mandel_basis
 
 
 class Potential(Protocol):
@@ -70,8 +72,6 @@ class Potential(Protocol):
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
-Shapes = Mapping[str, tuple[int, ...]]
-"""Names of the entries of a state with their shapes: () or (3, 3)."""
 POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
 """Names of the members of a material with a potential."""
 
@@ -80,7 +80,7 @@ BY_FORCE = "force() has the value of sigma^, without an interval; potential_ener
 """What there is of a potential where a number has no interval."""
 FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in space."
 """What there is of a potential where a hypothesis or a given strain is refused."""
-Shapes = Mapping[str, tuple[int, ...]]
+type Shapes = Mapping[str, tuple[int, ...]]
 """Names of the entries of a state with their shapes: () or (3, 3)."""
 POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
 """Names of the members of a material with a potential."""
@@ -94,6 +94,30 @@ ONE_STEP = "A potential is loaded in one step from rest: solve() or adapt()."
 """What there is of a potential where a history is refused."""
 
 
+class Remembering(Potential, Protocol):
+    """Describe a law whose body remembers a state from load step to load step.
+
+    ``potential`` and ``conjugate`` get the entries of the state before the step by
+    their names, too, as UFL of their shapes; at first they are zero. They are the
+    energy of a step of implicit Euler, with the new state at its best.
+
+    Attributes:
+        state: Names of the entries with their shapes, () or (3, 3), which is symmetric.
+            An entry ``plastic_strain`` takes plastic work.
+    """
+
+    @property
+    def state(self) -> Shapes: ...  # noqa: D102
+
+    def new_state(self, strain: Ufl, *values: Ufl, **parameters: Ufl) -> Mapping[str, Ufl]:
+        """Return the entries after a load step that ends at a strain (3, 3), UFL."""
+
+
+def remembers(material: Any) -> TypeGuard[Remembering]:
+    """Tell whether a law has a state."""
+    return bool(getattr(material, "state", None))
+
+
 def size_of(shapes: Shapes) -> int:
     """Return the number of components of a state."""
     return sum(6 if shape else 1 for shape in shapes.values())
@@ -105,6 +129,22 @@ def place_of(shapes: Shapes, name: str) -> slice:
     before = {one: shapes[one] for one in names[: names.index(name)]}
     begin = size_of(before)
     return slice(begin, begin + size_of({name: shapes[name]}))
+
+
+def state_after(potential: Remembering, strain: Ufl, values: Mapping[str, Ufl]) -> Ufl:
+    """Return the components of the state after a load step, UFL (size,).
+
+    Args:
+        potential: The law.
+        strain: The strain at its end, UFL (3, 3).
+        values: Parameters, and the state before it.
+    """
+    new = potential.new_state(strain, **values)
+    basis = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(3)]
+    components: list[Ufl] = []
+    for name, shape in potential.state.items():
+        components += [ufl.inner(tensor, new[name]) for tensor in basis] if shape else [new[name]]
+    return ufl.as_vector(components)
 
 
 def entries(shapes: Shapes, components: Sequence[Ufl]) -> dict[str, Ufl]:
