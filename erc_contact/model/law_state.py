@@ -63,6 +63,11 @@ class LawState:
         """Return the entries of the state by their names, UFL."""
         return entries(shapes, [self.values[i] for i in range(self.size)])
 
+    def in_cells(self, cells: np.ndarray) -> np.ndarray:
+        """Return the values at the nodes inside cells (n,), shape (n, q, size)."""
+        blocks = self.values.x.array.reshape(-1, self.size)
+        return np.asarray(blocks[self.values.function_space.dofmap.list[cells]])
+
     @classmethod
     def of(cls, space: Space, size: int, values_at: ValuesAt) -> LawState:
         """Return a field by its values at points of cells; collective.
@@ -93,7 +98,7 @@ class LawState:
         _interpolate(self.values, finer, space)
         cells = space.owned_cells
         corners = space.cell_corners()[cells]
-        of_old = finer.x.array.reshape(-1, self.size)[finer.function_space.dofmap.list[cells]]
+        of_old = LawState(finer).in_cells(cells)
         places = barycentric(finer.function_space.element.interpolation_points)
         of_new = Everywhere(new, space.mesh)(np.matmul(places, corners), cells)
         volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))

@@ -18,7 +18,7 @@ from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.part_pictures import draw_parts
-from erc_contact.output.pictures import draw_error
+from erc_contact.output.pictures import draw_error, draw_state
 from erc_contact.output.revolved import draw_revolved
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
@@ -30,6 +30,7 @@ __all__ = [
     "draw_parts",
     "draw_revolved",
     "draw_sizes",
+    "draw_state",
     "plot_contact",
     "plot_history",
     "write_fields",

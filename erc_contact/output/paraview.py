@@ -22,6 +22,7 @@ from erc_contact.mesh.simplex import bernstein, in_space, lagrange, nodes
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.output.gathered import Surface, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.profile import contact_status
+from erc_contact.results.states import state, states_of
 from erc_contact.results.stresses import cell_stresses
 
 
@@ -43,7 +44,10 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
       von Mises stress of the part in plane is written instead, with the name
       ``von_mises_in_plane``,
     - ``stress_best``, ``von_mises_best``: the same of the mean of sigma^ and C eps(u^),
-      whose error is known best.
+      whose error is known best,
+    - of a law with a state its entries after the load step, of
+      :class:`erc_contact.Plastic` ``plastic_strain`` (3x3, row by row) and
+      ``accumulated`` [-].
 
     ``contact_<name>.vtkhdf`` is written for each contact; for a pair it has the facets
     of the side with its name. Each facet has points of its own. The file has at the
@@ -75,7 +79,11 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     admissible = error.admissible
     model = error.model
     body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
-    cells = gathered(model.comm, **cell_stresses(admissible), eps_E=error.indicators)
+    fields = cell_stresses(admissible)
+    for name, shape in states_of(admissible).items():
+        values = state(admissible, name)
+        fields[name] = values.reshape(-1, 9) if shape else values
+    cells = gathered(model.comm, **fields, eps_E=error.indicators)
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions_per_area]
 
     def write() -> None:

@@ -6,19 +6,22 @@ Symbols: eps relative error, eps_E share of one element of eps.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned
 from erc_contact.output.files import gathered
+from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import upward, views_of
+from erc_contact.results.states import state, states_of
 
 
 def draw_error(
@@ -57,6 +60,63 @@ def draw_error(
         return Scale(norm, "min", "eps_E [-]")
 
     return draw_cells(error.admissible, error.indicators, scale, path, ax, mirrored=mirrored)
+
+
+def draw_state(
+    result: Any,
+    name: str = "accumulated",
+    path: str | Path | None = None,
+    *,
+    mirrored: bool = False,
+    ax: Any = None,
+) -> Any:
+    """Draw a number that the body remembers in each element; collective.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+        name: Name of the entry of the state; of a tensor its norm is drawn.
+        path: Picture file, or None.
+        mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
+        ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks; in 3D an array of two.
+
+    Raises:
+        InputError: If the law has no such state, axes are given in 3D, or a body is to
+            be mirrored that is not axisymmetric.
+    """
+    pair = pair_of(result)
+    if mirrored:
+        only_turned("draw_state: mirrored", pair.model)
+    values = state(pair, name)
+    if values.ndim > 1:
+        values = np.linalg.norm(values, axis=(1, 2))
+
+    def scale(shown: np.ndarray) -> Scale:
+        from matplotlib.colors import Normalize  # noqa: PLC0415
+
+        top = float(shown.max())
+        return Scale(Normalize(0, top if top > 0 else 1), "neither", name.replace("_", " "))
+
+    return draw_cells(pair, values, scale, path, ax, mirrored=mirrored)
+
+
+def add_states(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
+    """Add pictures of the numbers that a body remembers to a gallery; collective.
+
+    Args:
+        gallery: The gallery.
+        error: The error.
+        code: The error as a user writes it.
+    """
+    for name, shape in states_of(error.admissible).items():
+        if shape:
+            continue
+        file = f"{name}.png"
+        words = f"What the body remembers in each element: {name}."
+        line = f'erc_contact.output.draw_state({code}, "{name}", "{file}")'
+        gallery.add(file, words, line, partial(draw_state, error, name), is_body=True)
 
 
 def draw_cells(

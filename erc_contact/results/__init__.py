@@ -13,6 +13,7 @@ from erc_contact.model.stress import von_mises
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import contact_status, profile
+from erc_contact.results.states import plastic_share, state
 from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.results.whole import whole_force
@@ -30,8 +31,10 @@ __all__ = [
     "force",
     "gap_deviation",
     "mean_stress",
+    "plastic_share",
     "profile",
     "reactions",
+    "state",
     "von_mises",
     "whole_force",
 ]

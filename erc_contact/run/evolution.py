@@ -21,6 +21,7 @@ from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
+from erc_contact.output.pictures import add_states
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
@@ -231,6 +232,7 @@ class Evolution(RunResult):
                 file = f"zones_{name}.png"
                 code = f'erc_contact.output.evolutions.plot_zones(evolution, "{name}", "{file}")'
                 gallery.add(file, words, code, partial(plot_zones, self, name))
+        add_states(gallery, self.error, "evolution.error")
         words = "The deformed body at the end."
         code = 'erc_contact.output.draw_deformed(evolution.error, "deformed.png")'
         gallery.add("deformed.png", words, code, partial(draw_deformed, self.error), is_body=True)

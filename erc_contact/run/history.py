@@ -28,7 +28,7 @@ from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import draw_error
+from erc_contact.output.pictures import add_states, draw_error
 from erc_contact.output.report import write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
@@ -253,6 +253,7 @@ class History(RunResult):
                 file = f"contact_{name}.png"
                 code = f'erc_contact.output.plot_contact(history, "{name}", "{file}")'
                 gallery.add(file, words, code, partial(plot_contact, best.admissible, name))
+        add_states(gallery, best, "history.best")
         if best.absolute > 0:
             words = "Share of each element in eps."
             code = 'erc_contact.output.draw_error(history.best, "error_map.png")'
