@@ -5,7 +5,7 @@ by a random share of an edge: 1 to 5% (``near``), 1e-4 to 0.2 by a uniform logar
 (``any``), or 6 to 40%, where no strip is narrow (``wide``). Their sides have 18 to 50
 facets. Quantiles are of the pairs that are joined.
 
-    OMP_NUM_THREADS=1 python benchmarks/strips.py [near | any | wide | all] [seed] [count]
+    python benchmarks/strips.py [near | any | wide | all] [seed] [count]
 """
 
 from __future__ import annotations
