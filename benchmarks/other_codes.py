@@ -9,8 +9,8 @@
   equation.
 
 Displacements are of degree 2 in all. The table tells force, energy, unknowns, processor
-seconds, and what each says about its error. The last rows are adaptive runs of this
-package.
+seconds, the least of three runs, and what each says about its error. The last rows are
+adaptive runs of this package.
 
     apt-get install python3-getfem++ calculix-ccx
     OMP_NUM_THREADS=1 python benchmarks/other_codes.py [blocks | ball] [--dim 3]
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,23 @@ import other_codes_blocks as blocks
 from other_codes_programs import Row
 
 SCENES = {"blocks": blocks, "ball": ball}
+TIMES = 3
+"""How often each row is made; its seconds are the least ones."""
+
+
+def measure(makers: list[Callable[[], Row]]) -> list[Row]:
+    """Make each row some times in turn, and keep the row with the least seconds."""
+    best: dict[int, Row] = {}
+    for _ in range(TIMES):
+        for number, make in enumerate(makers):
+            try:
+                row = make()
+            except (FileNotFoundError, RuntimeError) as failure:
+                print(f"A program is left out: {failure}")
+                continue
+            if number not in best or row.seconds < best[number].seconds:
+                best[number] = row
+    return [best[number] for number in sorted(best)]
 
 
 def main() -> None:
@@ -38,13 +56,8 @@ def main() -> None:
     scene, dim = SCENES[asked.scene], asked.dim
     if dim not in scene.FORCES:
         parser.error(f"{asked.scene} is not in space")
-    found: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
-        for make in scene.rows(Path(folder), dim):
-            try:
-                found.append(make())
-            except (FileNotFoundError, RuntimeError) as failure:
-                print(f"A program is left out: {failure}")
+        found = measure(list(scene.rows(Path(folder), dim)))
     best = scene.REFERENCE or (found[-1].force, found[-1].energy)
     components = scene.FORCES[dim]
     wanted = [*(np.ravel(best[0])[i] for i in components.values()), best[1]]

@@ -76,7 +76,7 @@ def scene() -> ec.Scene:
 
 
 def deck(x: np.ndarray, triangles: np.ndarray) -> tuple[str, int]:
-    """Write the input of CalculiX, with a penalty at the contact, in 10 increments.
+    """Write the input of CalculiX, with a penalty at the contact, in one increment.
 
     The ball is a strip of curved elements that are held at all nodes.
 

@@ -157,8 +157,8 @@ def pressed(slave: str, master: str, stiffness: float, friction: float = 0.0) ->
 
 
 def stepped(boundary: list[str]) -> list[str]:
-    """Write ten increments to the boundary conditions, and what is printed."""
-    lines = ["*STEP", "*STATIC", "0.1, 1., 1e-5, 0.1", "*BOUNDARY", *boundary]
+    """Write one increment to the boundary conditions, and what is printed."""
+    lines = ["*STEP", "*STATIC", "1., 1., 1e-5, 1.", "*BOUNDARY", *boundary]
     lines += ["*NODE PRINT, NSET=TOP, TOTALS=ONLY", "RF"]
     lines += ["*EL PRINT, ELSET=BODIES, TOTALS=ONLY", "ELSE"]
     return [*lines, "*EL FILE", "S, ERR", "*END STEP", ""]
