@@ -28,8 +28,8 @@ from other_codes_programs import (
 
 E, NU, OUTER, HEIGHT, DEPTH, RADIUS = 1000.0, 0.3, 100.0, 10.0, 0.1, 500.0
 SIZE = 1.25
-FORCES = ("F_z",)
-"""Names of the components of the force on the layer."""
+FORCES = {2: {"F_z": -1}}
+"""The component of the force on the layer."""
 REFERENCE = ((2255.374380,), 79.38378369)
 """Force and energy by dual integral equations of an infinite layer."""
 PENALTY = 1000.0
@@ -76,7 +76,7 @@ def scene() -> ec.Scene:
 
 
 def deck(x: np.ndarray, triangles: np.ndarray) -> tuple[str, int]:
-    """Write the input of CalculiX, with a penalty at the contact, in 10 increments.
+    """Write the input of CalculiX, with a penalty at the contact, in one increment.
 
     The ball is a strip of curved elements that are held at all nodes.
 
@@ -112,7 +112,7 @@ def deck(x: np.ndarray, triangles: np.ndarray) -> tuple[str, int]:
     return "\n".join(lines), 2 * len(x)
 
 
-def rows(folder: Path) -> Iterator[Callable[[], Row]]:
+def rows(folder: Path, dim: int) -> Iterator[Callable[[], Row]]:
     """Yield what makes each row, after all forms are compiled."""
     path = folder / "layer.msh"
     x, triangles = write_mesh(path)
@@ -129,6 +129,6 @@ def rows(folder: Path) -> Iterator[Callable[[], Row]]:
         "moduli": (E, NU),
     }
     yield lambda: getfem(folder, "other_codes_getfem_ball.py", data)
-    yield lambda: calculix(folder, *deck(x, triangles), WEDGES)
+    yield lambda: calculix(folder, *deck(x, triangles), dim, WEDGES)
     yield lambda: own(0.01)
     yield lambda: own(0.001)

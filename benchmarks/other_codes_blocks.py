@@ -1,14 +1,19 @@
-"""The scene of two blocks with friction for other_codes.py, and its decks."""
+"""The scene of two blocks with friction for other_codes.py, and its decks.
+
+It is in the plane or in space, where both blocks have the depth 2.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import erc_contact as ec
+from erc_contact.mesh.simplex import in_space
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 from other_codes_programs import (
@@ -24,14 +29,26 @@ from other_codes_programs import (
 )
 
 MODULI = {"upper": 1000.0, "lower": 3000.0}
-NU, MU, SIZE = 0.3, 0.3, 0.1
-MOVED = (0.01, -0.02)
-FORCES = ("F_x", "F_y")
-"""Names of the components of the force on the upper block."""
+NU, MU = 0.3, 0.3
+SIZE = {2: 0.1, 3: 0.26}
+"""Size of the cells by the dimension [length]."""
+MOVED = {2: (0.01, -0.02), 3: (0.01, 0.0, -0.02)}
+FORCES = {2: {"F_x": 0, "F_y": 1}, 3: {"F_x": 0, "F_z": 2}}
+"""Components of the force on the upper block that the table has."""
 REFERENCE = None
 """Forces and energy of the reference; None for the last row."""
+ACCURACIES = {2: (0.01, 0.002), 3: (0.03, 0.01)}
+"""Accuracies of the adaptive runs."""
 PENALTY = 1000.0
 """Stiffness of CalculiX's contact over the modulus of the softer block [1/length]."""
+SIMPLEX = {2: 2, 3: 4}
+"""gmsh's numbers of triangles and tetrahedra."""
+ELEMENTS = {2: "CPE6", 3: "C3D10"}
+"""CalculiX's elements."""
+THICKNESS = {2: ("1.",), 3: ()}
+"""Second line of a section."""
+EDGES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))}
+"""Corners of the edges of its elements, in the order of the nodes in their middles."""
 
 
 @dataclass
@@ -39,117 +56,124 @@ class Blocks:
     """Hold the corners of the mesh, with both blocks in one piece.
 
     Args:
-        points: Places of the nodes, shape (n, 2).
-        triangles: Nodes of the triangles, counter-clockwise, shape (t, 3).
-        region: 0 for a triangle of the upper block, 1 for the lower, shape (t,).
+        points: Places of the nodes, shape (n, d).
+        cells: Nodes of the triangles or tetrahedra, shape (t, d + 1).
+        region: 0 for a cell of the upper block, 1 for the lower, shape (t,).
     """
 
     points: np.ndarray
-    triangles: np.ndarray
+    cells: np.ndarray
     region: np.ndarray
 
 
-def write_mesh(path: Path) -> Blocks:
+def write_mesh(path: Path, dim: int) -> Blocks:
     """Mesh both blocks in one piece and write the gmsh file."""
     gmsh.initialize()
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", SIZE)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", SIZE[dim])
     occ = gmsh.model.occ
-    upper = (2, occ.addRectangle(-1, 0, 0, 2, 1))
-    lower = (2, occ.addRectangle(-1, -1, 0, 2, 1))
-    occ.fragment([upper], [lower])
+    bodies = []
+    for low in (0, -1):
+        if dim == 2:
+            bodies.append((2, occ.addRectangle(-1, low, 0, 2, 1)))
+        else:
+            bodies.append((3, occ.addBox(-1, -1, low, 2, 2, 1)))
+    occ.fragment(bodies[:1], bodies[1:])
     occ.synchronize()
-    gmsh.model.addPhysicalGroup(2, [upper[1]], name="upper")
-    gmsh.model.addPhysicalGroup(2, [lower[1]], name="lower")
-    for _, curve in gmsh.model.getEntities(1):
-        y = occ.getCenterOfMass(1, curve)[1]
-        if abs(y) > 0.9:
-            gmsh.model.addPhysicalGroup(1, [curve], name="top" if y > 0 else "bottom")
-    gmsh.model.mesh.generate(2)
+    for name, (_, body) in zip(MODULI, bodies, strict=True):
+        gmsh.model.addPhysicalGroup(dim, [body], name=name)
+    for _, side in gmsh.model.getEntities(dim - 1):
+        height = occ.getCenterOfMass(dim - 1, side)[dim - 1]
+        if abs(height) > 0.9:
+            gmsh.model.addPhysicalGroup(dim - 1, [side], name="top" if height > 0 else "bottom")
+    gmsh.model.mesh.generate(dim)
     gmsh.write(str(path))
     tags, x, _ = gmsh.model.mesh.getNodes()
     number = np.zeros(int(tags.max()) + 1, dtype=int)
     number[tags] = np.arange(len(tags))
-    triangles, region = [], []
-    for index, (_, face) in enumerate((upper, lower)):
-        _, nodes = gmsh.model.mesh.getElementsByType(2, face)
-        triangles.append(number[nodes].reshape(-1, 3))
-        region.append(np.full(len(triangles[-1]), index))
+    cells, region = [], []
+    for index, body in enumerate(bodies):
+        _, nodes = gmsh.model.mesh.getElementsByType(SIMPLEX[dim], body[1])
+        cells.append(number[nodes].reshape(-1, dim + 1))
+        region.append(np.full(len(cells[-1]), index))
     gmsh.finalize()
-    return Blocks(x.reshape(-1, 3)[:, :2], np.concatenate(triangles), np.concatenate(region))
+    return Blocks(x.reshape(-1, 3)[:, :dim], np.concatenate(cells), np.concatenate(region))
 
 
-def scene() -> ec.Scene:
+def scene(dim: int) -> ec.Scene:
     return ec.Scene(
         material=ec.Elastic(MODULI, NU),
-        supports=[ec.Displacement("top", MOVED), ec.Displacement("bottom", (0.0, 0.0))],
+        supports=[ec.Displacement("top", MOVED[dim]), ec.Displacement("bottom", (0.0,) * dim)],
         contacts=[ec.Contact("foot", friction=MU, against="seat")],
     )
 
 
 def quadratic(blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
-    """Split the interface and add nodes in the middles of the sides.
+    """Split the interface and add nodes in the middles of the edges.
 
     Returns:
-        Places of the nodes, shape (n, 2), and the six nodes of each triangle, in the
-        order of CalculiX: corners, then the middles of sides 1-2, 2-3 and 3-1.
+        Places of the nodes, shape (n, d), and the six or ten nodes of each cell, in the
+        order of CalculiX: corners, then the middles.
     """
     # A corner is known by its block and its number, a middle by its two corners.
-    corners = blocks.triangles + blocks.region[:, None] * len(blocks.points)
-    sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1), axis=-1)
+    corners = blocks.cells + blocks.region[:, None] * len(blocks.points)
+    d = blocks.points.shape[1]
+    edges = np.sort(corners[:, np.array(EDGES[d])], axis=-1)
     used, numbers = np.unique(corners, return_inverse=True)
-    pairs, middles = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
+    pairs, middles = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
     x = blocks.points[used % len(blocks.points)]
     doubled = np.concatenate([blocks.points, blocks.points])
     places = np.concatenate([x, doubled[pairs].mean(axis=1)])
-    elements = [numbers.reshape(-1, 3), len(x) + middles.reshape(-1, 3)]
+    elements = [numbers.reshape(corners.shape), len(x) + middles.reshape(len(corners), -1)]
     return places, np.concatenate(elements, axis=1)
 
 
 def deck(blocks: Blocks) -> tuple[str, int]:
-    """Write the input of CalculiX, with a penalty at the contact, in 10 increments.
+    """Write the input of CalculiX, with a penalty at the contact, in one increment.
 
     Returns:
-        The text, and the number of unknowns in the plane.
+        The text, and the number of unknowns; in the plane these are of one layer.
     """
     x, elements = quadratic(blocks)
-    lines = ["*NODE, NSET=ALL", numbered(np.column_stack([x, np.zeros(len(x))]))]
-    lines += ["*ELEMENT, TYPE=CPE6, ELSET=BODIES", numbered(elements + 1)]
+    d = x.shape[1]
+    lines = ["*NODE, NSET=ALL", numbered(in_space(x))]
+    lines += [f"*ELEMENT, TYPE={ELEMENTS[d]}, ELSET=BODIES", numbered(elements + 1)]
     for index, (name, modulus) in enumerate(MODULI.items()):
         block = blocks.region == index
         lines += [f"*ELSET, ELSET={name}", members(np.flatnonzero(block))]
         lines += [f"*MATERIAL, NAME=OF_{name}", "*ELASTIC", f"{modulus}, {NU}"]
-        lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=OF_{name}", "1."]
+        lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=OF_{name}", *THICKNESS[d]]
         lines.append(f"*SURFACE, NAME=SIDE_{name}, TYPE=ELEMENT")
         lines += sides_at(x, elements, 0.0, block)
-    for name, y in (("TOP", 1.0), ("BOTTOM", -1.0)):
-        lines += [f"*NSET, NSET={name}", members(np.flatnonzero(abs(x[:, 1] - y) < 1e-9))]
+    for name, height in (("TOP", 1.0), ("BOTTOM", -1.0)):
+        lines += [f"*NSET, NSET={name}", members(np.flatnonzero(abs(x[:, -1] - height) < 1e-9))]
     lines += pressed("SIDE_upper", "SIDE_lower", PENALTY * min(MODULI.values()), MU)
-    lines += stepped(["BOTTOM, 1, 2", f"TOP, 1, 1, {MOVED[0]}", f"TOP, 2, 2, {MOVED[1]}"])
-    return "\n".join(lines), 2 * len(x)
+    moved = [f"TOP, {i}, {i}, {value}" for i, value in enumerate(MOVED[d], start=1)]
+    lines += stepped([f"BOTTOM, 1, {d}", *moved])
+    return "\n".join(lines), d * len(x)
 
 
-def rows(folder: Path) -> Iterator[Callable[[], Row]]:
+def rows(folder: Path, dim: int) -> Iterator[Callable[[], Row]]:
     """Yield what makes each row, after all forms are compiled."""
     path = folder / "blocks.msh"
-    blocks = write_mesh(path)
+    blocks = write_mesh(path, dim)
 
     def own(accuracy: float) -> Row:
         domain = ec.read_mesh(path).split({"foot": "upper", "seat": "lower"})
-        return ours(scene(), domain, "foot", accuracy)
+        return ours(scene(dim), domain, "foot", accuracy)
 
     own(1.0)
     yield lambda: own(1.0)
     data = {
         "points": blocks.points,
-        "triangles": blocks.triangles,
+        "cells": blocks.cells,
         "region": blocks.region,
         "moduli": list(MODULI.values()),
-        "moves": [MOVED, (0.0, 0.0)],
+        "moves": [MOVED[dim], (0.0,) * dim],
         "nu": NU,
         "mu": MU,
     }
     yield lambda: getfem(folder, "other_codes_getfem_blocks.py", data)
-    yield lambda: calculix(folder, *deck(blocks))
-    yield lambda: own(0.01)
-    yield lambda: own(0.002)
+    yield lambda: calculix(folder, *deck(blocks), dim)
+    for accuracy in ACCURACIES[dim]:
+        yield partial(own, accuracy)

@@ -17,28 +17,30 @@ import numpy as np
 
 blocks = np.load(Path(sys.argv[1]) / "scene.npz")
 moduli, nu, mu = blocks["moduli"], float(blocks["nu"]), float(blocks["mu"])
+d = blocks["points"].shape[1]
 TOP, BOTTOM, CONTACT = 1, 2, 3
+INTEGRATION = {2: "IM_TRIANGLE(6)", 3: "IM_TETRAHEDRON(6)"}
 ENDS = {"upper": (1.0, TOP), "lower": (-1.0, BOTTOM)}
 
 began = process_time()
 model = gf.Model("real")
 integrations = {}
 for index, (name, (height, held)) in enumerate(ENDS.items()):
-    mesh = gf.Mesh("empty", 2)
-    corners = blocks["points"][blocks["triangles"][blocks["region"] == index]]
-    mesh.add_convex(gf.GeoTrans("GT_PK(2,1)"), np.transpose(corners, (2, 1, 0)))
+    mesh = gf.Mesh("empty", d)
+    corners = blocks["points"][blocks["cells"][blocks["region"] == index]]
+    mesh.add_convex(gf.GeoTrans(f"GT_PK({d},1)"), np.transpose(corners, (2, 1, 0)))
     boundary = mesh.outer_faces()
     points = mesh.pts()
-    for region, y in ((held, height), (CONTACT, 0.0)):
+    for region, level in ((held, height), (CONTACT, 0.0)):
         sides = []
         for side in boundary.T:
             ends = mesh.pid_in_faces(side.reshape(2, 1))
-            if np.all(abs(points[1, ends] - y) < 1e-9):
+            if np.all(abs(points[-1, ends] - level) < 1e-9):
                 sides.append(side)
         mesh.set_region(region, np.array(sides).T)
-    space = gf.MeshFem(mesh, 2)
-    space.set_fem(gf.Fem("FEM_PK(2,2)"))
-    integrations[name] = gf.MeshIm(mesh, gf.Integ("IM_TRIANGLE(6)"))
+    space = gf.MeshFem(mesh, d)
+    space.set_fem(gf.Fem(f"FEM_PK({d},2)"))
+    integrations[name] = gf.MeshIm(mesh, gf.Integ(INTEGRATION[d]))
     u = f"u_{name}"
     model.add_fem_variable(u, space)
     young = float(moduli[index])
@@ -50,8 +52,8 @@ for index, (name, (height, held)) in enumerate(ENDS.items()):
     model.add_initialized_data(f"move_{name}", blocks["moves"][index])
     model.add_Dirichlet_condition_with_multipliers(integrations[name], u, 2, held, f"move_{name}")
     if name == "upper":
-        pressure = gf.MeshFem(mesh, 2)
-        pressure.set_fem(gf.Fem("FEM_PK(2,1)"))
+        pressure = gf.MeshFem(mesh, d)
+        pressure.set_fem(gf.Fem(f"FEM_PK({d},1)"))
         model.add_filtered_fem_variable("traction", pressure, CONTACT)
 
 model.add_initialized_data("r", 10.0 * float(moduli.min()))

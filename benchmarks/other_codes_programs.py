@@ -16,6 +16,9 @@ import numpy as np
 
 import erc_contact as ec
 
+SIDES = {2: ((0, 1), (1, 2), (2, 0)), 3: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}
+"""Corners of the sides of CalculiX's triangles and tetrahedra."""
+
 
 @dataclass
 class Row:
@@ -69,13 +72,14 @@ def getfem(folder: Path, script: str, data: Mapping[str, Any]) -> Row:
     return Row(name, force, told["energy"], told["unknowns"], told["seconds"], "nothing")
 
 
-def calculix(folder: Path, deck: str, unknowns: int, wedges: int = 1) -> Row:
+def calculix(folder: Path, deck: str, unknowns: int, dim: int, wedges: int = 1) -> Row:
     """Solve with CalculiX; the deck prints the force on the set TOP, and the energy.
 
     Args:
         folder: A folder for its files.
         deck: Its input.
-        unknowns: Number of unknowns in the plane.
+        unknowns: Number of unknowns.
+        dim: Number of the components of the force.
         wedges: How many of the bodies that it computes there are.
     """
     program = shutil.which("ccx")
@@ -94,7 +98,7 @@ def calculix(folder: Path, deck: str, unknowns: int, wedges: int = 1) -> Row:
         for word in ("total force", "total internal energy"):
             if word in title:
                 totals[word] = np.array(values.split(), dtype=float)
-    force = -wedges * totals["total force"][:2]
+    force = -wedges * totals["total force"][:dim]
     energy = float(wedges * totals["total internal energy"][0])
     said = "jumps of the stress at nodes, no bound"
     return Row("CalculiX, penalty", force, energy, unknowns, seconds, said)
@@ -124,20 +128,21 @@ def members(numbers: np.ndarray) -> str:
 def sides_at(
     x: np.ndarray, elements: np.ndarray, level: float, chosen: np.ndarray | bool = True
 ) -> list[str]:
-    """Write the sides of triangles at a height, as lines of a surface of CalculiX.
+    """Write the sides of elements at a height, as lines of a surface of CalculiX.
 
     Args:
-        x: Places of the nodes [length], shape (n, 2).
-        elements: Nodes of the triangles, corners first, shape (t, 6).
-        level: The height y [length].
-        chosen: Which triangles count, shape (t,).
+        x: Places of the nodes [length], shape (n, d).
+        elements: Nodes of the triangles or tetrahedra, corners first, shape (t, 6 or
+            10).
+        level: The height, the last coordinate [length].
+        chosen: Which elements count, shape (t,).
     """
     lines = []
-    # Side k of a triangle has its corners k and k + 1.
-    is_there = abs(x[elements[:, :3], 1] - level) < 1e-9
-    for k in range(3):
-        on_level = chosen & is_there[:, k] & is_there[:, (k + 1) % 3]
-        lines += [f"{number + 1}, S{k + 1}" for number in np.flatnonzero(on_level)]
+    d = x.shape[1]
+    is_there = abs(x[elements[:, : d + 1], -1] - level) < 1e-9
+    for k, corners in enumerate(SIDES[d], start=1):
+        on_level = chosen & is_there[:, corners].all(axis=1)
+        lines += [f"{number + 1}, S{k}" for number in np.flatnonzero(on_level)]
     return lines
 
 
@@ -152,8 +157,8 @@ def pressed(slave: str, master: str, stiffness: float, friction: float = 0.0) ->
 
 
 def stepped(boundary: list[str]) -> list[str]:
-    """Write ten increments to the boundary conditions, and what is printed."""
-    lines = ["*STEP", "*STATIC", "0.1, 1., 1e-5, 0.1", "*BOUNDARY", *boundary]
+    """Write one increment to the boundary conditions, and what is printed."""
+    lines = ["*STEP", "*STATIC", "1., 1., 1e-5, 1.", "*BOUNDARY", *boundary]
     lines += ["*NODE PRINT, NSET=TOP, TOTALS=ONLY", "RF"]
     lines += ["*EL PRINT, ELSET=BODIES, TOTALS=ONLY", "ELSE"]
     return [*lines, "*EL FILE", "S, ERR", "*END STEP", ""]

@@ -214,27 +214,28 @@ def test_sides_face_each_other(name, measures):
 
 
 STRIPS = {
-    # what side 2 has beyond the upper body on each side, the edges of both, and which
-    # one is named first
-    "around": ((0.01, 0.01, 0.01, 0.01), (3, 4), 1),
-    "aside": ((-0.004, 0.004, 0.012, -0.012), (3, 2), -1),
-    "inside": ((-0.002, -0.03, -0.006, -0.012), (2, 4), 1),
-    "flush and not": ((0.0, 0.004, 0.02, -0.1), (3, 3), -1),
-    "nearly flush": ((0.0002, -0.0001, 0.0, 0.0002), (3, 4), 1),
+    # what side 2 has beyond the upper body on each side, the edges of both, which one is
+    # named first, and the most cells over the cells before
+    "around": ((0.01, 0.01, 0.01, 0.01), (3, 4), 1, 10.0),
+    "aside": ((-0.004, 0.004, 0.012, -0.012), (3, 2), -1, 22.0),
+    "inside": ((-0.002, -0.03, -0.006, -0.012), (2, 4), 1, 14.0),
+    "flush and not": ((0.0, 0.004, 0.02, -0.1), (3, 3), -1, 6.5),
+    "nearly flush": ((0.0002, -0.0001, 0.0, 0.0002), (3, 4), 1, 3.5),
 }
 
 
 @pytest.mark.on_ranks("aside")
 @pytest.mark.parametrize("name", STRIPS)
 def test_outlines_beside_each_other(name, measures):
-    """A strip between them gets short edges: no splinters, and both bodies as they were."""
-    (left, right, front, back), (fine, coarse), order = STRIPS[name]
+    """A strip between them gets short edges: few cells, no splinters, bodies as they were."""
+    (left, right, front, back), (fine, coarse), order, most_cells = STRIPS[name]
     cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.5)), ((-left, -front, -0.5), (1 + right, 1 + back, 0.0))
     cells = ((fine, fine, 2), (coarse, coarse, 2))
     upper, lower = (ec.box(*ends, cells=n) for ends, n in zip(cubes, cells, strict=True))
     both = ec.assembly({"upper": upper, "lower": lower})
     sides = ("upper bottom", "lower top")[::order]
     domain = both.joined(*sides)
+    assert domain.cells < most_cells * both.cells
     assert least_angle(domain) > 2.5
     assert assert_paired(domain, *sides) > 0
     assert_closed(domain)

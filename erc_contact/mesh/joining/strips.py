@@ -18,7 +18,7 @@ from erc_contact.mesh.rows import row_numbers
 
 NARROW = 0.05
 """Width of a strip below which its edges are cut, by the shorter edge [-]."""
-SPACING = 1.2
+SPACING = 1.6
 """Length of edges along a strip, by the root of its width times the edge [-]."""
 LONGEST = 20.0
 """Greatest length of edges along a strip, by its width [-]."""
