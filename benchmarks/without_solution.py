@@ -58,7 +58,7 @@ class Family:
     limit: bool = True
 
 
-def pushed(rng: np.random.Generator) -> Family:
+def pushed(rng: np.random.Generator, _: int) -> Family:
     """Push a stack of one to three blocks at its top or at its side."""
     count = int(rng.integers(1, 4))
     width = float(rng.uniform(0.5, 2.0))
@@ -81,7 +81,7 @@ def pushed(rng: np.random.Generator) -> Family:
     return Family(f"{count} pushed at the {part.split()[1]}", domain, scene)
 
 
-def pulled(rng: np.random.Generator) -> Family:
+def pulled(rng: np.random.Generator, _: int) -> Family:
     """Pull the upper block of a stack off."""
     count = int(rng.integers(1, 4))
     width = float(rng.uniform(0.5, 2.0))
@@ -96,7 +96,7 @@ def pulled(rng: np.random.Generator) -> Family:
     return Family(f"{count} pulled off", blocks(rng, width, ends), scene)
 
 
-def on_slope(rng: np.random.Generator) -> Family:
+def on_slope(rng: np.random.Generator, _: int) -> Family:
     """Put a stack on a slope; its weight makes it slide or tip."""
     count = int(rng.integers(1, 4))
     width = float(rng.uniform(0.5, 2.0))
@@ -115,7 +115,7 @@ def on_slope(rng: np.random.Generator) -> Family:
     return Family(f"{count} on a slope", blocks(rng, width, ends), scene, by_share=False)
 
 
-def given(rng: np.random.Generator) -> Family:
+def given(rng: np.random.Generator, _: int) -> Family:
     """Push a block that friction of a given bound holds, on a stiff or soft bed."""
     width = float(rng.uniform(0.5, 2.0))
     height = float(rng.uniform(0.3, 1.0)) * width
@@ -130,7 +130,7 @@ def given(rng: np.random.Generator) -> Family:
     return Family("given friction", blocks(rng, width, np.array([0.0, height])), scene)
 
 
-def wedge(rng: np.random.Generator) -> Family:
+def wedge(rng: np.random.Generator, _: int) -> Family:
     """Press a wedge out from under a block that slides up and down."""
     angle = float(rng.uniform(0.1, 0.7))
     cells = int(rng.integers(2, 8)), int(rng.integers(1, 5))
@@ -155,7 +155,7 @@ def wedge(rng: np.random.Generator) -> Family:
     return Family("wedge", domain, scene, by_share=False)
 
 
-def jaws(rng: np.random.Generator) -> Family:
+def jaws(rng: np.random.Generator, degree: int) -> Family:
     """Hold a block between two jaws by friction; its pressure is given by their way."""
     height = float(rng.uniform(0.5, 1.5))
     width = float(rng.uniform(0.5, 2.0))
@@ -175,12 +175,12 @@ def jaws(rng: np.random.Generator) -> Family:
     # Where all slips, tangential tractions have no part in the force across.
     most = 0.0
     smooth = scene(0.0, 0.0)
-    across = abs(ec.solve(smooth, domain, degree=2).force("b1 top").force[1])
+    across = abs(ec.solve(smooth, domain, degree=degree).force("b1 top").force[1])
     most = 2 * friction * across / (width * height)
     return Family("jaws", domain, scene, by_statics=False, limit=False)
 
 
-def lintel(rng: np.random.Generator) -> Family:
+def lintel(rng: np.random.Generator, _: int) -> Family:
     """Hold stones between abutments by friction under the thrust of their weight."""
     count = int(rng.integers(2, 6))
     size = 0.5 / int(rng.integers(2, 4))
@@ -265,8 +265,8 @@ def main(seed: int = 0, count: int = 100) -> None:
     unsolved = 0
     for number in range(count):
         rng = scene_generator(seed, number)
-        family = KINDS[rng.integers(len(KINDS))](rng)
         degree = int(rng.integers(1, 3))
+        family = KINDS[rng.integers(len(KINDS))](rng, degree)
         beyond = 1.0 + float(10 ** rng.uniform(-3.0, 0.0))
         below = 1.0 - float(10 ** rng.uniform(-2.5, -0.3))
         if family.name.startswith("lintel"):

@@ -242,14 +242,18 @@ class FullSpace:
         """Set the shares of friction and gaps [-]."""
         self.forms.set_shares(friction, gap)
 
-    def follow_path(self, x: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    def follow_path(self, x: np.ndarray, friction: float) -> tuple[np.ndarray, int, bool]:
         """Make interior point steps from x, the unknowns of this rank.
+
+        Args:
+            x: The unknowns.
+            friction: Share of the friction bounds [-].
 
         Returns:
             As :func:`.interior_point.follow`.
         """
         assert isinstance(self.forms, InteriorForms)
-        path = CentralPath(self.forms)
+        path = CentralPath(self.forms, friction)
         state, residual, change = self.vector(), self.vector(), self.vector()
 
         def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:

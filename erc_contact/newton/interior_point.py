@@ -129,11 +129,13 @@ class CentralPath:
 
     Args:
         forms: The equations with weights and offsets.
+        friction: Share of the friction bounds [-].
     """
 
-    def __init__(self, forms: InteriorForms) -> None:
+    def __init__(self, forms: InteriorForms, friction: float) -> None:
         model = forms.model
         self._forms = forms
+        self._friction = friction
         self._comm = model.comm
         self._shapes: list[tuple[int, int]] = []
         self._laws = []
@@ -273,7 +275,7 @@ class CentralPath:
         pressures = self._of_contacts(np.maximum(-self._r[:, 0], 0.0))
         for (contact, parameters), pressure in zip(self._laws, pressures, strict=True):
             bounds.append(contact.friction_bound(pressure, parameters).ravel())
-        return np.concatenate(bounds)
+        return self._friction * np.concatenate(bounds)
 
     def _trials(self) -> np.ndarray:
         """Return the trial tractions that the forms read along the axes, (n, d)."""

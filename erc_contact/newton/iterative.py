@@ -91,7 +91,7 @@ class Iterative:
         """
         method = step.method
         if step.interior:
-            return *self._interior(method, state), None
+            return *self._interior(step, state), None
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
@@ -135,11 +135,11 @@ class Iterative:
             self.carried.model, forms, self.elastic, self._loads, self._length, self._force
         )
 
-    def _interior(self, method: Method, state: fem.Function) -> tuple[Outcome, fem.Function]:
+    def _interior(self, step: Attempt, state: fem.Function) -> tuple[Outcome, fem.Function]:
         """Make interior point steps; return their outcome and last state."""
-        problem = self._full(InteriorForms(self.carried.model, method))
+        problem = self._full(InteriorForms(self.carried.model, step.method))
         start = self.elastic.start(state) / problem.length
-        unknowns, steps, is_known = problem.follow_path(start)
+        unknowns, steps, is_known = problem.follow_path(start, step.friction_shares[0])
         x = problem.vector()
         x.array[:] = unknowns
         last, _ = problem.fields(x)

@@ -97,7 +97,7 @@ class Attempt:
         start: Name of the start.
         line_search: Name of PETSc's line search.
         friction_shares: Shares of the friction bound that are solved for one after the
-            other [-].
+            other [-]; interior point steps know only the first one.
         gap_shares: The same of gaps; only one of both has several.
         proximal: Whether springs hold the motions that no support holds meanwhile.
         final: Whether its solution solves the scene; otherwise it is the start of
@@ -191,10 +191,10 @@ def attempts(
     first = "warm" if "warm" in known else "glued"
     yield from _first(method, nodal, first, known, convex=convex, nodal_first=nodal_first)
     if loose:
+        yield from _lowered(method, nodal, known) if slides else ()
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
             yield from _proximal(method, nodal, first, known)
-        yield from _lowered(method, nodal, known) if slides else ()
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
@@ -307,8 +307,13 @@ def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[A
     """
     if "nodal" in known:
         return
-    yield Attempt(nodal, "glued", friction_shares=DESCENT, final=nodal == method)
-    if nodal != method:
+    is_nodal = nodal == method
+    yield Attempt(nodal, "glued", friction_shares=DESCENT, final=is_nodal)
+    if "nodal" not in known:
+        much = (DESCENT[0],)
+        yield Attempt(nodal, "glued", friction_shares=much, interior=True, final=False)
+        yield Attempt(nodal, "interior", friction_shares=DESCENT, final=is_nodal)
+    if not is_nodal:
         yield Attempt(method, "nodal")
 
 

@@ -42,13 +42,14 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
-CRAWLING = ((3, 0.5, 0.5), (5, 0.5, 0.3), (5, 0.9, 0.0))
+CRAWLING = ((3, 0.5, 0.5), (2, 0.8, 0.0))
 """When changes of the status count as a crawl.
 
 In so many steps there are more than this share of the changes in as many steps before,
-and more than this share of the closed points. So an attempt takes six steps at least,
-and ten where few points change.
+and more than this share of the closed points.
 """
+EARLIEST = 6
+"""Steps that an attempt takes at least, whatever changes [-]."""
 FEW = 3
 """Changes in a step that are no crawl: so many points soon know their states."""
 CRAWLS = "states keep changing"
@@ -314,10 +315,10 @@ class _StoppingTest:
     def _crawls(self, counts: tuple[int, int, int]) -> str:
         """Say that the changes of the status do not become few, or ""."""
         changes = self._changes
+        if len(changes) < EARLIEST or changes[-1] == 0:
+            return ""
         _, *closed = counts
         for steps, fall, share in CRAWLING:
-            if len(changes) < 2 * steps or changes[-1] == 0:
-                continue
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
             if last > max(fall * before, share * sum(closed), FEW * steps):
