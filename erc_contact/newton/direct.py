@@ -111,6 +111,7 @@ class Direct:
                     u_A = last.displacement
                     friction = shares.friction
                 shares = following(problems, pull)
+            contacts = problem.counts(u_A) if friction > 1.0 else ()
             problem.set_shares(1.0, 1.0)
             problem.hold(0.0, u_A)
             results = None
@@ -120,7 +121,7 @@ class Direct:
                 force = problem.matrix @ u_A - problem.loads
                 results = distance, least, u_A, force
             dense.destroy()
-            whole = replace(outcome, steps=steps, friction=friction)
+            whole = replace(outcome, steps=steps, friction=friction, contacts=contacts)
             return whole, u_A[: self.elastic.contact_size], results
 
         outcome, state, results = problem.run(work)

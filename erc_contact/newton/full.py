@@ -28,7 +28,7 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath, follow
 from erc_contact.newton.linear.krylov import fgmres
@@ -229,6 +229,11 @@ class FullSpace:
         counts = comm.allreduce(np.bincount(status, minlength=3), MPI.SUM)
         open_, slip, stick = (int(count) for count in counts)
         return Status(b"".join(digests), (open_, slip, stick), status)
+
+    def counts(self, x: PETSc.Vec) -> tuple[Counts, ...]:
+        """Count the points of each contact by their status at x."""
+        self._set(x)
+        return self.forms.counts()
 
     def _renew(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
         """Assemble the tangent at x, and renew its hierarchy."""

@@ -114,9 +114,10 @@ class Iterative:
                 pull = shares.springs * _distance(x, before)
                 friction = shares.friction
             shares = following(problems, pull)
-            if shares is not None and not outcome.converged:
+            if not outcome.converged:
                 before.copy(x)
             before.destroy()
+        contacts = problem.counts(x) if friction > 1.0 else ()
         problem.set_shares(1.0, 1.0)
         problem.hold(0.0, x)
         v, multipliers = problem.fields(x)
@@ -127,7 +128,8 @@ class Iterative:
             least = problem.least_singular_value(x)
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
-        return replace(outcome, steps=steps, friction=friction), v, solution
+        whole = replace(outcome, steps=steps, friction=friction, contacts=contacts)
+        return whole, v, solution
 
     def _full(self, forms: ContactForms) -> FullSpace:
         """Return the contact problem of some forms for all degrees of freedom."""

@@ -20,6 +20,7 @@ from erc_contact.base.releases import not_a_number
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.newton.forms import Counts
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 SNES_PREFIX = "erc_contact_"
@@ -75,14 +76,17 @@ class Outcome:
         status: Numbers of open, slipping and sticking points of the contact.
         friction: Share of the friction bound of the last problem of a sequence that was
             solved [-]; 0 if none was.
+        contacts: Numbers of open, slipping and sticking points of each contact in its
+            solution, where this share is greater than one.
     """
 
     converged: bool
     reason: str
     steps: int
     residual: float
-    status: tuple[int, int, int]
+    status: Counts
     friction: float = 0.0
+    contacts: tuple[Counts, ...] = ()
 
     @property
     def open(self) -> bool:
