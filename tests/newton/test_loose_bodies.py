@@ -27,7 +27,7 @@ from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import MUCH_FRICTION, SOFTEST, Attempt, following
+from erc_contact.newton.ladder import SOFTEST, Attempt, following
 from erc_contact.newton.linear.loose_energies import imbalance
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
