@@ -109,7 +109,7 @@ def on_slope(rng: np.random.Generator, _: int) -> Family:
     def scene(share: float) -> ec.Scene:
         contacts = joints(count, steep / share * coefficients)
         load = ec.BodyForce((steep * WEIGHT, -WEIGHT))
-        return ec.Scene(ELASTIC, loads=load, contacts=contacts)
+        return ec.Scene(ELASTIC, loads=[load], contacts=contacts)
 
     return Family(f"{count} on a slope", blocks(rng, width, ends), scene, by_share=False)
 
@@ -124,7 +124,7 @@ def given(rng: np.random.Generator, _: int) -> Family:
 
     def scene(share: float) -> ec.Scene:
         push = ec.Traction("b0 left", (share * bound * width / height, 0.0))
-        return ec.Scene(ELASTIC, loads=[own_weight(), push], contacts=contact)
+        return ec.Scene(ELASTIC, loads=[own_weight(), push], contacts=[contact])
 
     return Family("given friction", blocks(rng, width, np.array([0.0, height])), scene)
 
@@ -149,7 +149,8 @@ def wedge(rng: np.random.Generator, _: int) -> Family:
             ec.Contact("wedge bottom", friction=friction),
         ]
         guide = ec.Displacement("upper left", (0.0, None))
-        return ec.Scene(ELASTIC, guide, ec.Traction("upper top", (0.0, -WEIGHT)), contacts)
+        press = ec.Traction("upper top", (0.0, -WEIGHT))
+        return ec.Scene(ELASTIC, [guide], [press], contacts)
 
     return Family("wedge", domain, scene, by_share=False)
 
@@ -169,7 +170,7 @@ def jaws(rng: np.random.Generator, degree: int) -> Family:
     def scene(share: float, coefficient: float = friction) -> ec.Scene:
         pull = ec.BodyForce((share * most, 0.0))
         contacts = joints(3, [coefficient] * 3)[1:]
-        return ec.Scene(ELASTIC, supports, pull, contacts)
+        return ec.Scene(ELASTIC, supports, [pull], contacts)
 
     # Where all slips, tangential tractions have no part in the force across.
     most = 0.0
@@ -198,7 +199,7 @@ def lintel(rng: np.random.Generator, _: int) -> Family:
         for before, after in pairwise(names):
             sides = f"{before} right", f"{after} left"
             contacts.append(ec.Contact(sides[0], against=sides[1], friction=1.5 / share))
-        return ec.Scene(ELASTIC, supports, own_weight(), contacts)
+        return ec.Scene(ELASTIC, supports, [own_weight()], contacts)
 
     return Family(f"lintel of {count}", domain, scene, by_statics=False)
 
