@@ -308,14 +308,16 @@ def test_springs_are_as_soft_as_the_body_that_they_hold(kind):
     solver.destroy()
 
 
-def lintel(friction: float) -> tuple[ec.Scene, ec.Domain]:
-    """Hold five stones between two abutments by the thrust of their weight."""
-    stones, width, height = 5, 0.4, 0.5
+def lintel(
+    friction: float, stones: int = 5, cells: tuple[int, int] = (3, 4)
+) -> tuple[ec.Scene, ec.Domain]:
+    """Hold stones between two abutments by the thrust of their weight."""
+    width, height = 0.4, 0.5
     bodies = {}
     names = ["left", *(f"s{number}" for number in range(stones)), "right"]
     for number, name in enumerate(names):
         low = ((number - 1) * width, 0.0)
-        bodies[name] = ec.rectangle(low, (low[0] + width, height), cells=(3, 4))
+        bodies[name] = ec.rectangle(low, (low[0] + width, height), cells=cells)
     domain = ec.assembly(bodies)
     contacts = []
     for here, there in itertools.pairwise(names):
@@ -347,6 +349,14 @@ def test_a_lintel_slides_between_its_abutments():
     assert needed <= float(told[2]) <= 1.025 * needed
     assert "slide in part" in str(failure.value)
     assert len(failure.value.rungs) <= 4
+
+
+def test_friction_is_lowered_from_interior_points():
+    """With much friction Newton's method finds no solution from the glued contact."""
+    scene, domain = lintel(0.6, stones=3, cells=(1, 2))
+    with pytest.raises(ec.NotConverged, match="followed it to less friction") as failure:
+        ec.solve(scene, domain)
+    assert "interior start" in failure.value.rungs[-1]
 
 
 def test_friction_is_lowered_to_that_of_the_scene():
