@@ -16,7 +16,7 @@ from dolfinx import fem, la
 from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import pattern_of
 from erc_contact.newton.contact_nodes import Reading
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Counts
 
 
 class Assembly:
@@ -116,6 +116,10 @@ class Assembly:
         """Return the status open (0), slip (1) or stick (2) at points of all facets."""
         parts = gathered(self._comm, self._forms.status())
         return None if parts is None else np.concatenate(parts)
+
+    def counts(self) -> tuple[Counts, ...]:
+        """Count the open, slipping and sticking points of each contact."""
+        return self._forms.counts()
 
     def along_path(self, name: str) -> Any:
         """Call a method of the central path of interior point steps by its name."""

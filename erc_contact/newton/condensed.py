@@ -35,7 +35,7 @@ from erc_contact.base.ranks import from_first
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.one_sided_tangent import contact_normals
 from erc_contact.newton.shared_laws import laws_of
@@ -165,6 +165,11 @@ class Condensed:
         """
         self.move(u_A)
         return self._on_all_ranks("status")
+
+    def counts(self, u_A: np.ndarray) -> tuple[Counts, ...]:
+        """Count the points of each contact by their status for u_A, on rank 0."""
+        self.move(u_A)
+        return self._on_all_ranks("counts")
 
     def set_shares(self, friction: float, gap: float) -> None:
         """Set the shares of friction and gaps on all ranks [-]."""

@@ -17,7 +17,7 @@ from erc_contact.base.runtime.interrupts import check_interrupts
 from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.newton.default_methods import method_beside_faces
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -33,6 +33,10 @@ STRONG_FRICTION = 1.0
 The augmented Lagrangian then finds one that is exact where the exact ones are in the
 finite element space; Nitsche's method alone may find one beside them.
 """
+
+
+SHOWN = 5
+"""Number of contacts that an error names."""
 
 
 class Solver(Protocol):
@@ -139,7 +143,7 @@ class ContactSolve:
                 states[attempt.gives] = state
             elif outcome.friction > 1.0 and not gap:
                 # Across gaps it may end for other reasons than friction.
-                raise NotConverged(self._sliding(outcome.friction), tuple(self.rungs))
+                raise NotConverged(self._sliding(outcome), tuple(self.rungs))
             if outcome.reason == CRAWLS:
                 states["crawling"] = state
             slow += outcome.reason == "diverged_linear_solve"
@@ -151,12 +155,13 @@ class ContactSolve:
                 )
         raise NotConverged(self._failure(), tuple(self.rungs))
 
-    def _sliding(self, share: float) -> str:
+    def _sliding(self, outcome: Outcome) -> str:
         """Say with what friction there is a solution, where less does not hold bodies.
 
         Args:
-            share: Share of the friction bound at which there was one, > 1 [-].
+            outcome: How the friction was lowered; its share is > 1.
         """
+        share = outcome.friction
         needed = f"{share:.3g} times the friction"
         coefficients = [self.model.greatest_coefficient(c) for c in self.model.contacts]
         if any(coefficients):
@@ -164,9 +169,28 @@ class ContactSolve:
         return (
             f"The contact solve found a solution on {self.model.domain.cells} cells with {needed}, "
             "and followed it to less friction until it ended: contacts slide there that must hold "
-            "a body. So there may be no solution with the friction given. More friction, more "
+            f"a body. In that solution {self._states(outcome.contacts)}. "
+            "So there may be no solution with the friction given. More friction, more "
             "pressure or a Displacement holds the body."
         )
+
+    def _states(self, counts: tuple[Counts, ...]) -> str:
+        """Say which contacts slide, stick or are open."""
+        names: dict[str, list[str]] = {}
+        for contact, (open_, slip, stick) in zip(self.model.contacts, counts, strict=True):
+            state = "slide in part" if slip and stick else "slide"
+            if not slip:
+                state = "stick" if stick else "are open"
+            elif open_ and not stick:
+                state = "slide where they press"
+            names.setdefault(state, []).append(repr(contact.name))
+        parts = []
+        for state, of_state in names.items():
+            shown = ", ".join(of_state[:SHOWN])
+            left = len(of_state) - SHOWN
+            more = f" and {left} more" if left > 0 else ""
+            parts.append(f"{shown}{more} {state}")
+        return ", ".join(parts)
 
     def _failure(self) -> str:
         """Say what was tried and what to do, where no attempt converged."""

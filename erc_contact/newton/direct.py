@@ -86,7 +86,7 @@ class Direct:
         """
         method = attempt.method
         if attempt.interior:
-            return *self._interior(method, state), None
+            return *self._interior(attempt, state), None
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
@@ -111,6 +111,7 @@ class Direct:
                     u_A = last.displacement
                     friction = shares.friction
                 shares = following(problems, pull)
+            contacts = problem.counts(u_A) if friction > 1.0 else ()
             problem.set_shares(1.0, 1.0)
             problem.hold(0.0, u_A)
             results = None
@@ -120,7 +121,7 @@ class Direct:
                 force = problem.matrix @ u_A - problem.loads
                 results = distance, least, u_A, force
             dense.destroy()
-            whole = replace(outcome, steps=steps, friction=friction)
+            whole = replace(outcome, steps=steps, friction=friction, contacts=contacts)
             return whole, u_A[: self.elastic.contact_size], results
 
         outcome, state, results = problem.run(work)
@@ -133,14 +134,14 @@ class Direct:
         solution = DiscreteSolution(u, multipliers, distance, least_singular_value, carried)
         return outcome, state, solution
 
-    def _condensed(self, forms: ContactForms) -> Condensed:
+    def _condensed(self, forms: ContactForms, path: CentralPath | None = None) -> Condensed:
         """Return the contact problem of some forms, condensed on the contact."""
-        path = CentralPath(forms) if isinstance(forms, InteriorForms) else None
         return Condensed(self.carried.model, forms, self.elastic, self.guess, path)
 
-    def _interior(self, method: Method, state: Any) -> tuple[Outcome, Any]:
+    def _interior(self, attempt: Attempt, state: Any) -> tuple[Outcome, Any]:
         """Make interior point steps; return their outcome and last state."""
-        problem = self._condensed(InteriorForms(self.carried.model, method))
+        forms = InteriorForms(self.carried.model, attempt.method)
+        problem = self._condensed(forms, CentralPath(forms, attempt.friction_shares[0]))
 
         def work() -> tuple[Outcome, Any]:
             u_A, steps, is_known = follow_path(problem, problem.from_contact(state))

@@ -20,6 +20,9 @@ from erc_contact.model.model import Model
 from erc_contact.model.users import linear
 from erc_contact.newton.methods import OURS, Method
 
+Counts = tuple[int, int, int]
+"""Numbers of open, slipping and sticking points."""
+
 
 class Reader:
     """Hold the equations that are forces on the same field of the displacement.
@@ -196,6 +199,15 @@ class ContactForms:
         for expression, facets in self._values_of_facets:
             values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
+
+    def counts(self) -> tuple[Counts, ...]:
+        """Count the open, slipping and sticking points of each contact; collective."""
+        counts = []
+        for expression, facets in self._values_of_facets:
+            values = expression.eval(self.model.mesh, facets).ravel().astype(np.int8)
+            counts.append(np.bincount(values, minlength=3))
+        whole = self.model.comm.allreduce(np.array(counts))
+        return tuple((int(open_), int(slip), int(stick)) for open_, slip, stick in whole)
 
     def nodal_multipliers(self, multipliers: Sequence[fem.Function]) -> tuple[fem.Function, ...]:
         """Replace Bernstein coefficients of multipliers by nodal values, in place.

@@ -28,7 +28,7 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
-from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath, follow
 from erc_contact.newton.linear.krylov import fgmres
@@ -230,6 +230,11 @@ class FullSpace:
         open_, slip, stick = (int(count) for count in counts)
         return Status(b"".join(digests), (open_, slip, stick), status)
 
+    def counts(self, x: PETSc.Vec) -> tuple[Counts, ...]:
+        """Count the points of each contact by their status at x."""
+        self._set(x)
+        return self.forms.counts()
+
     def _renew(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
         """Assemble the tangent at x, and renew its hierarchy."""
         self._set(x)
@@ -242,14 +247,18 @@ class FullSpace:
         """Set the shares of friction and gaps [-]."""
         self.forms.set_shares(friction, gap)
 
-    def follow_path(self, x: np.ndarray) -> tuple[np.ndarray, int, bool]:
+    def follow_path(self, x: np.ndarray, friction: float) -> tuple[np.ndarray, int, bool]:
         """Make interior point steps from x, the unknowns of this rank.
+
+        Args:
+            x: The unknowns.
+            friction: Share of the friction bounds [-].
 
         Returns:
             As :func:`.interior_point.follow`.
         """
         assert isinstance(self.forms, InteriorForms)
-        path = CentralPath(self.forms)
+        path = CentralPath(self.forms, friction)
         state, residual, change = self.vector(), self.vector(), self.vector()
 
         def solve(u: np.ndarray, *, renew: bool) -> np.ndarray:

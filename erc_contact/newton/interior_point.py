@@ -17,7 +17,9 @@ with equilibrium. Elimination of v and y leaves an affine map ``r = W z + o``,
 
 in place of P (:mod:`erc_contact.newton.interior_forms`). Each step solves twice with
 one tangent (Mehrotra, SIAM J. Optim. 2 (1992)): the first solution tells how far mu can
-fall, the second one goes there. With Coulomb friction, h follows the pressure.
+fall, the second one goes there. The step is between both where it is longer there
+(Colombo and Gondzio, Comput. Optim. Appl. 41 (2008)). With Coulomb friction, h follows
+the pressure.
 
 Symbols: n points of this rank, d dimension, j bounds of a traction.
 """
@@ -45,11 +47,15 @@ SOFT = 1e-4
 
 Bodies that bend open and press by orders more than bodies that are glued.
 """
-FIRST_MU = 100.0
-"""First mu, over mean pressure times mean opening of the first solution [-].
+FIRST_MU = 3.0
+"""First mu, over mean square of traction and opening of the first solution [-].
 
 Steps are short where it is too small; where it is too large there are more steps.
 """
+SHARES = np.linspace(1.0, 0.1, 10)
+"""Shares of the way from a first to a second solution that are tried [-]."""
+LONGER = 1.01
+"""Growth of the length of a step for which a smaller share is taken [-]."""
 INSIDE = 0.9
 """Share of the friction bound below which a path begins [-]."""
 SHORT = 0.01
@@ -65,6 +71,9 @@ APART = 1e-12
 """Pressure over opening, times gamma, at all points where nothing touches [-]."""
 LEFT = 1e-3
 """What may be left of equilibrium at the end, over the first solution [-]."""
+
+Directions = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Changes of r, y and v in a step."""
 
 
 class LinearStep(Protocol):
@@ -101,10 +110,11 @@ def follow(
         call("begin")
         while not is_known and share > SHORT and count < STEPS:
             call("linearise")
-            solve(u, renew=True)
+            first = solve(u, renew=True)
             call("predict")
-            solution = solve(u, renew=False)
-            share, is_known = call("advance")
+            second = solve(u, renew=False)
+            between, share, is_known = call("advance")
+            solution = first + between * (second - first)
             u = u + share * (solution - u)
             count += 1
     except PETSc.Error as failure:
@@ -119,11 +129,13 @@ class CentralPath:
 
     Args:
         forms: The equations with weights and offsets.
+        friction: Share of the friction bounds [-].
     """
 
-    def __init__(self, forms: InteriorForms) -> None:
+    def __init__(self, forms: InteriorForms, friction: float) -> None:
         model = forms.model
         self._forms = forms
+        self._friction = friction
         self._comm = model.comm
         self._shapes: list[tuple[int, int]] = []
         self._laws = []
@@ -149,26 +161,25 @@ class CentralPath:
 
     def begin(self) -> None:
         """Begin on the path with the trial tractions that the forms read."""
-        z = self._trials()
+        springs = SOFT * self._trials()
         opens = self._opens
-        z_n = z[opens, 0]
-        count = max(self._sum(opens), 1.0)
-        pressure = self._sum(np.maximum(-z_n, 0.0)) / count
-        opening = self._sum(np.maximum(z_n, 0.0)) / count
-        # Where all points press, or all are apart, the smaller mean tells nothing.
-        least = 0.01 * max(pressure, opening)
-        self._mu = FIRST_MU * max(pressure, least) * max(opening, least)
-        if self._mu == 0.0:
-            self._mu = FIRST_MU * max(self._mean_square(z), np.finfo(float).tiny)
+        normal = springs[:, 0]
+        # Springs carry r where they are pressed, and v is SOFT times less.
+        square = self._sum(normal**2) / max(self._sum(np.ones(len(normal))), 1.0)
+        first = FIRST_MU * max(square, np.finfo(float).tiny)
+        self._mu = first / SOFT
         self._left = 1.0
 
-        self._r = z.copy()
-        self._r[opens, 0] = 0.5 * (z_n - np.sqrt(z_n**2 + 4 * self._mu))
+        self._r = springs
+        of_opens = normal[opens]
+        self._r[opens, 0] = 0.5 * (of_opens - np.sqrt(of_opens**2 + 4 * first))
         bound = self._friction_bound()
         slides = bound > 0
         self._used = np.column_stack([opens, *[slides] * (self._sides.shape[1] - 1)])
-        self._free = np.column_stack([np.ones(len(z), bool), *[slides] * (z.shape[1] - 1)])
-        size = np.linalg.norm(z[:, 1:], axis=1)
+        self._free = np.column_stack(
+            [np.ones(len(bound), bool), *[slides] * (len(self._sides) - 1)]
+        )
+        size = np.linalg.norm(self._r[:, 1:], axis=1)
         share = np.where(slides, INSIDE * bound / np.where(slides, bound + size, 1.0), 0.0)
         self._r[:, 1:] *= share[:, None]
         self._h = np.where(self._used, bound[:, None], 0.0)
@@ -187,19 +198,26 @@ class CentralPath:
 
     def predict(self) -> None:
         """Set the offsets for a step to a smaller mu, after the step to mu = 0."""
-        _, dy, dv = self._directions()
+        self._first = self._directions()
+        _, dy, dv = self._first
         share = min(1.0, self._longest(dy, dv))
         mu = self._mean((self._y + share * dy) * (self._v + share * dv))
         # Round-off may say that a solution has mu < 0.
         centring = (max(mu, 0.0) / self._mu) ** 3
         self._aim(np.where(self._used, centring * self._mu - dy * dv, 0.0))
 
-    def advance(self) -> tuple[float, bool]:
-        """Take a step; return its length [-], and whether all states are known."""
-        dr, dy, dv = self._directions()
+    def advance(self) -> tuple[float, float, bool]:
+        """Take a step.
+
+        Returns:
+            Share of the way from the first to the second solution to which it goes [-],
+            its length [-], and whether all states are known.
+        """
+        second = self._directions()
+        between, (dr, dy, dv) = self._longest_between(second)
         share = min(1.0, BACK * self._longest(dy, dv))
         if not np.isfinite(self._sum(dr)):
-            return 0.0, False
+            return between, 0.0, False
         self._r = self._r + share * dr
         self._y = self._y + share * dy
         self._v = self._v + share * dv
@@ -211,7 +229,22 @@ class CentralPath:
         presses = ~self._used[:, 0] | (self._y[:, 0] > APART * self._v[:, 0])
         touches = self._sum(presses) > 0
         is_known = not touches or products <= KNOWN * self._sum(self._r**2)
-        return share, is_known and self._left <= LEFT
+        return between, share, is_known and self._left <= LEFT
+
+    def _longest_between(self, second: Directions) -> tuple[float, Directions]:
+        """Return the share of the way to second directions with the longest step."""
+        best = 0.0
+        chosen: tuple[float, Directions] = (1.0, second)
+        for between in SHARES:
+            dr, dy, dv = (
+                of_first + between * (of_second - of_first)
+                for of_first, of_second in zip(self._first, second, strict=True)
+            )
+            length = min(1.0, self._longest(dy, dv))
+            if length > LONGER * best:
+                best = length
+                chosen = float(between), (dr, dy, dv)
+        return chosen
 
     def _aim(self, products: np.ndarray) -> None:
         """Set t, and with it weights and offsets."""
@@ -221,7 +254,7 @@ class CentralPath:
         self._offsets = np.where(self._free, offsets, 0.0)
         self._set_affine(self._weights, self._offsets)
 
-    def _directions(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _directions(self) -> Directions:
         """Return the directions of r, y and v at the solution that the forms read."""
         r = np.einsum("nab,nb->na", self._weights, self._trials()) + self._offsets
         dr = r - self._r
@@ -242,7 +275,7 @@ class CentralPath:
         pressures = self._of_contacts(np.maximum(-self._r[:, 0], 0.0))
         for (contact, parameters), pressure in zip(self._laws, pressures, strict=True):
             bounds.append(contact.friction_bound(pressure, parameters).ravel())
-        return np.concatenate(bounds)
+        return self._friction * np.concatenate(bounds)
 
     def _trials(self) -> np.ndarray:
         """Return the trial tractions that the forms read along the axes, (n, d)."""
@@ -276,10 +309,6 @@ class CentralPath:
     def _mean(self, products: np.ndarray) -> float:
         """Return the mean over all bounds."""
         return self._sum(np.where(self._used, products, 0.0)) / max(self._sum(self._used), 1.0)
-
-    def _mean_square(self, z: np.ndarray) -> float:
-        """Return the mean square of the trial tractions."""
-        return self._sum(z**2) / max(self._sum(np.ones(len(z))), 1.0)
 
     def _sum(self, values: np.ndarray) -> float:
         """Return the sum over all ranks."""

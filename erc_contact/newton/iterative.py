@@ -91,7 +91,7 @@ class Iterative:
         """
         method = step.method
         if step.interior:
-            return *self._interior(method, state), None
+            return *self._interior(step, state), None
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
@@ -114,9 +114,10 @@ class Iterative:
                 pull = shares.springs * _distance(x, before)
                 friction = shares.friction
             shares = following(problems, pull)
-            if shares is not None and not outcome.converged:
+            if not outcome.converged:
                 before.copy(x)
             before.destroy()
+        contacts = problem.counts(x) if friction > 1.0 else ()
         problem.set_shares(1.0, 1.0)
         problem.hold(0.0, x)
         v, multipliers = problem.fields(x)
@@ -127,7 +128,8 @@ class Iterative:
             least = problem.least_singular_value(x)
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
-        return replace(outcome, steps=steps, friction=friction), v, solution
+        whole = replace(outcome, steps=steps, friction=friction, contacts=contacts)
+        return whole, v, solution
 
     def _full(self, forms: ContactForms) -> FullSpace:
         """Return the contact problem of some forms for all degrees of freedom."""
@@ -135,11 +137,11 @@ class Iterative:
             self.carried.model, forms, self.elastic, self._loads, self._length, self._force
         )
 
-    def _interior(self, method: Method, state: fem.Function) -> tuple[Outcome, fem.Function]:
+    def _interior(self, step: Attempt, state: fem.Function) -> tuple[Outcome, fem.Function]:
         """Make interior point steps; return their outcome and last state."""
-        problem = self._full(InteriorForms(self.carried.model, method))
+        problem = self._full(InteriorForms(self.carried.model, step.method))
         start = self.elastic.start(state) / problem.length
-        unknowns, steps, is_known = problem.follow_path(start)
+        unknowns, steps, is_known = problem.follow_path(start, step.friction_shares[0])
         x = problem.vector()
         x.array[:] = unknowns
         last, _ = problem.fields(x)

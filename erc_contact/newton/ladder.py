@@ -23,12 +23,16 @@ from erc_contact.newton.methods import OURS, AugmentedLagrangian, Method, Nitsch
 
 FRICTION_STEPS = ((0.5, 1.0), (0.9, 1.0), tuple(0.05 * k for k in range(21)))
 """Shares of the friction bound when friction is raised in steps."""
-DESCENT = (8.0, 4.0, 2.0, 1.5, 1.2, 1.1, 1.05, 1.02, 1.01, 1.0)
-"""Shares of the friction bound when friction that holds a body is lowered in steps.
+MUCH_FRICTION = 8.0
+"""Share of the friction bound at which friction that holds a body is first lowered [-].
 
 More friction makes more of the contact stick. So loose bodies that stick at last are
 followed to the friction of the scene, or to the friction at which they begin to slide.
 """
+FALL = 2.0
+"""Factor by which it is lowered at most in a step [-]."""
+LEAST_FALL = 1.02
+"""Factor of a step without solution that ends the attempt [-]."""
 GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
 """Shares of the gaps when they are opened in steps.
 
@@ -97,8 +101,9 @@ class Attempt:
         start: Name of the start.
         line_search: Name of PETSc's line search.
         friction_shares: Shares of the friction bound that are solved for one after the
-            other [-].
+            other [-]; interior point steps know only the first one.
         gap_shares: The same of gaps; only one of both has several.
+        lowers: Whether friction is lowered to the scene's from more of it.
         proximal: Whether springs hold the motions that no support holds meanwhile.
         final: Whether its solution solves the scene; otherwise it is the start of
             another attempt.
@@ -111,6 +116,7 @@ class Attempt:
     line_search: str = "bisection"
     friction_shares: tuple[float, ...] = (1.0,)
     gap_shares: tuple[float, ...] = (1.0,)
+    lowers: bool = False
     proximal: bool = False
     final: bool = True
     interior: bool = False
@@ -123,6 +129,9 @@ class Attempt:
         """
         if self.proximal:
             yield from _proximal_problems()
+            return
+        if self.lowers:
+            yield from _lowered_problems()
             return
         for share in self.friction_shares[:-1]:
             if (yield Shares(friction=share)) is None:
@@ -147,6 +156,8 @@ class Attempt:
             steps = f", friction in {len(self.friction_shares)} steps"
         if len(self.gap_shares) > 1:
             steps = f", gaps in {len(self.gap_shares)} steps"
+        if self.lowers:
+            steps = ", friction lowered"
         if self.proximal:
             steps = ", proximal steps"
         return f"{self.start} start, {self.method}, {self.line_search}{steps}"
@@ -307,9 +318,33 @@ def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[A
     """
     if "nodal" in known:
         return
-    yield Attempt(nodal, "glued", friction_shares=DESCENT, final=nodal == method)
-    if nodal != method:
+    is_nodal = nodal == method
+    yield Attempt(nodal, "glued", lowers=True, final=is_nodal)
+    if "nodal" not in known:
+        much = (MUCH_FRICTION,)
+        yield Attempt(nodal, "glued", friction_shares=much, interior=True, final=False)
+        yield Attempt(nodal, "interior", lowers=True, final=is_nodal)
+    if not is_nodal:
         yield Attempt(method, "nodal")
+
+
+def _lowered_problems() -> Generator[Shares, float | None, None]:
+    """Generate problems with less and less friction, the last one with the scene's.
+
+    After a problem without solution the next step is half as long. It is sent the pull
+    of the springs, None after a problem without solution.
+    """
+    last = MUCH_FRICTION
+    if (yield Shares(friction=last)) is None:
+        return
+    fall = FALL
+    while last > 1.0 and fall > LEAST_FALL:
+        share = max(last / fall, 1.0)
+        if (yield Shares(friction=share)) is None:
+            fall = (last / share) ** 0.5
+        else:
+            last = share
+            fall = min(fall**2, FALL)
 
 
 def _proximal_problems() -> Generator[Shares, float | None, None]:

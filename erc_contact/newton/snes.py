@@ -20,6 +20,7 @@ from erc_contact.base.releases import not_a_number
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.newton.forms import Counts
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 SNES_PREFIX = "erc_contact_"
@@ -42,13 +43,14 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
-CRAWLING = ((3, 0.5, 0.5), (5, 0.5, 0.3), (5, 0.9, 0.0))
+CRAWLING = ((3, 0.5, 0.5), (2, 0.8, 0.0))
 """When changes of the status count as a crawl.
 
 In so many steps there are more than this share of the changes in as many steps before,
-and more than this share of the closed points. So an attempt takes six steps at least,
-and ten where few points change.
+and more than this share of the closed points.
 """
+EARLIEST = 6
+"""Steps that an attempt takes at least, whatever changes [-]."""
 FEW = 3
 """Changes in a step that are no crawl: so many points soon know their states."""
 CRAWLS = "states keep changing"
@@ -74,14 +76,17 @@ class Outcome:
         status: Numbers of open, slipping and sticking points of the contact.
         friction: Share of the friction bound of the last problem of a sequence that was
             solved [-]; 0 if none was.
+        contacts: Numbers of open, slipping and sticking points of each contact in its
+            solution, where this share is greater than one.
     """
 
     converged: bool
     reason: str
     steps: int
     residual: float
-    status: tuple[int, int, int]
+    status: Counts
     friction: float = 0.0
+    contacts: tuple[Counts, ...] = ()
 
     @property
     def open(self) -> bool:
@@ -314,10 +319,10 @@ class _StoppingTest:
     def _crawls(self, counts: tuple[int, int, int]) -> str:
         """Say that the changes of the status do not become few, or ""."""
         changes = self._changes
+        if len(changes) < EARLIEST or changes[-1] == 0:
+            return ""
         _, *closed = counts
         for steps, fall, share in CRAWLING:
-            if len(changes) < 2 * steps or changes[-1] == 0:
-                continue
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
             if last > max(fall * before, share * sum(closed), FEW * steps):
