@@ -49,7 +49,7 @@ LINE: dict[str, Any] = {"ms": 3, "lw": 1.2}
 def plot_energies(
     history: LoadingHistory, path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
-    """Draw work, strain energy and dissipation against time; collective.
+    """Draw work, strain energy, dissipation and plastic work in time; collective.
 
     Beside them is what is left of their balance.
 
@@ -74,6 +74,9 @@ def plot_energies(
         left.plot(time, history.column("work"), "o-", label=work, **LINE)
         left.plot(time, history.column("stored"), "o-", label="stored", **LINE)
         left.plot(time, history.column("dissipated"), "o-", label="dissipated", **LINE)
+        plastic = history.column("plastic_work")
+        if plastic.any():
+            left.plot(time, plastic, "o-", label="plastic work", **LINE)
         imbalance = history.column("imbalance")
         right.plot(time, imbalance, "o-", label="of the error on the meshes", **LINE)
         in_time = history.column("in_time")
