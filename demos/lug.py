@@ -2,20 +2,20 @@ r"""
 A soft pin in a hard lug
 ========================
 
-A lug is pulled over a pin that is held at its core. Both are of steel, with the same
-stiffness. The pin yields at 235 and hardens by 1% of Young's modulus; the lug is
-quenched and yields at 900 only. The hole is wider than the pin by a clearance of 0.05
-of the radii. Lengths are in mm, stresses in MPa, forces in N/mm; half of the scene is
-computed.
+A lug is pulled over a pin. Both are of steel, with the same stiffness, but the pin is
+soft: it yields at 130 and hardens by 1% of Young's modulus. The lug is quenched and
+yields at 900 only. The hole is wider than the pin by a clearance of 0.05 of the radii.
+Lengths are in mm, stresses in MPa, forces in N/mm; half of the scene is computed.
 
-In elasticity the pressure is greatest in the middle of the contact, and becomes greater
-with the pull. The pin of soft steel cannot bear that: it yields, first below the
-surface and then around its core, the lug sinks into it, the contact becomes wider and
-its pressure flat. The lug stays elastic nearly everywhere, so it could be taken off
-again; the pin could not be used twice.
+The mean pressure on the pin, the pull over its diameter, is 3.5 times its yield stress.
+A test bar of this steel would flow away at a third of it. The pin cannot: the hole
+confines it, and the strain is plane. So nearly all of its section yields, by half a
+percent, and then spreads in the hole as a liquid would. The contact becomes wider, and
+the pressure falls evenly from its middle, where it was flat there and steep at its end.
+The lug hardly notices.
 
-Yield stress and hardening are mappings from regions, as moduli are. The error is
-certified for both bodies and their contact together.
+Yield stress and hardening are numbers or mappings from regions, as moduli are. The
+error is certified for both bodies and their contact together.
 """
 
 from pathlib import Path
@@ -28,10 +28,10 @@ import erc_contact as ec
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
 FOLDER = Path("results/lug")
-R, CORE, CLEARANCE = 10.0, 3.0, 0.05
+R, CLEARANCE = 10.0, 0.05
 BACK, END, HALF_WIDTH = 60.0, 25.0, 22.0
-PULL = 10e3
-YIELD = {"pin": 235.0, "lug": 900.0}
+PULL = 9000.0
+YIELD = {"pin": 130.0, "lug": 900.0}
 
 # %%
 # The pin lies in the hole where it will be pressed, so both are meshed in one place;
@@ -47,17 +47,9 @@ def lug():
     occ = gmsh.model.occ
     plate = [(2, occ.addRectangle(-BACK, 0, 0, BACK + END, HALF_WIDTH))]
     pin = [(2, occ.addDisk(0, 0, 0, R, R))]
-    core = [(2, occ.addDisk(0, 0, 0, CORE, CORE))]
-    pin, _ = occ.intersect(pin, plate, removeTool=False)
-    pin, _ = occ.cut(pin, core, removeTool=False)
-    plate, _ = occ.cut(plate, core)
-    occ.fragment(plate, pin)
+    occ.fragment(plate, occ.intersect(pin, plate, removeTool=False)[0])
     occ.synchronize()
-    parts = {
-        "symmetry": ec.where(y=0.0),
-        "pulled": ec.where(x=-BACK),
-        "core": lambda x: np.hypot(x[0], x[1]) < 1.01 * CORE,
-    }
+    parts = {"symmetry": ec.where(y=0.0), "held": ec.where(x=-BACK)}
     regions = {
         "pin": lambda x: np.hypot(x[0], x[1]) < 1.001 * R,
         "lug": lambda x: np.hypot(x[0], x[1]) > 0.999 * R,
@@ -67,19 +59,28 @@ def lug():
     return domain.split({"rim": "pin", "hole": "lug"})
 
 
+# %%
+# What the pin bears comes along its axis and is sheared through its section. In the
+# plane it is a force per volume, a parabola over the radius. Nothing but the contact
+# holds the pin.
+
+
+def through_pin(x):
+    """Force per volume, PULL in total."""
+    share = np.maximum(1 - (x[0] ** 2 + x[1] ** 2) / R**2, 0)
+    return 2 * PULL / (np.pi * R**2) * share, 0.0
+
+
 def pulled(domain, material):
     """The lug under the pull, to a certified 5%."""
 
     def gap(x):
         return CLEARANCE * (1 - x[0] / R)
 
-    supports = [
-        ec.Displacement("core", (0.0, 0.0)),
-        ec.Displacement("symmetry", (None, 0.0)),
-    ]
-    pull = ec.Traction("pulled", (-PULL / (2 * HALF_WIDTH), 0.0))
+    supports = [ec.Symmetry("symmetry"), ec.Displacement("held", (0.0, None))]
     contact = ec.Contact("rim", gap=gap, against="hole")
-    scene = ec.Scene(material, supports, loads=pull, contacts=contact)
+    load = ec.BodyForce(through_pin)
+    scene = ec.Scene(material, supports, loads=load, contacts=contact)
     return ec.adapt(scene, domain, accuracy=0.05, degree=2, strategy=ec.SizeMap())
 
 
@@ -124,7 +125,10 @@ angle = {
     for name, (theta, mean) in pressure.items()
 }
 shares = {name: yielded(plastic, name) for name in YIELD}
-moved = {name: -run.at((-BACK, 0.0)).displacement[0] for name, run in runs.items()}
+moved = {
+    name: float(run.at((0.0, 0.0)).displacement[..., 0].squeeze())
+    for name, run in runs.items()
+}
 axes = ec.output.draw_state(plastic, "accumulated")
 
 if domain.comm.rank == 0:
@@ -132,6 +136,8 @@ if domain.comm.rank == 0:
         print(f"{name}: pressure up to {peak[name]:.0f} MPa,", end=" ")
         print(f"to {angle[name]:.0f} degrees, moved by {moved[name]:.4f} mm")
     print(f"yielded: pin {shares['pin']:.0%}, lug {shares['lug']:.1%}")
+    around = np.linspace(0, np.pi, 100)
+    axes.plot(R * np.cos(around), R * np.sin(around), "w", lw=0.8)
     axes.set(xlim=(-20, 20), ylim=(0, HALF_WIDTH))
     axes.figure.savefig(FOLDER / "plastic_zone.png", dpi=150)
     figure, axis = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
@@ -146,14 +152,16 @@ if domain.comm.rank == 0:
     figure.savefig(FOLDER / "pressure.png", dpi=150)
 
 # %%
-# What must hold: both runs carry the pull; yielding makes the pressure lower, the
-# contact wider and the joint softer; the pin yields, not through its whole section, and
-# the lug hardly. A pressure beyond the yield stress is no error: the pin is confined.
+# What must hold: both runs carry the pull (the facets of the pin are flat); yielding
+# makes the contact wider, the pressure lower at 40 degrees and the joint softer, and
+# does not raise the pressure; the pin has yielded nearly everywhere, the lug hardly.
 
+at_forty = {name: np.interp(40.0, *pressure[name]) for name in runs}
 assert all(run.reached for run in runs.values())
-assert all(abs(pull / PULL - 1) < 1e-8 for pull in pulls.values())
-assert YIELD["pin"] < peak["plastic"] < 0.9 * peak["elastic"]
-assert angle["plastic"] > angle["elastic"]
-assert moved["plastic"] > 1.1 * moved["elastic"]
-assert 0.2 < shares["pin"] < 0.9
+assert all(abs(pull / PULL - 1) < 1e-3 for pull in pulls.values())
+assert angle["plastic"] > angle["elastic"] + 10.0
+assert at_forty["plastic"] < 0.95 * at_forty["elastic"]
+assert peak["plastic"] < 1.02 * peak["elastic"]
+assert moved["plastic"] > 1.05 * moved["elastic"]
+assert shares["pin"] > 0.8
 assert shares["lug"] < 0.02
