@@ -77,7 +77,7 @@ from erc_contact.scene.law import Coulomb, Law, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.plastic import Plastic
-from erc_contact.scene.potential import Potential
+from erc_contact.scene.potential import Potential, Remembering
 from erc_contact.scene.preload import Preload
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
@@ -126,6 +126,7 @@ __all__ = [
     "Plastic",
     "Potential",
     "Preload",
+    "Remembering",
     "Resultant",
     "Rigid",
     "Rotation",

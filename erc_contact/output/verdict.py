@@ -15,6 +15,8 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.maximum import Maximum
+from erc_contact.results.states import state_moved, states_of
+from erc_contact.scene.potential import has_potential
 
 BOUND = "bound"
 """Kind of a statement that is proved."""
@@ -45,17 +47,21 @@ def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
         *_of_the_data(error),
         *_of_the_steps_before(error),
         *_of_other_solutions(error),
-        _of_points(),
+        _of_points(error),
     ]
 
 
 def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Say what e bounds, and up to what."""
-    size = (
-        f"e = {error.absolute:.4g} is {percent(error.relative)} of |sigma^ + C eps(u^)| = "
-        f"{error.scale:.4g}"
-    )
+    norm = "|sigma^ + C eps(u^)|"
     bounds = "e bounds the errors of u^ and of sigma^ in the energy norm"
+    if has_potential(error.model.scene.material):
+        norm = "sqrt(2 int psi + psi* + sigma^ : eps(u^))"
+        bounds = (
+            "e^2/2 bounds how far the potential energy of u^ and the complementary energy of "
+            "sigma^ are from their least values, together"
+        )
+    size = f"e = {error.absolute:.4g} is {percent(error.relative)} of {norm} = {error.scale:.4g}"
     if not error.pressure_dependent:
         if error.guaranteed:
             proved = (
@@ -110,11 +116,21 @@ def _of_the_steps_before(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Say what is left out of the error of a step of a loading history."""
     if not error.model.is_later_step:
         return []
+    remembers = bool(states_of(error.admissible))
+    also = ", and the state of the material that they left" if remembers else ""
     words = (
-        "e is the error of this step given the slip of the steps before. Their errors are in that "
-        "slip, and no proof sums them up. What the length of the steps costs is not in e."
+        f"e is the error of this step given the slip of the steps before{also}. Their errors are "
+        "in it, and no proof sums them up. What the length of the steps costs is not in e."
     )
-    return [(NOT_KNOWN, words)]
+    statements = [(NOT_KNOWN, words)]
+    moved = state_moved(error) if remembers else 0.0
+    if moved > ROUND_OFF:
+        words = (
+            f"The new mesh moved {percent(moved)} of the state of the material, in the root of the "
+            "mean square. Mark refines without this."
+        )
+        statements.append((ESTIMATE, words))
+    return statements
 
 
 def _of_other_solutions(error: ConstitutiveError) -> list[tuple[str, str]]:
@@ -128,12 +144,14 @@ def _of_other_solutions(error: ConstitutiveError) -> list[tuple[str, str]]:
     return [(NOT_KNOWN, words)]
 
 
-def _of_points() -> tuple[str, str]:
+def _of_points(error: ConstitutiveError) -> tuple[str, str]:
     """Say what e leaves open of forces and stresses."""
+    interval = "ec.resultant(error, contact, direction) gives an interval for a contact force."
+    if has_potential(error.model.scene.material):
+        interval = "ec.potential_energy(error) gives an interval for the energy."
     words = (
         "Forces, pressures and stresses below belong to the admissible pair. e bounds its "
-        "error in the energy norm, and not at single points. ec.resultant(error, contact, "
-        "direction) gives an interval for a contact force."
+        f"error in the energy norm, and not at single points. {interval}"
     )
     return NOT_KNOWN, words
 

@@ -83,6 +83,31 @@ def plastic_share(result: Any) -> float:
     return yielded / comm.allreduce(float(volume.sum()), MPI.SUM)
 
 
+def state_moved(result: Any) -> float:
+    """Return what the mesh of a step moved of the state before it [-]; collective.
+
+    It is the root of the mean square of the difference over the root of the mean square
+    of the state. A mesh that refines the mesh of the last step moves round-off.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+
+    Raises:
+        InputError: If the law has no state.
+
+    Example:
+        >>> ec.results.state_moved(yielded)  # from rest
+        0.0
+    """
+    pair = pair_of(result)
+    if not states_of(pair):
+        raise InputError(f"state_moved: {type(pair.model.scene.material).__name__} has no state.")
+    assert pair.model.linearised is not None
+    before = pair.model.linearised.law.state
+    assert before is not None
+    return before.moved
+
+
 def states_of(pair: Admissible) -> Shapes:
     """Return the entries of the state of the law, none of laws without."""
     shapes: Shapes = getattr(pair.model.scene.material, "state", {})

@@ -72,14 +72,6 @@ class Potential(Protocol):
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
-POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
-"""Names of the members of a material with a potential."""
-
-
-BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
-"""What there is of a potential where a number has no interval."""
-FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in space."
-"""What there is of a potential where a hypothesis or a given strain is refused."""
 type Shapes = Mapping[str, tuple[int, ...]]
 """Names of the entries of a state with their shapes: () or (3, 3)."""
 POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
@@ -90,8 +82,6 @@ BY_FORCE = "force() has the value of sigma^, without an interval; potential_ener
 """What there is of a potential where a number has no interval."""
 FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in space."
 """What there is of a potential where a hypothesis or a given strain is refused."""
-ONE_STEP = "A potential is loaded in one step from rest: solve() or adapt()."
-"""What there is of a potential where a history is refused."""
 
 
 class Remembering(Potential, Protocol):
@@ -104,6 +94,11 @@ class Remembering(Potential, Protocol):
     Attributes:
         state: Names of the entries with their shapes, () or (3, 3), which is symmetric.
             An entry ``plastic_strain`` takes plastic work.
+
+    Example:
+        >>> law: ec.Remembering = ec.Plastic(1e3, 0.3, yield_stress=3.0, hardening=20.0)
+        >>> law.state
+        {'plastic_strain': (3, 3), 'accumulated': ()}
     """
 
     @property
