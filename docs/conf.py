@@ -40,9 +40,9 @@ nitpick_ignore = [
         "newton.nodal_values.AnyField",
         "scene.goal.Goal",
         "newton.linear.solver.ElasticSolver",
-        "output.curves.Run",
         "error.runs.Run",
-        "output.mesh_pictures.RunOfMeshes",
+        "error.runs.AdaptiveRun",
+        "error.runs.LoadingHistory",
     )
 ]
 nitpick_ignore_regex = [

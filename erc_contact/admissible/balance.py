@@ -9,7 +9,12 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cones import clip
-from erc_contact.admissible.nearest import IMBALANCE_ROUND_OFF, SMALL_IMBALANCE, Nearest, Part
+from erc_contact.admissible.nearest import (
+    IMBALANCE_ROUND_OFF,
+    SMALL_IMBALANCE,
+    BalancePart,
+    Nearest,
+)
 
 SHIFT_STAGES = 8
 """Limit of the number of shares of a shift; one or two are usual."""
@@ -20,7 +25,7 @@ LONGEST_BEYOND = 10.0
 
 
 def balanced(
-    comm: MPI.Comm, parts: list[Part], works: np.ndarray, give: np.ndarray
+    comm: MPI.Comm, parts: list[BalancePart], works: np.ndarray, give: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray, float]:
     """Balance other forces with the tractions nearest to start + shift; collective.
 

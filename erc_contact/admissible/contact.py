@@ -25,7 +25,7 @@ from erc_contact.admissible.balance_parts import (
     ray_part,
     spring_give,
 )
-from erc_contact.admissible.nearest import Part
+from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
@@ -169,7 +169,7 @@ def _balanced(
         ):
             cones = trial.allowed.near(r, peak)
             shift = trial.shift(cones.slope)
-            part = Part(cones, r_0, shift, weight, motions, modulus)
+            part = BalancePart(cones, r_0, shift, weight, motions, modulus)
             cone_parts.append(part.on_facets(~trial.level))
             rays = trial.levelled(r)
             level = trial.level

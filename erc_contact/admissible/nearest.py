@@ -48,7 +48,7 @@ Motions on which no traction can work have no derivative.
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class BalancePart:
     """Hold one contact in the balance.
 
     Attributes:
@@ -72,11 +72,11 @@ class Part:
         """Return ``z + b q y`` for wanted tractions z [force/area], shape (f, m, d)."""
         return wanted + self.modulus[:, None, None] * (self.motions @ y)
 
-    def on_facets(self, facets: np.ndarray) -> Part:
+    def on_facets(self, facets: np.ndarray) -> BalancePart:
         """Return the part of the facets of a mask, shape (f,) of booleans."""
         c = self.cones
         cones = Cones(c.n[facets], c.slope[facets], c.offset[facets], c.bilateral[facets])
-        return Part(
+        return BalancePart(
             cones,
             self.start[facets],
             self.shift[facets],
@@ -87,7 +87,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class TractionState:
     """Hold tractions ``r = P(z + b q y)`` for some multipliers y.
 
     Attributes:
@@ -130,14 +130,14 @@ class Nearest:
     """
 
     comm: MPI.Comm
-    parts: list[Part]
+    parts: list[BalancePart]
     wanted: list[np.ndarray]
     works: np.ndarray
     give: np.ndarray
     before: np.ndarray
     area: float
 
-    def solve(self) -> State:
+    def solve(self) -> TractionState:
         """Return the best state of all steps; collective.
 
         The steps are Newton's. Where Newton fails because of the kinks of P, BFGS takes
@@ -167,7 +167,7 @@ class Nearest:
                 best = new
         return best
 
-    def state(self, y: np.ndarray) -> State:
+    def state(self, y: np.ndarray) -> TractionState:
         """Return the state of multipliers y; collective."""
         count = len(self.works)
         tractions = []
@@ -189,7 +189,7 @@ class Nearest:
         noise = IMBALANCE_ROUND_OFF * max(size, float(total[count + 1]))
         multipliers = self.before + y
         imbalance = total[:count] + self.works + self.give @ multipliers
-        return State(multipliers, tractions, beyond, imbalance, size, noise)
+        return TractionState(multipliers, tractions, beyond, imbalance, size, noise)
 
     def inverse(self, y: np.ndarray) -> np.ndarray:
         """Return the inverse of the derivative of the imbalance by y; collective."""
@@ -204,7 +204,9 @@ class Nearest:
         diagonal = max(REGULAR * float(np.trace(matrix)), REGULAR * self.area)
         return np.linalg.inv(matrix + self.give + diagonal * np.eye(count))
 
-    def line_search(self, y: np.ndarray, step: np.ndarray, now: State) -> tuple[float, State]:
+    def line_search(
+        self, y: np.ndarray, step: np.ndarray, now: TractionState
+    ) -> tuple[float, TractionState]:
         """Find the length of a step from y; collective.
 
         The slope along it is there at most half of that at its start. The slope does

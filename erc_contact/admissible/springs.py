@@ -44,7 +44,7 @@ def spring_tractions(model: Model, u: fem.Function) -> list[np.ndarray]:
     return [-spring.pull(u.x.array) for spring in model.springs]
 
 
-def stiff_components(model: Model, spring: BoundSpring) -> np.ndarray:
+def stiff_components(spring: BoundSpring) -> np.ndarray:
     """Tell which components of the tractions of springs are chosen as on supports.
 
     A component of a facet across an axis is normal or tangential; on other facets it is

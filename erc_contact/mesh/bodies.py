@@ -21,7 +21,7 @@ from erc_contact.mesh.surface import offset
 from erc_contact.mesh.tags import tag_table
 
 
-class Surface(Protocol):
+class TrueSurface(Protocol):
     """Represent the true surface of a body."""
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -70,7 +70,7 @@ class Bodies(NamedMesh):
         seams: What relates the nodes and cells of both, or None.
     """
 
-    geometry: Surface | None = field(default=None, repr=False)
+    geometry: TrueSurface | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Bodies | None = field(default=None, repr=False)
     seams: Seams | None = field(default=None, repr=False)

@@ -19,7 +19,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
-from erc_contact.mesh.bodies import Bodies, Joinable, Surface
+from erc_contact.mesh.bodies import Bodies, Joinable, TrueSurface
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.joining import joint
@@ -44,7 +44,7 @@ from erc_contact.mesh.transfer import spread
 from erc_contact.mesh.where import Rule
 
 
-class Geometry(Surface, Protocol):
+class Geometry(TrueSurface, Protocol):
     """Represent the true shape of a body: its surface, and how to mesh it again."""
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:

@@ -21,6 +21,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
@@ -141,7 +142,7 @@ def touching_regions(
     beside = tag_table(cell_tags)[cells[interface_of_facet[facets] == NO_INTERFACE]]
     between = beside[(beside[:, 0] != beside[:, 1]) & np.all(beside != NO_TAG, axis=1)]
     here = {(int(first), int(second)) for first, second in np.unique(np.sort(between), axis=0)}
-    return sorted(set().union(*lasting(mesh.comm).allgather(here)))
+    return sorted(union(lasting(mesh.comm), here))
 
 
 def side_tags(

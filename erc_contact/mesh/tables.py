@@ -6,7 +6,7 @@ so whatever belongs to a vertex or a facet of a cell is put in order by these nu
 Facet i is opposite to vertex i. Of a split domain the glued one is written, in the
 order of the split cells, and its interfaces.
 
-Symbols: d dimension, m number of cells, N nodes of a cell.
+Symbols: d dimension, n number of cells, N nodes of a cell.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     """Return the tags of the owned cells, and the tags of their facets.
 
     Returns:
-        "facets" and, where there are any, "curved", shape (m, d+1), and "regions",
-        shape (m,). For a split domain these are the tags of the glued one, and "glued"
-        has the numbers of its nodes, shape (m, d+1).
+        "facets" and, where there are any, "curved", shape (n, d+1), and "regions",
+        shape (n,). For a split domain these are the tags of the glued one, and "glued"
+        has the numbers of its nodes, shape (n, d+1).
     """
     if domain.glued is not None:
         return _glued_tables(domain)
@@ -85,11 +85,11 @@ def _glued_corners(domain: Domain) -> np.ndarray:
 
 
 def corner_places(points: np.ndarray, cells: np.ndarray, d: int) -> np.ndarray:
-    """Return the places of the corners of cells [length], shape (m, d+1, d).
+    """Return the places of the corners of cells [length], shape (n, d+1, d).
 
     Args:
         points: Places of the nodes [length], shape (n, 3).
-        cells: Nodes of the cells, vertices first, shape (m, N).
+        cells: Nodes of the cells, vertices first, shape (n, N).
         d: Dimension.
     """
     return points[cells[:, : d + 1], :d]
@@ -100,8 +100,8 @@ def glued_mesh(places: np.ndarray, glued: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Args:
         places: Places of the corners of its cells, the same for all copies of a node
-            [length], shape (m, d+1, d).
-        glued: Nodes of these cells, shape (m, d+1).
+            [length], shape (n, d+1, d).
+        glued: Nodes of these cells, shape (n, d+1).
     """
     x = np.zeros((glued.max() + 1, 3))
     x[glued, : places.shape[2]] = places
@@ -170,7 +170,7 @@ class CellRows:
     Args:
         comm: Communicator that shares the mesh.
         points: Places of all nodes [length], shape (n, 3), on rank 0.
-        cells: Nodes of the cells, vertices first, shape (m, N), on rank 0.
+        cells: Nodes of the cells, vertices first, shape (n, N), on rank 0.
         d: Dimension.
     """
 
@@ -219,11 +219,11 @@ class CellRows:
         return self.comm.scatter(parts)
 
     def of_facets(self, table: np.ndarray | None) -> np.ndarray:
-        """Return the same for a table of facets (m, d+1), in the order of each cell."""
+        """Return the same for a table of facets (n, d+1), in the order of each cell."""
         return np.take_along_axis(self.of_cells(table), self.order, axis=1)
 
     def of_corners(self, places: np.ndarray | None) -> np.ndarray:
-        """Return the same for places of corners (m, d+1, d)."""
+        """Return the same for places of corners (n, d+1, d)."""
         return np.take_along_axis(self.of_cells(places), self.order[..., None], axis=1)
 
     def of_nodes(

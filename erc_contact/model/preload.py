@@ -24,6 +24,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.ranks import union
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.sides import inner_facets
@@ -158,7 +159,7 @@ def check_beside_cuts(
                 reads |= contact.friction is not None
                 if (reads & _touched(preload, side.facets)).any():
                     holding.add(contact.name)
-        names = sorted(set().union(*space.comm.allgather(holding)))
+        names = sorted(union(space.comm, holding))
         if names:
             raise InputError(
                 f"Preload({preload.name!r}): {listed(names)} acts on cells of {preload.name!r} at"

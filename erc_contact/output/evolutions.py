@@ -11,6 +11,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.output.deformed import draw_deformed, magnification
@@ -26,7 +27,6 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
 from erc_contact.output.placing import place
-from erc_contact.output.series import LoadingHistory
 
 ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""

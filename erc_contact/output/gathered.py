@@ -31,7 +31,7 @@ AXIS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class WholeContact:
     """Hold the n facets of a contact on all ranks; on rank 0.
 
     Attributes:
@@ -65,7 +65,7 @@ class Surface:
     partners: np.ndarray | None = None
     letters: str = "xyz"
 
-    def missing(self, factor: float) -> Surface:
+    def missing(self, factor: float) -> WholeContact:
         """Return the contact with the gap that a picture must add, over its factor.
 
         It magnifies the gap by the factor, and the mesh has the part that is drawn.
@@ -90,7 +90,7 @@ def letters_of(model: Model) -> str:
     return "rz" if model.axisymmetric else "xyz"
 
 
-def mean_normal(surface: Surface) -> np.ndarray:
+def mean_normal(surface: WholeContact) -> np.ndarray:
     """Compute the normal of a contact, out of the body, shape (d,).
 
     If it varies, this is the unit vector of its mean. It is zero if the mean is zero,
@@ -105,7 +105,7 @@ def mean_normal(surface: Surface) -> np.ndarray:
     return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
-def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
+def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeContact | None:
     """Gather the facets of a contact on rank 0; None on other ranks; collective.
 
     The facets of a pair belong to the side that the scene names first.
@@ -156,7 +156,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         friction_bound=parts["friction_bound"],
         nodes=parts["nodes"],
     )
-    return Surface(
+    return WholeContact(
         whole_traction,
         x=parts["x"],
         vertices=parts["nodes"][:, : model.d],
@@ -170,7 +170,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     )
 
 
-def whole_contacts(admissible: Admissible) -> list[Surface]:
+def whole_contacts(admissible: Admissible) -> list[WholeContact]:
     """Gather the contacts that have facets on rank 0; collective.
 
     Other ranks get an empty list.
@@ -183,14 +183,14 @@ def whole_contacts(admissible: Admissible) -> list[Surface]:
     return contacts
 
 
-def is_symmetry(contact: Surface) -> bool:
+def is_symmetry(contact: WholeContact) -> bool:
     """Tell whether a contact is a plane of symmetry, which has no foundation."""
     data = contact.traction.contact
     plain = data.friction is None and data.gap is None and contact.partners is None
     return data.bilateral and plain
 
 
-def colours_in_words(contacts: Sequence[Surface]) -> str:
+def colours_in_words(contacts: Sequence[WholeContact]) -> str:
     """Say what the colours of lines in a picture mean."""
     symmetries = [is_symmetry(contact) for contact in contacts]
     words = "" if all(symmetries) else "\norange: closed contact"

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from plates import measured
 from reference import true_errors
 from scenes import mostly_serial
 
@@ -27,12 +28,6 @@ SPACE = ((0.0, 0.0, 0.0), (2.0, 1.5, 1.0))
 
 def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle(*PLANE, cells=(2 * n, n), comm=comm)
-
-
-def measured(scene, domain, **options) -> ec.ConstitutiveError:
-    """Of the augmented Lagrangian unless said otherwise: its forms are few."""
-    solution = ec.solve(scene, domain, **{"method": ec.AugmentedLagrangian(), **options})
-    return ec.constitutive_error(ec.equilibrate(solution))
 
 
 def pressed(*supports, friction=0.3, nu=NU, **others) -> ec.Scene:

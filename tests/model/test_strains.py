@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from plates import measured, plate
 from reference import true_errors
 from scenes import mostly_serial
 
@@ -28,16 +29,6 @@ from dolfinx import mesh as dmesh  # isort: skip - after erc_contact, which load
 
 E, NU, HEAT = 1000.0, 0.3, 1e-3
 ROLLERS = [ec.Displacement("left", (0.0, None)), ec.Displacement("bottom", (None, 0.0))]
-
-
-def measured(scene, domain, **options) -> ec.ConstitutiveError:
-    """Of the augmented Lagrangian unless said otherwise: its forms know no strain."""
-    solution = ec.solve(scene, domain, **{"method": ec.AugmentedLagrangian(), **options})
-    return ec.constitutive_error(ec.equilibrate(solution))
-
-
-def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
-    return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
 
 
 def two_metals(whole: ec.Domain) -> ec.Domain:

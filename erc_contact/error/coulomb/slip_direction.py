@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.error.coulomb.surface import PairOnSurface, Surface
+from erc_contact.error.coulomb.surface import CoulombSurface, PairOnSurface
 from erc_contact.model.trace import split
 
 LENGTHS = (0.0, 0.01, 0.03, 0.1, 0.3)
@@ -89,7 +89,9 @@ def _or_one(values: np.ndarray, positive: np.ndarray) -> np.ndarray:
     return np.where(positive, values, 1.0)
 
 
-def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: float) -> np.ndarray:
+def _smooth(
+    surface: CoulombSurface, rough: np.ndarray, weight: np.ndarray, length: float
+) -> np.ndarray:
     """Compute the smooth field by conjugate gradients, zero at blocked nodes."""
     free = ~surface.blocked[:, None]
     if length == 0:
@@ -120,7 +122,7 @@ def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: flo
     return t
 
 
-def _piece_stiffness(surface: Surface, length: float) -> np.ndarray:
+def _piece_stiffness(surface: CoulombSurface, length: float) -> np.ndarray:
     """Return the matrices of ``l^2 int grad . grad`` on the pieces, shape (P, d, d)."""
     x = surface.positions()
     pieces = surface.pieces

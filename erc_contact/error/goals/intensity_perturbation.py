@@ -22,6 +22,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import of_all
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
@@ -190,7 +191,7 @@ def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarra
     cells = np.flatnonzero(is_near).astype(np.int32)
     points = np.concatenate([corners[cells], corners[cells].mean(axis=1, keepdims=True)], axis=1)
     local = model.constitution.metric(points, cells).reshape(-1, 3, 3)
-    values = np.concatenate(model.comm.allgather(local))
+    (values,) = of_all(model.comm, local)
     first = values[0]
     changes = abs(values - first).max()
     # In Mandel components shear has the factor S_11 - S_12 in an isotropic material.
