@@ -31,7 +31,7 @@ nitpick_ignore = [
         "admissible.cells.CellGeometry",
         "admissible.elastic.CellStress",
         "mesh.naming.Rules",
-        "mesh.seams.Interface",
+        "mesh.interface_map.Interface",
         "model.constitution.Constitution",
         "model.friction.Friction",
         "model.last_step.LastStep",

@@ -26,7 +26,7 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.hinges import told, touching
-from erc_contact.mesh.seams import Interface, Seams
+from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG, tag_table
@@ -250,7 +250,9 @@ class Carried:
             return None
         return self.facet_tags(tag_table(marks)[facets_of_cells(self.glued)])
 
-    def seams(self, interfaces: Sequence[Interface], tags: np.ndarray, *, keep: bool) -> Seams:
+    def interface_map(
+        self, interfaces: Sequence[Interface], tags: np.ndarray, *, keep: bool
+    ) -> InterfaceMap:
         """Return what relates the split mesh to the glued mesh.
 
         Args:
@@ -285,7 +287,9 @@ class Carried:
             extent = float(abs(self.mesh.geometry.x).max(initial=0.0))
             extent = lasting(self.glued.comm).allreduce(extent, MPI.MAX)
             distances[distances <= ONE_PLACE * extent] = 0.0
-        return Seams(tuple(interfaces), facing, cells, nodes, counts, tuple(map(float, distances)))
+        return InterfaceMap(
+            tuple(interfaces), facing, cells, nodes, counts, tuple(map(float, distances))
+        )
 
     def _distance(self, nodes: np.ndarray, here: np.ndarray, there: np.ndarray) -> float:
         """Return the greatest distance of facing vertices on this rank [length].

@@ -56,9 +56,9 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
 def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
     """Return the tables of a split domain, see :func:`tag_tables`."""
     assert domain.glued is not None
-    assert domain.seams is not None
+    assert domain.interface_map is not None
     # Both meshes have the same owners.
-    cells = domain.seams.cells[: domain.owned_cells]
+    cells = domain.interface_map.cells[: domain.owned_cells]
     corners = _glued_corners(domain)[: domain.owned_cells]
     geometry = domain.glued.mesh.geometry
     nodes = cell_nodes(geometry)[cells]
@@ -78,9 +78,9 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
 def _glued_corners(domain: Domain) -> np.ndarray:
     """Return the place of each corner of the split cells in the glued cells."""
     assert domain.glued is not None
-    assert domain.seams is not None
-    in_glued = cell_nodes(domain.glued.mesh.geometry)[domain.seams.cells]
-    here = domain.seams.nodes[cell_nodes(domain.mesh.geometry)]
+    assert domain.interface_map is not None
+    in_glued = cell_nodes(domain.glued.mesh.geometry)[domain.interface_map.cells]
+    here = domain.interface_map.nodes[cell_nodes(domain.mesh.geometry)]
     return np.argmax(in_glued[:, None, :] == here[:, :, None], axis=2)
 
 
@@ -199,12 +199,12 @@ class CellRows:
 
         Its tables are in the order of the same cells.
         """
-        assert domain.seams is not None
+        assert domain.interface_map is not None
         rows = copy(self)
         rows.mesh = domain.mesh
-        rows._rows = self._rows[domain.seams.cells]
+        rows._rows = self._rows[domain.interface_map.cells]
         rows._rows_of_ranks = self.comm.gather(rows._rows)
-        order = self.order[domain.seams.cells]
+        order = self.order[domain.interface_map.cells]
         rows.order = np.take_along_axis(order, _glued_corners(domain), axis=1)
         return rows
 

@@ -155,13 +155,13 @@ def _is_chosen(regions: tuple[str, str], chosen: list[set[str]]) -> bool:
 
 def _pairs(domain: Bodies) -> list[Touching]:
     """Return the pairs of a split domain that are not tied; collective."""
-    if domain.seams is None:
+    if domain.interface_map is None:
         return []
     name_of = {tag: name for name, tag in domain.regions.items()}
     rows = []
     areas = []
     distances = []
-    for interface in domain.seams.interfaces:
+    for interface in domain.interface_map.interfaces:
         if interface.tied:
             continue
         sides = []
@@ -171,7 +171,7 @@ def _pairs(domain: Bodies) -> list[Touching]:
         here, _ = domain.facing(*interface.names)
         areas.append(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
         rows.append((*interface.names, (sides[0], sides[1])))
-        distances.append(domain.seams.distance(*interface.names))
+        distances.append(domain.interface_map.distance(*interface.names))
     total = domain.comm.allreduce(np.array(areas), MPI.SUM)
     return [
         Touching(*row, float(area), distance)
