@@ -1,4 +1,4 @@
-"""Parts of the balance: other forces, weights, motions, facets with a level pressure.
+"""Parts of the balance: other forces, weights, motions, facets with a uniform pressure.
 
 Symbols: f facets, m number of coefficients of a facet, d dimension, K motions.
 """

@@ -94,7 +94,7 @@ class TractionState:
         multipliers: y plus the multipliers of the solves before [force/area], shape
             (K,).
         tractions: r of each contact [force/area], shape (f, m, d).
-        beyond: ``z + b q y - r`` of each contact, the part beyond the sets
+        outside: ``z + b q y - r`` of each contact, the part outside the sets
             [force/area], shape (f, m, d).
         imbalance: ``s + D y`` on the motions [force], shape (K,).
         forces: Sum of the contact forces, or the other ones if they are larger.
@@ -103,7 +103,7 @@ class TractionState:
 
     multipliers: np.ndarray
     tractions: list[np.ndarray]
-    beyond: list[np.ndarray]
+    outside: list[np.ndarray]
     imbalance: np.ndarray
     forces: float
     noise: float
@@ -171,7 +171,7 @@ class Nearest:
         """Return the state of multipliers y; collective."""
         count = len(self.works)
         tractions = []
-        beyond = []
+        outside = []
         # The works on the motions, and the sums of |r| and of |z + b q y|.
         local = np.zeros(count + 2)
         for part, wanted in zip(self.parts, self.wanted, strict=True):
@@ -182,14 +182,14 @@ class Nearest:
             local[count] += float((part.weight * np.linalg.norm(r, axis=-1)).sum())
             local[count + 1] += float((part.weight * np.linalg.norm(z, axis=-1)).sum())
             tractions.append(r)
-            beyond.append(z - r)
+            outside.append(z - r)
         total = self.comm.allreduce(local, MPI.SUM)
         # Round-off is relative to what is added up: forces, and z where it is large.
         size = max(float(total[count]), float(np.linalg.norm(self.works)))
         noise = IMBALANCE_ROUND_OFF * max(size, float(total[count + 1]))
         multipliers = self.before + y
         imbalance = total[:count] + self.works + self.give @ multipliers
-        return TractionState(multipliers, tractions, beyond, imbalance, size, noise)
+        return TractionState(multipliers, tractions, outside, imbalance, size, noise)
 
     def inverse(self, y: np.ndarray) -> np.ndarray:
         """Return the inverse of the derivative of the imbalance by y; collective."""
@@ -252,8 +252,8 @@ def _updated(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.nd
         step: Step in y, shape (K,).
         change: Change of the imbalance by it [force], shape (K,).
     """
-    both = float(step @ change)
-    if both <= 0:
+    curvature = float(step @ change)
+    if curvature <= 0:
         return inverse
-    left = np.eye(len(step)) - np.outer(step, change) / both
-    return left @ inverse @ left.T + np.outer(step, step) / both
+    left = np.eye(len(step)) - np.outer(step, change) / curvature
+    return left @ inverse @ left.T + np.outer(step, step) / curvature

@@ -196,10 +196,10 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     locals_ = [local]
     across = [np.full(len(outer), BOUNDARY)]
     for side in range(2):
-        own = beside[:, side]
+        own_cell = beside[:, side]
         facets.append(inner)
-        cells.append(own)
-        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own] == inner[:, None], axis=1))
+        cells.append(own_cell)
+        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own_cell] == inner[:, None], axis=1))
         across.append(region_of[beside[:, 1 - side]])
     facet = np.concatenate(facets)
     cell = np.concatenate(cells)

@@ -152,10 +152,10 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
     if plain["kind"] == "Assembled":
         members = []
-        for one in plain["members"]:
-            shape: Any = geometry_of(one["shape"])
-            region_tags = tuple(tuple(pair) for pair in one["region_tags"])
-            plain_member = {**one, "shape": shape, "region_tags": region_tags}
+        for member in plain["members"]:
+            shape: Any = geometry_of(member["shape"])
+            region_tags = tuple(tuple(pair) for pair in member["region_tags"])
+            plain_member = {**member, "shape": shape, "region_tags": region_tags}
             members.append(Member(**plain_member))
         joints = tuple(tuple(joint) for joint in plain["joints"])
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)

@@ -229,8 +229,8 @@ def _pairs(space: Space, trace: Trace) -> np.ndarray:
     """Gather the pairs of nodes of a contact, each once, shape (p, 2); collective."""
     if trace.there is None:
         return np.zeros((0, 2), dtype=np.int64)
-    both = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
-    of_rank = space.global_numbers(np.unique(both, axis=0))
+    node_pairs = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    of_rank = space.global_numbers(np.unique(node_pairs, axis=0))
     return distinct_rows(space.comm, of_rank)
 
 

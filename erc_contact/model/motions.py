@@ -47,8 +47,8 @@ def nearest_motion(space: Space, motions: np.ndarray, values: np.ndarray) -> np.
     total = np.zeros(motions.shape[1])
     # The second time gets the digits that products of motions lose.
     for _ in range(2):
-        both = np.column_stack([motions, values - motions @ total])[:owned]
-        products = space.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
+        columns = np.column_stack([motions, values - motions @ total])[:owned]
+        products = space.comm.allreduce(motions[:owned].T @ columns, MPI.SUM)
         total += np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=FREE_SHARE)[0]
     return total
 

@@ -359,9 +359,9 @@ class ConvexConstitution(Constitution):
         psi, of_law = law.energy_and_stress(strain, x, cells)
         psi_star, _ = law.complementary(stress, of_law[..., 2], x, cells)
         work = (stress * strain).sum(axis=-1)
-        both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
+        terms = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
         # Below zero there is only round-off.
-        return 2 * np.maximum(both, 0.0)
+        return 2 * np.maximum(terms, 0.0)
 
 
 def _in_tensor(components: Ufl) -> Ufl:

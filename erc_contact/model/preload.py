@@ -242,10 +242,10 @@ def _check_whole(
         InputError: If cells of the first side share a facet at the cut with others.
     """
     facets, cells = inner_facets(space.mesh)
-    other = is_first[cells[:, 0]] != is_first[cells[:, 1]]
-    other &= ~np.isin(facets, space.facet_numbers(joint.trace.here.facets))
-    other &= (cells < space.domain.owned_cells).any(axis=1)
-    first, second = space.vertices[cells[other]].swapaxes(0, 1)
+    crosses = is_first[cells[:, 0]] != is_first[cells[:, 1]]
+    crosses &= ~np.isin(facets, space.facet_numbers(joint.trace.here.facets))
+    crosses &= (cells < space.domain.owned_cells).any(axis=1)
+    first, second = space.vertices[cells[crosses]].swapaxes(0, 1)
     # The vertices of a facet are those that both of its cells have.
     shared = (first[:, :, None] == second[:, None]).any(axis=2)
     torn = bool((shared & on_cut[first]).any())

@@ -223,7 +223,7 @@ def _out_of_plane(strain: GivenStrain, material: Any, parameters: Mapping[str, U
             "as a tensor of 2 rows."
         )
     S = ufl.zero((2, 2))
-    for one in mandel_basis(2):
-        tensor = ufl.as_matrix(one.tolist())
+    for basis_tensor in mandel_basis(2):
+        tensor = ufl.as_matrix(basis_tensor.tolist())
         S += ufl.as_ufl(material.out_of_plane(tensor, **parameters)) * tensor
     return S

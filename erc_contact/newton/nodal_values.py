@@ -140,7 +140,7 @@ def _of_points(
 
 def _nearest(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return the number of the nearest point of each node."""
-    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - paid for only by those who give points
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - for points only
 
     return np.asarray(cKDTree(points).query(nodes)[1])
 

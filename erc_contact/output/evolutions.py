@@ -124,7 +124,7 @@ def plot_loop(
     bound = model.contact(contact)
     trace = bound.trace
     facing = bound.name if contact == bound.against else bound.against
-    other = facing or f"the foundation of {contact}"
+    facing_name = facing or f"the foundation of {contact}"
     total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
     # Around a closed contact the normals sum to zero.
     along = tangents(total / (np.linalg.norm(total) or 1.0))
@@ -140,7 +140,7 @@ def plot_loop(
         axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
         axes.set(
             xlabel=f"mean displacement of {where} [length]",
-            ylabel=f"shear on {other} [force]",
+            ylabel=f"shear on {facing_name} [force]",
         )
         if ax is None:
             axes.locator_params(axis="x", nbins=5)

@@ -112,7 +112,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     """
     model = admissible.model
     contact = traction.contact
-    own = contact.trace.here.owned
+    owned = contact.trace.here.owned
     gap = gap_at_nodes(model, contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
     if contact.tangential_stiffness is not None:
@@ -129,19 +129,19 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         nodes, partners = partners, nodes
     parts = gathered(
         model.comm,
-        area=traction.area[own],
-        values=contact.sign * traction.values[own],
-        friction_bound=traction.friction_bound[own],
-        direction=contact.sign * contact.direction[own],
-        normals=contact.sign * contact.trace.normals_at_vertices[own],
-        nodes=model.global_numbers(nodes[own]),
-        x=model.V.tabulate_dof_coordinates()[nodes[own]],
-        gap=gap[own],
-        gap_left=(gap - w_n)[own],
-        slip=contact.sign * slip[own],
-        place=place[own],
-        drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[own],
-        partners=model.global_numbers(partners[own]),
+        area=traction.area[owned],
+        values=contact.sign * traction.values[owned],
+        friction_bound=traction.friction_bound[owned],
+        direction=contact.sign * contact.direction[owned],
+        normals=contact.sign * contact.trace.normals_at_vertices[owned],
+        nodes=model.global_numbers(nodes[owned]),
+        x=model.V.tabulate_dof_coordinates()[nodes[owned]],
+        gap=gap[owned],
+        gap_left=(gap - w_n)[owned],
+        slip=contact.sign * slip[owned],
+        place=place[owned],
+        drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
+        partners=model.global_numbers(partners[owned]),
     )
     if not parts:
         return None

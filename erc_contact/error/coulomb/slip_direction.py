@@ -76,9 +76,9 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     by_slip = pair.least_friction()[:, None] * pull / _or_one(length, length > 0)[:, None]
     largest = max(float(pressure.max()), float(length.max())) or 1.0
     square = (np.stack([pressure, length]) / largest) ** 2
-    both = square.sum(axis=0)
+    square_sum = square.sum(axis=0)
     weighted = square[0][:, None] * by_traction + square[1][:, None] * by_slip
-    rough = weighted / _or_one(both, both > 0)[:, None]
+    rough = weighted / _or_one(square_sum, square_sum > 0)[:, None]
     mean = float(node_area @ pressure / node_area.sum()) or largest
     c = (pressure + np.minimum(length, mean)) / mean
     return _limited(pair, rough), (c + SMALLEST) * node_area
