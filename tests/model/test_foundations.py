@@ -19,6 +19,7 @@ import pytest
 from plates import METHODS, by_ranks_and_solvers, measured, plate
 from reference import true_errors
 from scenes import mostly_serial
+from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, spring_of
@@ -189,14 +190,14 @@ BAD = {
     "negative": (lambda: ec.Foundation(-1.0), "a number > 0"),
     "infinite": (lambda: ec.Foundation(np.inf), "a finite number"),
     "words": (lambda: ec.Foundation("soft"), "a finite number"),
-    "number": (lambda: ec.Contact("bottom", foundation=3.0), r"give Foundation\(stiffness\)"),
+    "number": (lambda: ec.Contact("bottom", foundation=3.0), "give Foundation(stiffness)"),
     "bilateral": (
         lambda: ec.Contact("a", bilateral=True, foundation=ec.Foundation(1.0)),
-        r"Spring\('a', normal=k\)",
+        "Spring('a', normal=k)",
     ),
     "negative somewhere": (solved(pressed(lambda x: x[0] - 1.0)), "is -1 somewhere"),
     "not finite": (solved(pressed(lambda x: 1 / x[0])), "must be > 0 and finite"),
-    "method": (solved(pressed(1.0), method=WithoutGamma()), r"contact.project\(z, gamma\)"),
+    "method": (solved(pressed(1.0), method=WithoutGamma()), "contact.project(z, gamma)"),
     "interval": (
         lambda: ec.interval(
             measured(pressed(1.0, friction=0.0), plate()), ec.Resultant("bottom", (0.0, 1.0))
@@ -208,9 +209,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_foundations_are_refused_in_words(case):
-    attempt, words = BAD[case]
-    with pytest.raises(ec.InputError, match=words):
-        attempt()
+    refused(*BAD[case])
 
 
 def test_a_scene_says_its_foundation():

@@ -18,6 +18,7 @@ import pytest
 from plates import by_ranks_and_solvers, plate
 from reference import true_errors
 from scenes import mostly_serial
+from test_bad_input import refused
 
 import erc_contact as ec
 
@@ -173,6 +174,4 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_springs_are_refused_in_words(case):
-    attempt, words = BAD[case]
-    with pytest.raises(ec.InputError, match=words):
-        attempt()
+    refused(*BAD[case])

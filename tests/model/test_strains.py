@@ -20,6 +20,7 @@ from mpi4py import MPI
 from plates import measured, plate
 from reference import true_errors
 from scenes import mostly_serial
+from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.base.releases import cell_nodes
@@ -259,7 +260,8 @@ BAD = {
     ),
     "shape": (
         lambda: ec.solve(walled(ec.Eigenstrain(((0.0,) * 3,) * 3)), plate()),
-        "needs a scalar or the shape .* 2 rows of 2 components, which acts in plane",
+        "needs a scalar or the shape",
+        "2 rows of 2 components, which acts in plane",
     ),
     "math": (
         lambda: ec.solve(walled(ec.ThermalStrain(1.0, lambda x: np.floor(x[0]))), plate()),
@@ -274,9 +276,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_strains_are_refused_in_words(case):
-    attempt, words = BAD[case]
-    with pytest.raises(ec.InputError, match=words):
-        attempt()
+    refused(*BAD[case])
 
 
 def turned(tensor, angle):
