@@ -26,6 +26,7 @@ import logging
 import sys
 from collections import Counter
 from dataclasses import dataclass
+from functools import partial
 
 from mpi4py import MPI
 
@@ -35,7 +36,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from pair_evaluation import UNBALANCED, gathered, own_imbalance
 from pair_scenes import random_case
 
-from tasks import tell  # isort: skip
+from tasks import on_ranks, tell  # isort: skip
 
 COUNTS = (1, 2, 3)
 """Numbers of ranks."""
@@ -94,18 +95,12 @@ def outcome(seed: int, number: int, comm: MPI.Comm, *, solved: bool = False) -> 
 
 def pairs(seed: int = 0, count: int = 200) -> None:
     """Print what pairs claim and what they do not keep; collective."""
-    world = MPI.COMM_WORLD
-    counts = [ranks for ranks in COUNTS if ranks <= world.size]
+    counts = [ranks for ranks in COUNTS if ranks <= MPI.COMM_WORLD.size]
     totals: Counter[str] = Counter()
     said = own = 0.0
     for number in range(count):
         name = random_case(np.random.default_rng([seed, number]), MPI.COMM_SELF).name
-        runs = []
-        for ranks in counts:
-            comm = world.Split(int(world.rank >= ranks), world.rank)
-            here = outcome(seed, number, comm) if world.rank < ranks else None
-            runs.append(world.bcast(here))
-            comm.Free()
+        runs = on_ranks(counts, partial(outcome, seed, number))
         first = runs[0]
         found = Counter({first.ending: 1})
         for run in runs:

@@ -34,7 +34,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
 from attack_families import Sample, friction_along, random_modulus, scene_generator
 
-from tasks import tell  # isort: skip
+from tasks import on_ranks, tell  # isort: skip
 
 COUNTS = (1, 2, 3, 5)
 """Numbers of ranks."""
@@ -201,17 +201,11 @@ def is_coulomb(sample: Sample) -> bool:
 
 def plates(seed: int = 0, count: int = 6) -> None:
     """Print what differs between ranks, and what else is violated; collective."""
-    world = MPI.COMM_WORLD
-    counts = [ranks for ranks in COUNTS if ranks <= world.size]
+    counts = [ranks for ranks in COUNTS if ranks <= MPI.COMM_WORLD.size]
     totals: Counter[str] = Counter()
     most = 0.0
     for number in range(count):
-        runs = []
-        for ranks in counts:
-            comm = world.Split(int(world.rank >= ranks), world.rank)
-            here = run_of(seed, number, comm) if world.rank < ranks else None
-            runs.append(world.bcast(here))
-            comm.Free()
+        runs = on_ranks(counts, partial(run_of, seed, number))
         sample = random_plate(scene_generator(seed, number), MPI.COMM_SELF)
         found: Counter[str] = Counter(held=sum(run.held for run in runs))
         for run in runs[1:]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import erc_contact  # noqa: F401 - before mpi4py, it loads MPI
 
@@ -15,6 +15,22 @@ def tell(line: str) -> None:
     """Print a line on rank 0."""
     if MPI.COMM_WORLD.rank == 0:
         print(line, flush=True)
+
+
+def on_ranks[T](counts: Sequence[int], run: Callable[[MPI.Comm], T]) -> list[T]:
+    """Run something on numbers of ranks, one after another; collective.
+
+    Returns:
+        What it returns on rank 0, for each of them.
+    """
+    world = MPI.COMM_WORLD
+    results: list[T] = []
+    for ranks in counts:
+        comm = world.Split(int(world.rank >= ranks), world.rank)
+        here = run(comm) if world.rank < ranks else None
+        results.append(world.bcast(here))
+        comm.Free()
+    return results
 
 
 def run(tasks: Mapping[str, Callable[..., None]]) -> None:

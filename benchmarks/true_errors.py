@@ -33,7 +33,7 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.seams import Seams
+from erc_contact.mesh.interface_map import InterfaceMap
 from erc_contact.mesh.simplex import bernstein, rule
 from erc_contact.mesh.tags import tag_table, tags_of
 from erc_contact.model.contact_values import friction_parameters
@@ -99,8 +99,8 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
 
     Returns the mesh, and the old cell of each of its cells.
     """
-    if domain.glued is not None and domain.seams is not None:
-        return _nested_bodies(domain.glued, domain.seams, levels)
+    if domain.glued is not None and domain.interface_map is not None:
+        return _nested_bodies(domain.glued, domain.interface_map, levels)
     mesh, d = domain.mesh, domain.dim
     x, cells = mesh.geometry.x[:, :d], cell_nodes(mesh.geometry)
     points = np.vstack([x, x[cells].mean(axis=1)])
@@ -135,7 +135,9 @@ def nested(domain: ec.Domain, levels: int) -> tuple[ec.Domain, np.ndarray]:
     return result, result.cell_tags.values
 
 
-def _nested_bodies(glued: ec.Domain, seams: Seams, levels: int) -> tuple[ec.Domain, np.ndarray]:
+def _nested_bodies(
+    glued: ec.Domain, interface_map: InterfaceMap, levels: int
+) -> tuple[ec.Domain, np.ndarray]:
     """Do the same for bodies of one glued mesh, whose contacts are split again."""
     fine, origin = nested(glued, levels)
     assert glued.cell_tags is not None
@@ -144,11 +146,11 @@ def _nested_bodies(glued: ec.Domain, seams: Seams, levels: int) -> tuple[ec.Doma
     named = ec.Domain(
         fine.mesh, fine.facet_tags, fine.names, tags, glued.regions, places=fine.places
     )
-    bodies = named.cut(seams.interfaces)
-    assert bodies.seams is not None
-    split_cell = np.empty_like(seams.cells)
-    split_cell[seams.cells] = np.arange(len(seams.cells))
-    return bodies, split_cell[origin[bodies.seams.cells]]
+    bodies = named.cut(interface_map.interfaces)
+    assert bodies.interface_map is not None
+    split_cell = np.empty_like(interface_map.cells)
+    split_cell[interface_map.cells] = np.arange(len(interface_map.cells))
+    return bodies, split_cell[origin[bodies.interface_map.cells]]
 
 
 def reference(

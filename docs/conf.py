@@ -31,7 +31,7 @@ nitpick_ignore = [
         "admissible.cells.CellGeometry",
         "admissible.elastic.CellStress",
         "mesh.naming.Rules",
-        "mesh.seams.Interface",
+        "mesh.interface_map.Interface",
         "model.constitution.Constitution",
         "model.friction.Friction",
         "model.last_step.LastStep",
@@ -40,9 +40,9 @@ nitpick_ignore = [
         "newton.nodal_values.AnyField",
         "scene.goal.Goal",
         "newton.linear.solver.ElasticSolver",
-        "output.curves.Run",
         "error.runs.Run",
-        "output.mesh_pictures.RunOfMeshes",
+        "error.runs.AdaptiveRun",
+        "error.runs.LoadingHistory",
     )
 ]
 nitpick_ignore_regex = [

@@ -103,7 +103,7 @@ class Allowed:
         bound = self.bound(np.maximum(-r_n, 0.0))
         return clip(z_t, size, bound) + r_n[..., None] * self.n
 
-    def limited(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
+    def limited_by_mean(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
         """Limit tractions, facet by facet.
 
         The result is the allowed traction nearest to ``best`` on the line from ``mean``
@@ -142,17 +142,17 @@ class Allowed:
         limited, _ = projected(low)
         return limited
 
-    def level(self, values: np.ndarray, slip: np.ndarray) -> np.ndarray:
+    def at_mean_pressure(self, values: np.ndarray, slip: np.ndarray) -> np.ndarray:
         """Return tractions with the mean pressure of each facet that oppose the slip.
 
         Their friction is all that this pressure allows. If the pressure varies, so may
         the friction bound, which then is no polynomial, and r^ stays below it. The
         contact part of e^2 contains the difference times the slip. If the pressure is
-        level, r^ follows the bound: exactly where the parameters of the law are
+        uniform, r^ follows the bound: exactly where the parameters of the law are
         polynomials on the facet.
 
         Args:
-            values: Tractions whose pressure is levelled [force/area], shape (f, m, d).
+            values: Tractions with these mean pressures [force/area], shape (f, m, d).
             slip: Vectors along the slip, of any length, shape (f, m, d).
 
         Returns:
@@ -164,7 +164,7 @@ class Allowed:
         against = np.divide(slip, length, out=np.zeros_like(slip), where=length > 0)
         return -pressure[:, None, None] * self.n - bound[..., None] * against
 
-    def near(self, start: np.ndarray, peak: float) -> Cones:
+    def tangent_cones(self, start: np.ndarray, peak: float) -> Cones:
         """Return a convex set near some tractions.
 
         Its friction bound is the tangent of b at the pressures of ``start``. The law

@@ -9,18 +9,23 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cones import clip
-from erc_contact.admissible.nearest import IMBALANCE_ROUND_OFF, SMALL_IMBALANCE, Nearest, Part
+from erc_contact.admissible.nearest import (
+    IMBALANCE_ROUND_OFF,
+    SMALL_IMBALANCE,
+    BalancePart,
+    Nearest,
+)
 
 SHIFT_STAGES = 8
 """Limit of the number of shares of a shift; one or two are usual."""
 LONGEST_SHARE = 100.0
 """Longest share of a shift, over the largest traction [-]."""
-LONGEST_BEYOND = 10.0
-"""Longest vector beyond a set that is kept, over the largest traction [-]."""
+LONGEST_OUTSIDE = 10.0
+"""Longest vector outside a set that is kept, over the largest traction [-]."""
 
 
 def balanced(
-    comm: MPI.Comm, parts: list[Part], works: np.ndarray, give: np.ndarray
+    comm: MPI.Comm, parts: list[BalancePart], works: np.ndarray, give: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray, float]:
     """Balance other forces with the tractions nearest to start + shift; collective.
 
@@ -45,7 +50,7 @@ def balanced(
     if largest_component(comm, tractions) == 0.0 and not works.any():
         return tractions, np.zeros_like(works), 0.0
     remaining = [part.shift for part in parts]
-    beyond = [np.zeros_like(r) for r in tractions]
+    outside = [np.zeros_like(r) for r in tractions]
     multipliers = np.zeros_like(works)
     before = np.inf
     for _ in range(SHIFT_STAGES):
@@ -54,12 +59,12 @@ def balanced(
         wanted = []
         for i, r in enumerate(tractions):
             share = _at_most(LONGEST_SHARE * usual, remaining[i])
-            wanted.append(r + _at_most(LONGEST_BEYOND * usual, beyond[i]) + share)
+            wanted.append(r + _at_most(LONGEST_OUTSIDE * usual, outside[i]) + share)
             remaining[i] = remaining[i] - share
         state = Nearest(comm, parts, wanted, works, give, multipliers, area).solve()
         multipliers = state.multipliers
         tractions = state.tractions
-        beyond = state.beyond
+        outside = state.outside
         # Another solve from here can still improve the last digits of the balance.
         exact = state.size <= 10 * IMBALANCE_ROUND_OFF * state.forces
         small = state.size <= SMALL_IMBALANCE * state.forces

@@ -1,4 +1,4 @@
-"""Parts of the balance: other forces, weights, motions, facets with a level pressure.
+"""Parts of the balance: other forces, weights, motions, facets with a uniform pressure.
 
 Symbols: f facets, m number of coefficients of a facet, d dimension, K motions.
 """
@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import moments
 from erc_contact.admissible.cones import Cones
-from erc_contact.admissible.nearest import Part
+from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.shift import MOBILITY
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.foundation import ContactOnMesh
@@ -57,8 +57,8 @@ def weights_and_motions(
 
     Returns:
         ``|F|/m`` of the facets that this rank owns, else 0, shape (f, 1), and the
-        means of the motions at the nodes, shape (f, m, d, K), as :class:`Part` has
-        them.
+        means of the motions at the nodes, shape (f, m, d, K), as :class:`BalancePart`
+        has them.
     """
     trace = contact.trace
     area = trace.here.areas
@@ -102,7 +102,7 @@ def ray_part(
     weight: np.ndarray,
     motions: np.ndarray,
     modulus: np.ndarray,
-) -> Part:
+) -> BalancePart:
     """Make the part of facets that have multiples >= 0 of given tractions.
 
     All nodes of a facet are one long vector. A cone without friction whose normal is
@@ -116,7 +116,7 @@ def ray_part(
     cones = Cones(unit, none, none, none > 0)
     start = start.reshape(f, 1, m * d)
     motions = motions.reshape(f, 1, m * d, motions.shape[-1])
-    return Part(cones, start, np.zeros_like(start), weight, motions, modulus)
+    return BalancePart(cones, start, np.zeros_like(start), weight, motions, modulus)
 
 
 class TooCoarse(NotHeldError):

@@ -55,7 +55,7 @@ def gap_limits(model: Model, contact: ContactOnMesh, values: np.ndarray) -> np.n
         The coefficients [length], shape (f, m).
     """
     if contact not in model.gap_limits:
-        model.gap_limits[contact] = _polynomials_below(model, contact)
+        model.gap_limits[contact] = _minorants(model, contact)
     below = model.gap_limits[contact]
     if below.shape[1] == 1:
         return below[:, 0]
@@ -93,7 +93,7 @@ def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> n
     return np.where(highest > 2 * round_off, highest, 0.0)
 
 
-def _polynomials_below(model: Model, contact: ContactOnMesh) -> np.ndarray:
+def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:
     """Return coefficients of polynomials below the gap [length]; collective.
 
     Their shape is (f, c, m), with c = 1 where no facet may have a jump.

@@ -32,5 +32,5 @@ def supported(model: Model, cells: CellGeometry) -> np.ndarray:
     for facets, components in model.fixed_facets:
         fixed[model.facet_numbers(facets)] |= components
     for spring in model.springs:
-        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(model, spring)
+        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(spring)
     return fixed

@@ -3,7 +3,7 @@
 The sets are cones and cylinders.
 
 Symbols: n normal of the foundation, p = -r_n pressure, f facets, m nodes of a facet, d
-dimension, K directions.
+dimension, K motions.
 """
 
 from __future__ import annotations
@@ -76,11 +76,11 @@ class Cones:
     def derivative(self, z: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return factors of the derivative of the projection P at z.
 
-        At each node ``q.P'q = A.B`` for directions q.
+        At each node ``q.P'q = A.B`` for motions q.
 
         Args:
             z: Tractions [force/area], shape (f, m, d).
-            q: Directions, shape (f, m, d, K).
+            q: Motions of the body, shape (f, m, d, K).
 
         Returns:
             A and B of shape (f, m, d + 2, K): the parts along n, along z_t, and

@@ -25,7 +25,7 @@ from erc_contact.admissible.balance_parts import (
     ray_part,
     spring_give,
 )
-from erc_contact.admissible.nearest import Part
+from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
@@ -64,12 +64,12 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     """
     trials = [_trial(model, contact, solution) for contact in model.contacts]
     if not any(contact.sampled for contact in model.contacts):
-        return _limited(model, trials, others, levels=False)
+        return _limited(model, trials, others, uniform=False)
     try:
-        return _limited(model, trials, others, levels=True)
+        return _limited(model, trials, others, uniform=True)
     except NotHeldError:
-        # On a coarse mesh level pressures may leave too little to balance with.
-        return _limited(model, trials, others, levels=False)
+        # On a coarse mesh uniform pressures may leave too little to balance with.
+        return _limited(model, trials, others, uniform=False)
 
 
 def _trial(model: Model, contact: ContactOnMesh, solution: Any) -> Trial:
@@ -95,11 +95,11 @@ def no_traction(model: Model, contact: ContactOnMesh) -> ContactTraction:
 
 
 def _limited(
-    model: Model, trials: list[Trial], others: OtherForces, *, levels: bool
+    model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
 ) -> list[ContactTraction]:
     """Limit tractions to what the law allows at all samples, and balance other forces.
 
-    ``levels`` tells whether pressures may be levelled.
+    ``uniform`` tells whether pressures may become uniform on facets.
     """
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(model, trials, others)
@@ -116,7 +116,7 @@ def _limited(
         is_changed = False
         for trial, r, traction in zip(trials, values, tractions, strict=True):
             factor = lowering(model, traction)
-            become = trial.becomes_level(r) & levels
+            become = trial.becomes_uniform(r) & uniform
             changes.append((factor, become))
             is_changed = is_changed or bool(np.any(factor < 1.0) or np.any(become))
         # All ranks go on together, because every pass is collective.
@@ -152,8 +152,8 @@ def _balanced(
     balance is convex: it has the tangent of the friction bound at the last pressures.
     So the balance is repeated until the law allows its result.
 
-    The tractions of facets with a level pressure are multiples of
-    :meth:`Allowed.level`: one unknown, all nodes as one.
+    The tractions of facets with a uniform pressure are multiples of
+    :meth:`Allowed.at_mean_pressure`: one unknown, all nodes as one.
     """
     comm = model.comm
     constraints = [trial.weights_and_motions(model, others.motions) for trial in trials]
@@ -167,14 +167,14 @@ def _balanced(
         for trial, r, r_0, (weight, motions), modulus in zip(
             trials, values, start, constraints, of_facets, strict=True
         ):
-            cones = trial.allowed.near(r, peak)
+            cones = trial.allowed.tangent_cones(r, peak)
             shift = trial.shift(cones.slope)
-            part = Part(cones, r_0, shift, weight, motions, modulus)
-            cone_parts.append(part.on_facets(~trial.level))
-            rays = trial.levelled(r)
-            level = trial.level
-            of_level = (r_0[level], weight[level], motions[level], modulus[level])
-            ray_parts.append(ray_part(rays[level], *of_level))
+            part = BalancePart(cones, r_0, shift, weight, motions, modulus)
+            cone_parts.append(part.on_facets(~trial.uniform))
+            rays = trial.at_mean_pressure(r)
+            uniform = trial.uniform
+            of_uniform = (r_0[uniform], weight[uniform], motions[uniform], modulus[uniform])
+            ray_parts.append(ray_part(rays[uniform], *of_uniform))
         tractions, imbalance, sizes = balanced(comm, cone_parts + ray_parts, others.works, give)
         values = []
         moved = 0.0
@@ -183,11 +183,11 @@ def _balanced(
             trials, tractions[:count], tractions[count:], strict=True
         ):
             r = np.empty_like(trial.mean)
-            r[~trial.level] = at_nodes
-            r[trial.level] = on_rays.reshape(-1, *r.shape[1:])
+            r[~trial.uniform] = at_nodes
+            r[trial.uniform] = on_rays.reshape(-1, *r.shape[1:])
             values.append(r)
-            is_level = trial.level[:, None, None]
-            allowed = np.where(is_level, trial.levelled(r), trial.allowed.project(r))
+            is_uniform = trial.uniform[:, None, None]
+            allowed = np.where(is_uniform, trial.at_mean_pressure(r), trial.allowed.project(r))
             moved = max(moved, float(abs(allowed - r).max(initial=0.0)))
         by_contact = [
             (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)

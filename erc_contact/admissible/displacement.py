@@ -206,16 +206,16 @@ def _best_entry(
 ) -> np.ndarray:
     """Return by how far nodes should enter a compliant foundation [length].
 
-    A change of the entry d at a node raises the bulk part of e^2 by about S times its
-    square, and the contact part of e^2 is ``K <d>_+^2 - P d`` and a constant. The least
-    sum is at ``d + P/(2 S)`` if that is open, else S/(S + K) times that. So a rigid
-    foundation is not entered, and a soft one where u enters it.
+    A change of the entry d at a node raises the bulk part of e^2 by about k_b times its
+    square, and the contact part of e^2 is ``k_f <d>_+^2 - c d`` and a constant. The
+    least sum is at ``d + c/(2 k_b)`` if that is open, else ``k_b/(k_b + k_f)`` times
+    that. So a rigid foundation is not entered, and a soft one where u enters it.
 
     Args:
         entry: d of u [length], below zero where it is open.
-        closing: P, twice the force of the pressure at the node [force].
-        stiffness: S [force/length].
-        springs: K [force/length].
+        closing: c, twice the force of the pressure at the node [force].
+        stiffness: k_b, stiffness of the body at the node [force/length].
+        springs: k_f, share of the node in the foundation [force/length].
     """
     pressed = entry + closing / (2 * stiffness)
     share = np.where(pressed > 0, stiffness / (stiffness + springs), 1.0)
@@ -232,17 +232,18 @@ def _best_slide(
     """Return the best tangential displacements where a foundation gives way [length].
 
     They are ``z = u_t - s`` at nodes. A change of z raises the bulk part of e^2 by
-    about S times its square. The contact part is ``T.z + K |z|^2`` and a constant up to
-    ``K |z| = F/2``, and ``T.z + F |z|`` and a constant beyond. The least sum has the
-    direction of ``y = z - T/(2 S)``, and the length ``S/(S + K) |y|`` where it sticks
-    and ``|y| - F/(2 S)`` where it slips, which is the longer one.
+    about k_b times its square. The contact part is ``c.z + k_f |z|^2`` and a constant
+    up to ``k_f |z| = c_b/2``, and ``c.z + c_b |z|`` and a constant beyond. The least
+    sum has the direction of ``y = z - c/(2 k_b)``, and the length
+    ``k_b/(k_b + k_f) |y|`` where it sticks and ``|y| - c_b/(2 k_b)`` where it slips,
+    which is the longer one.
 
     Args:
         slide: z of u [length], shape (c, d).
-        shear: T, twice the force of the shear at the node [force], shape (c, d).
-        friction: F, twice the force of the friction bound [force], shape (c,).
-        stiffness: S [force/length], shape (c,).
-        springs: K [force/length], shape (c,).
+        shear: c, twice the force of the shear at the node [force], shape (c, d).
+        friction: c_b, twice the force of the friction bound [force], shape (c,).
+        stiffness: k_b [force/length], shape (c,).
+        springs: k_f [force/length], shape (c,).
     """
     best = slide - shear / (2 * stiffness[:, None])
     length = np.linalg.norm(best, axis=1)

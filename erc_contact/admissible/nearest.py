@@ -48,7 +48,7 @@ Motions on which no traction can work have no derivative.
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class BalancePart:
     """Hold one contact in the balance.
 
     Attributes:
@@ -72,11 +72,11 @@ class Part:
         """Return ``z + b q y`` for wanted tractions z [force/area], shape (f, m, d)."""
         return wanted + self.modulus[:, None, None] * (self.motions @ y)
 
-    def on_facets(self, facets: np.ndarray) -> Part:
+    def on_facets(self, facets: np.ndarray) -> BalancePart:
         """Return the part of the facets of a mask, shape (f,) of booleans."""
         c = self.cones
         cones = Cones(c.n[facets], c.slope[facets], c.offset[facets], c.bilateral[facets])
-        return Part(
+        return BalancePart(
             cones,
             self.start[facets],
             self.shift[facets],
@@ -87,14 +87,14 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class TractionState:
     """Hold tractions ``r = P(z + b q y)`` for some multipliers y.
 
     Attributes:
         multipliers: y plus the multipliers of the solves before [force/area], shape
             (K,).
         tractions: r of each contact [force/area], shape (f, m, d).
-        beyond: ``z + b q y - r`` of each contact, the part beyond the sets
+        outside: ``z + b q y - r`` of each contact, the part outside the sets
             [force/area], shape (f, m, d).
         imbalance: ``s + D y`` on the motions [force], shape (K,).
         forces: Sum of the contact forces, or the other ones if they are larger.
@@ -103,7 +103,7 @@ class State:
 
     multipliers: np.ndarray
     tractions: list[np.ndarray]
-    beyond: list[np.ndarray]
+    outside: list[np.ndarray]
     imbalance: np.ndarray
     forces: float
     noise: float
@@ -130,14 +130,14 @@ class Nearest:
     """
 
     comm: MPI.Comm
-    parts: list[Part]
+    parts: list[BalancePart]
     wanted: list[np.ndarray]
     works: np.ndarray
     give: np.ndarray
     before: np.ndarray
     area: float
 
-    def solve(self) -> State:
+    def solve(self) -> TractionState:
         """Return the best state of all steps; collective.
 
         The steps are Newton's. Where Newton fails because of the kinks of P, BFGS takes
@@ -167,11 +167,11 @@ class Nearest:
                 best = new
         return best
 
-    def state(self, y: np.ndarray) -> State:
+    def state(self, y: np.ndarray) -> TractionState:
         """Return the state of multipliers y; collective."""
         count = len(self.works)
         tractions = []
-        beyond = []
+        outside = []
         # The works on the motions, and the sums of |r| and of |z + b q y|.
         local = np.zeros(count + 2)
         for part, wanted in zip(self.parts, self.wanted, strict=True):
@@ -182,14 +182,14 @@ class Nearest:
             local[count] += float((part.weight * np.linalg.norm(r, axis=-1)).sum())
             local[count + 1] += float((part.weight * np.linalg.norm(z, axis=-1)).sum())
             tractions.append(r)
-            beyond.append(z - r)
+            outside.append(z - r)
         total = self.comm.allreduce(local, MPI.SUM)
         # Round-off is relative to what is added up: forces, and z where it is large.
         size = max(float(total[count]), float(np.linalg.norm(self.works)))
         noise = IMBALANCE_ROUND_OFF * max(size, float(total[count + 1]))
         multipliers = self.before + y
         imbalance = total[:count] + self.works + self.give @ multipliers
-        return State(multipliers, tractions, beyond, imbalance, size, noise)
+        return TractionState(multipliers, tractions, outside, imbalance, size, noise)
 
     def inverse(self, y: np.ndarray) -> np.ndarray:
         """Return the inverse of the derivative of the imbalance by y; collective."""
@@ -204,7 +204,9 @@ class Nearest:
         diagonal = max(REGULAR * float(np.trace(matrix)), REGULAR * self.area)
         return np.linalg.inv(matrix + self.give + diagonal * np.eye(count))
 
-    def line_search(self, y: np.ndarray, step: np.ndarray, now: State) -> tuple[float, State]:
+    def line_search(
+        self, y: np.ndarray, step: np.ndarray, now: TractionState
+    ) -> tuple[float, TractionState]:
         """Find the length of a step from y; collective.
 
         The slope along it is there at most half of that at its start. The slope does
@@ -250,8 +252,8 @@ def _updated(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.nd
         step: Step in y, shape (K,).
         change: Change of the imbalance by it [force], shape (K,).
     """
-    both = float(step @ change)
-    if both <= 0:
+    curvature = float(step @ change)
+    if curvature <= 0:
         return inverse
-    left = np.eye(len(step)) - np.outer(step, change) / both
-    return left @ inverse @ left.T + np.outer(step, step) / both
+    left = np.eye(len(step)) - np.outer(step, change) / curvature
+    return left @ inverse @ left.T + np.outer(step, step) / curvature

@@ -125,14 +125,14 @@ def _continuity_rows(d: int, k: int, stresses: np.ndarray) -> np.ndarray:
     subs = cell_pieces(d)[..., 1:]
     rows = []
     for i in range(d + 1):
-        for other in range(i + 1, d + 1):
+        for second_facet in range(i + 1, d + 1):
             # Sub-simplices i and other share the facet of the barycentre and the other
             # vertices.
-            gradient = _barycentric_gradients(subs[i])[other]
+            gradient = _barycentric_gradients(subs[i])[second_facet]
             normal = gradient / np.linalg.norm(gradient)
-            theirs = named_nodes(d, k, other, i)
-            for name, n in named_nodes(d, k, i, other).items():
-                difference = stresses[i, n] - stresses[other, theirs[name]]
+            theirs = named_nodes(d, k, second_facet, i)
+            for name, n in named_nodes(d, k, i, second_facet).items():
+                difference = stresses[i, n] - stresses[second_facet, theirs[name]]
                 rows.append(np.einsum("sz,sij,j->iz", difference, basis, normal))
     return np.array(rows)
 

@@ -44,7 +44,7 @@ def spring_tractions(model: Model, u: fem.Function) -> list[np.ndarray]:
     return [-spring.pull(u.x.array) for spring in model.springs]
 
 
-def stiff_components(model: Model, spring: BoundSpring) -> np.ndarray:
+def stiff_components(spring: BoundSpring) -> np.ndarray:
     """Tell which components of the tractions of springs are chosen as on supports.
 
     A component of a facet across an axis is normal or tangential; on other facets it is
@@ -149,13 +149,13 @@ def spring_squares(
     points, weights = rule(model.d - 1, RING_DEGREE if model.axisymmetric else 2 * model.degree)
     shape = bernstein(model.d - 1, model.degree, points)
     for spring, t in zip(model.springs, tractions, strict=True):
-        own = spring.side.owned
-        cells = spring.side.facets[own, 0]
+        owned = spring.side.owned
+        cells = spring.side.facets[owned, 0]
         pull = spring.pull_at(u.x.array, points)
         at_points = np.matmul(shape, t)
         for total, traction in zip(result, (at_points + pull, at_points - pull), strict=True):
             means = spring.squares(traction, points) @ weights
-            np.add.at(total, cells, (means * spring.side.areas)[own])
+            np.add.at(total, cells, (means * spring.side.areas)[owned])
     return result[0], result[1]
 
 

@@ -34,7 +34,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.turning import Turning, turning_of
 
 SLIDES = 10.0
-"""Slip over ``h/E |r^|`` beyond which the pressure of a facet may be levelled [-]."""
+"""Slip over ``h/E |r^|`` beyond which a pressure may become uniform [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Trial:
             [force/area], shape (f, m, d).
         shift: Its shift by slip and opening.
         allowed: The tractions that the law allows.
-        level: Which facets have a level pressure, shape (f,).
+        uniform: Which facets have a uniform pressure, shape (f,).
         is_kinked: Whether the normals jump. A polygon that slides along another one
             presses on one end of each facet, and a projection would change resultants.
         turning: How tractions turn with the normals, or None.
@@ -65,7 +65,7 @@ class Trial:
     mean: np.ndarray
     shift: Shift
     allowed: Allowed
-    level: np.ndarray
+    uniform: np.ndarray
     is_kinked: bool
     turning: Turning | None
     off_axis: np.ndarray | None = None
@@ -95,21 +95,21 @@ class Trial:
         if allowed.degree < 2 and not self.is_kinked:
             near = allowed.project(self.best)
         else:
-            near = allowed.limited(self.mean, self.best)
+            near = allowed.limited_by_mean(self.mean, self.best)
         shifted = near + self.shift.round_off(near)
         if self.off_axis is not None:
             shifted = shifted * self.off_axis[..., None]
-        return self.levelled(allowed.project(shifted))
+        return self.at_mean_pressure(allowed.project(shifted))
 
-    def levelled(self, values: np.ndarray) -> np.ndarray:
-        """Level the pressure of tractions on the facets of ``level``; collective."""
+    def at_mean_pressure(self, values: np.ndarray) -> np.ndarray:
+        """Return tractions whose pressure is uniform where it is to be; collective."""
         if not self.contact.sampled:
             return values
-        level_values = self.allowed.level(values, self.shift.slip)
-        return np.where(self.level[:, None, None], level_values, values)
+        uniform_values = self.allowed.at_mean_pressure(values, self.shift.slip)
+        return np.where(self.uniform[:, None, None], uniform_values, values)
 
-    def becomes_level(self, values: np.ndarray) -> np.ndarray:
-        """Tell which facets have a smaller error with a level pressure; collective.
+    def becomes_uniform(self, values: np.ndarray) -> np.ndarray:
+        """Tell which facets have a smaller error with a uniform pressure; collective.
 
         They slide far, and the estimated decrease of the contact part of e^2 is larger
         than the estimated increase of the bulk part.
@@ -121,27 +121,27 @@ class Trial:
             Booleans, shape (f,).
         """
         friction = self.contact.friction
-        # A level pressure gains nothing where b is linear in the pressure with the same
-        # slope on the whole facet, or does not depend on it.
+        # A uniform pressure gains nothing where b is linear in the pressure with the
+        # same slope on the whole facet, or does not depend on it.
         if friction is None or friction.convex or friction.dependence == CONSTANT:
             return np.zeros(len(values), dtype=bool)
         path = self.shift.path.mean(axis=1)
         bound, used = friction_at_samples(self.allowed.space, self.contact_traction(values))
         saved = 2 * np.maximum(bound - used, 0.0).mean(axis=1) * path
-        change = values - self.allowed.level(values, self.shift.slip)
+        change = values - self.allowed.at_mean_pressure(values, self.shift.slip)
         added = (change**2).sum(axis=2).mean(axis=1)
         size = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
         far = path > SLIDES * size
         if self.off_axis is not None:
             far &= self.off_axis.all(axis=1)
-        return ~self.level & far & (saved > added)
+        return ~self.uniform & far & (saved > added)
 
     def lowered(self, factor: np.ndarray, become: np.ndarray) -> Trial:
-        """Return the trial with less friction, or with a level pressure.
+        """Return the trial with less friction, or with a uniform pressure.
 
         Args:
             factor: Factor of the friction of each facet [-], shape (f,).
-            become: Facets whose pressure becomes level, shape (f,). Their friction
+            become: Facets whose pressure becomes uniform, shape (f,). Their friction
                 starts again with factor 1.
         """
         factor = np.where(become, 1.0, factor)
@@ -151,7 +151,7 @@ class Trial:
             best=with_friction(self.contact, self.best, factor),
             mean=with_friction(self.contact, self.mean, factor),
             allowed=replace(self.allowed, factor=total),
-            level=self.level | become,
+            uniform=self.uniform | become,
         )
 
     def weights_and_motions(
@@ -234,7 +234,7 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
         mean=mean,
         shift=shift,
         allowed=Allowed(space, contact, np.ones(count), degree),
-        level=np.zeros(count, dtype=bool),
+        uniform=np.zeros(count, dtype=bool),
         is_kinked=is_kinked(space.comm, contact),
         turning=turning,
         off_axis=off,

@@ -1,4 +1,4 @@
-"""Values that go to rank 0 and come from there, and rows of tables between ranks.
+"""Gather values and rows of tables from ranks, and send rows between them.
 
 All functions are collective.
 
@@ -9,6 +9,7 @@ its own object here.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,24 @@ def gathered(comm: MPI.Comm, value: Any) -> Any:
 def from_first(comm: MPI.Comm, value: Any) -> Any:
     """Return the value of rank 0, on all ranks."""
     return value if comm.size == 1 else comm.bcast(value)
+
+
+def of_all(comm: MPI.Comm, *tables: np.ndarray) -> list[np.ndarray]:
+    """Return tables with the rows of all ranks, rank after rank, on all ranks."""
+    if comm.size == 1:
+        return list(tables)
+    return [np.concatenate(parts) for parts in zip(*comm.allgather(tables), strict=True)]
+
+
+def distinct_rows(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
+    """Return the different rows, or numbers, of all ranks, sorted, on all ranks."""
+    (every,) = of_all(comm, rows)
+    return np.unique(every, axis=0 if every.ndim > 1 else None)
+
+
+def union(comm: MPI.Comm, values: Iterable[Any]) -> set[Any]:
+    """Return the values of all ranks, on all ranks."""
+    return set().union(*comm.allgather(set(values)))
 
 
 def exchange(

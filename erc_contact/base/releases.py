@@ -64,11 +64,6 @@ def coordinate_map(geometry: dmesh.Geometry) -> Any:
     return geometry.cmap if IS_0_10 else geometry.cmaps[0]
 
 
-def geometry_element(element: Any) -> Any:
-    """Return a coordinate element for ``create_geometry``: in 0.10 the C++ object."""
-    return element._cpp_object if IS_0_10 else element
-
-
 def c_code(sources: list[Any], name: str, options: dict[str, Any]) -> str:
     """Return the C code of forms and expressions.
 

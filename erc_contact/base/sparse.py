@@ -108,16 +108,3 @@ def diagonal(values: np.ndarray) -> PETSc.Mat:
     """Make a diagonal matrix of this rank."""
     place = np.arange(len(values))
     return sparse(len(values), len(values), place, place, [values])
-
-
-def add_diagonal(matrix: PETSc.Mat, values: np.ndarray) -> None:
-    """Add values to the diagonal of a matrix, in place.
-
-    Args:
-        matrix: The matrix; its pattern has the diagonal.
-        values: A value of each row of this rank.
-    """
-    diagonal = matrix.createVecRight()
-    diagonal.array[:] = values
-    matrix.setDiagonal(diagonal, addv=PETSc.InsertMode.ADD)
-    diagonal.destroy()

@@ -134,8 +134,8 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
         a = -a
     phi, weighted = lifting(model, pair.solution.stiffness, which, a)
     of_u = elastic_work(pair, pair.displacement, phi) - strain_work(pair, phi)
-    both = of_u + stress_work(pair, phi)
-    middle = 0.5 * both - load_work(model, phi)
+    both_works = of_u + stress_work(pair, phi)
+    middle = 0.5 * both_works - load_work(model, phi)
     square = elastic_work(pair, phi, phi)
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     # If phi is a rigid motion, (b) is the balance of forces, which needs no friction

@@ -193,10 +193,10 @@ def certify(
     error = constitutive_error(pair)
     # On curved contacts that are partly closed, reactions of coarse meshes give an e
     # that is up to 1.5 times as large. Each is a bound.
-    other = with_nitsche_tractions(solution) if traction is None else None
-    if other is not None:
+    with_tractions = with_nitsche_tractions(solution) if traction is None else None
+    if with_tractions is not None:
         with suppress(NotBalanced):
-            of_nitsche = constitutive_error(equilibrate(other, tighten))
+            of_nitsche = constitutive_error(equilibrate(with_tractions, tighten))
             if of_nitsche.absolute < error.absolute:
                 error = of_nitsche
     pair = error.admissible

@@ -59,11 +59,13 @@ from erc_contact.error.oscillation import (
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.tiny_edges import tell_tiny_edges
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.simplex import barycentric, lattice
 from erc_contact.model.forces import Force
 from erc_contact.model.friction import depends_on_pressure
 from erc_contact.model.maximum import Maximum, greatest
 from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises
+from erc_contact.model.values import DATA_DEGREE
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
@@ -265,6 +267,33 @@ class ConstitutiveError:
         no_norm = "absolute bounds the distance of both energies from their minima."
         refuse_potential(self.model.scene.material, "best_stress_error", no_norm)
         return 0.5 * float(np.hypot(self.absolute, self.contact_error))
+
+    @property
+    def displacement_error(self) -> float:
+        """Return the bound of ``|u - u^|`` in the elastic norm [sqrt(force length)].
+
+        Of a linear law it is e. Of a potential it is e over the root of the least share
+        of the elasticity at rest by which it is convex: ``sqrt(H/(3 G + H))`` of
+        :class:`erc_contact.Plastic`. With Coulomb friction it is one as e is.
+
+        Raises:
+            InputError: If a potential does not tell its convexity.
+        """
+        linearised = self.model.linearised
+        if linearised is None:
+            return self.absolute
+        law = linearised.law
+        if not law.has_convexity:
+            material = type(self.model.scene.material).__name__
+            raise InputError(
+                f"displacement_error: {material} does not tell its convexity; give it a method"
+                " convexity(**parameters). absolute bounds both energies."
+            )
+        cells = self.model.owned_cells
+        corners = self.model.cell_corners()[cells]
+        x = np.matmul(barycentric(lattice(self.model.d, DATA_DEGREE)), corners)
+        least, _ = self.model.extremes(law.convexity(x, cells))
+        return self.absolute / float(np.sqrt(least))
 
     @property
     def oscillation(self) -> float:

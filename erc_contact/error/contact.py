@@ -97,10 +97,10 @@ def contact_squares(
     area = trace.here.owned_areas
     of_w = trace.coefficients(trace.of(u_hat.x.array))
     of_s = trace.coefficients(trace.of_before)
-    both = cancelled(trace, u_hat.x.array)
+    cancelling = cancelled(trace, u_hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
     if contact.varies or concave or contact.is_compliant:
-        return _adapted_squares(model, traction, of_w, of_s, area, floor, both)
+        return _adapted_squares(model, traction, of_w, of_s, area, floor, cancelling)
     turns = trace.corner_normals is not None
     if friction is None and not turns:
         points, weights = same_rule(model.d, 2 * model.degree)
@@ -108,7 +108,7 @@ def contact_squares(
         points, weights = rule_between_zeros(contact, of_w - of_s)
     else:
         points, weights = same_rule(model.d, CONTACT_DEGREE)
-    parts = area * _means(model, traction, of_w, of_s, points, weights, both)
+    parts = area * _means(model, traction, of_w, of_s, points, weights, cancelling)
     no_sum = np.zeros(len(parts))
     if friction is None or (model.d == 2 and not turns):
         return ContactSquares(parts, no_sum)
@@ -116,7 +116,7 @@ def contact_squares(
     # piece.
     kinked = slip_may_vanish(contact, of_w - of_s)
     adapted = _adapted_squares(
-        model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, both
+        model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, cancelling
     )
     parts = np.where(kinked, adapted.parts, parts)
     return ContactSquares(parts, adapted.both, adapted.gaps, adapted.friction)

@@ -57,8 +57,8 @@ def lifting(
     phi = _least_energy(model, elastic, which, a)
     values = phi.x.array.reshape(-1, model.d)
     contact = model.contacts[which]
-    surface = _Surface(model, contact)
-    others = [_Surface(model, other) for other in model.contacts if other is not contact]
+    surface = _ContactNodes(model, contact)
+    others = [_ContactNodes(model, other) for other in model.contacts if other is not contact]
     surface.add(values, _working_part(contact, a - surface.jump(values)))
     for other in others:
         other.add(values, -_working_part(other.contact, other.jump(values)))
@@ -74,7 +74,7 @@ def lifting(
     return phi, bool(model.comm.allreduce(bool(missing) or surface.has_joint, MPI.LOR))
 
 
-class _Surface:
+class _ContactNodes:
     """Represent the nodes of a contact that this rank has; construction is collective.
 
     They include those that only facets of other ranks have.

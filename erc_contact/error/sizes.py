@@ -58,8 +58,8 @@ DOUBT = 8.0
 
 A run ends if it exceeds ``max_cells`` by more.
 """
-BISECTIONS = 100
-"""Limit of the bisections for a root."""
+ROUND_OFF = 1e-13
+"""Difference of the logarithms of two roots that is none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,16 +217,14 @@ def _rates(mesh: NodalMesh, square: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _root(f: Callable[[float], float], low: float, high: float) -> float:
-    """Find the root of an increasing function by bisection of the logarithm.
+    """Find the root of an increasing function of a positive number.
 
-    The root is a positive number; it is an end of the interval if there is none.
+    It is an end of the interval if there is none in it.
     """
-    for _ in range(BISECTIONS):
-        middle = (low * high) ** 0.5
-        if f(middle) > 0:
-            high = middle
-        else:
-            low = middle
-        if high < low * (1 + 1e-12):
-            break
-    return low
+    from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415 - for new meshes only
+
+    if f(low) > 0:
+        return low
+    if f(high) < 0:
+        return high
+    return float(np.exp(brentq(lambda t: f(np.exp(t)), np.log(low), np.log(high), xtol=ROUND_OFF)))

@@ -133,7 +133,7 @@ class Assembled:
         comm = like.comm
         plains = [member.meshed(like, sizes) for member in self.members]
         tables = spread(comm, PlainMesh.beside_each_other(plains))
-        blank: dict[str, Any] = {"glued": None, "seams": None}
+        blank: dict[str, Any] = {"glued": None, "interface_map": None}
         blank |= {"regions": self.regions, "geometry": self}
         result = replace(like, names=self.names, **tables, **blank)
         for here, there, on, tied, apart in self.joints:

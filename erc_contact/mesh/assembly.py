@@ -12,9 +12,9 @@ from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.assembled import Assembled, Member, Shape
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.interface_map import Interface, Regions
 from erc_contact.mesh.joining.joint import last_tag
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.mesh.transfer import gathered_mesh, spread
 
@@ -61,8 +61,8 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
         regions = _disjoint(regions, of_body)
         of_body = {f"{name} {part}": tag + facet_tag for part, tag in glued.names.items()}
         names = _disjoint(names, of_body)
-        if domain.seams is not None:
-            for interface in domain.seams.interfaces:
+        if domain.interface_map is not None:
+            for interface in domain.interface_map.interfaces:
                 interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
         shape = glued.geometry if isinstance(glued.geometry, Shape) else None
         region_tags = tuple(new_tags.values())

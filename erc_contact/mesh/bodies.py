@@ -14,14 +14,14 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.mesh import parts
+from erc_contact.mesh.interface_map import InterfaceMap
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.seams import Seams
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.surface import offset
 from erc_contact.mesh.tags import tag_table
 
 
-class Surface(Protocol):
+class TrueSurface(Protocol):
     """Represent the true surface of a body."""
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -67,13 +67,13 @@ class Bodies(NamedMesh):
         geometry: The true shape, or None.
         curved_facets: Tags of the facets of curved bodies, or None.
         glued: The mesh from which this one was split, or None.
-        seams: What relates the nodes and cells of both, or None.
+        interface_map: What relates the nodes and cells of both, or None.
     """
 
-    geometry: Surface | None = field(default=None, repr=False)
+    geometry: TrueSurface | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Bodies | None = field(default=None, repr=False)
-    seams: Seams | None = field(default=None, repr=False)
+    interface_map: InterfaceMap | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         """Describe the domain in a line; one rank alone may do so."""
@@ -81,7 +81,7 @@ class Bodies(NamedMesh):
         if self.regions:
             names += f", regions {', '.join(self.regions)}"
         if self.pairs:
-            names += f", pairs {self.seams}"
+            names += f", pairs {self.interface_map}"
         return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
 
     def _repr_html_(self) -> str:
@@ -91,7 +91,7 @@ class Bodies(NamedMesh):
         if self.regions:
             rows.append(("regions", ", ".join(self.regions)))
         if self.pairs:
-            rows.append(("pairs", self.seams))
+            rows.append(("pairs", self.interface_map))
         curved = self.curved_facets is not None
         rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))
         return table(rows, caption=f"Domain in {self.dim}D")
@@ -156,18 +156,18 @@ class Bodies(NamedMesh):
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Return the names of the boundary parts that face each other, see split."""
-        if self.seams is None:
+        if self.interface_map is None:
             return ()
-        return tuple(interface.names for interface in self.seams.interfaces)
+        return tuple(interface.names for interface in self.interface_map.interfaces)
 
     def distance(self, here: str, there: str | None) -> float:
         """Return the greatest distance of facing vertices of two parts [length].
 
         It is zero where both sides of a pair are in one place, and of other parts.
         """
-        if self.seams is None or there is None:
+        if self.interface_map is None or there is None:
             return 0.0
-        return self.seams.distance(here, there)
+        return self.interface_map.distance(here, there)
 
     @property
     def paired_sides(self) -> list[np.ndarray]:
@@ -181,8 +181,8 @@ class Bodies(NamedMesh):
     def tied_sides(self) -> list[np.ndarray]:
         """Return the sides (cell, local facet) of tied joints, shape (n, 2) each."""
         result: list[np.ndarray] = []
-        if self.seams is not None:
-            for interface in self.seams.interfaces:
+        if self.interface_map is not None:
+            for interface in self.interface_map.interfaces:
                 if interface.tied:
                     result += self.facing(*interface.names)
         return result
@@ -204,8 +204,8 @@ class Bodies(NamedMesh):
         Raises:
             InputError: If the parts are no pair.
         """
-        if self.seams is not None and (here, there) in self.seams.facing:
-            return self.seams.facing[here, there]
+        if self.interface_map is not None and (here, there) in self.interface_map.facing:
+            return self.interface_map.facing[here, there]
         for name in (here, there):
             self.tag(name)
         known = ", ".join(" and ".join(map(repr, pair)) for pair in self.pairs)

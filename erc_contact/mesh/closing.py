@@ -41,9 +41,9 @@ def closed(x: np.ndarray, cells: np.ndarray, number: np.ndarray) -> np.ndarray:
     columns = []
     for right, first in zip(load.T, start.T, strict=True):
         # Constants are in the kernel, and the load does no work on them.
-        rest = right - matrix @ first
+        residual = right - matrix @ first
         size = np.linalg.norm(abs(matrix) @ abs(first))
-        change, _ = cg(matrix, rest, rtol=CLOSED, atol=CLOSED**1.5 * size, M=inverse)
+        change, _ = cg(matrix, residual, rtol=CLOSED, atol=CLOSED**1.5 * size, M=inverse)
         columns.append(first + change)
     return np.column_stack(columns)
 

@@ -57,14 +57,14 @@ def numbered(
     np.minimum.at(lowest, group, cells[:, None])
     lowest_cell = lowest[group[:owned]]
 
-    own = lowest_cell == cells[:owned, None]
-    start = comm.exscan(int(own.sum())) or 0
-    numbers = np.where(own, start + np.cumsum(own.ravel()).reshape(own.shape) - 1, -1)
-    x = mesh.geometry.x[nodes[:owned][own], :d] if places is None else places[:owned][own]
+    first = lowest_cell == cells[:owned, None]
+    start = comm.exscan(int(first.sum())) or 0
+    numbers = np.where(first, start + np.cumsum(first.ravel()).reshape(first.shape) - 1, -1)
+    x = mesh.geometry.x[nodes[:owned][first], :d] if places is None else places[:owned][first]
     # The corner in the lowest cell has the same vertex of the glued mesh.
     vertices = mesh.geometry.index_map().local_to_global(nodes[:owned].ravel())
     vertices = vertices.reshape(owned, d + 1)
-    cell, corner = np.nonzero(~own)
+    cell, corner = np.nonzero(~first)
     known = fetched(comm, np.hstack([vertices, numbers]), lowest_cell[cell, corner])
     same_vertex = known[:, : d + 1] == vertices[cell, corner][:, None]
     numbers[cell, corner] = known[:, d + 1 :][same_vertex]

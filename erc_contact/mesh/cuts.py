@@ -39,7 +39,7 @@ class Pieces:
 
     Attributes:
         simplex: Number of the simplex of each piece, shape (n,).
-        corners: Barycentric coordinates of the corners of each piece, shape (n, P, P).
+        corners: Barycentric coordinates of the corners of each piece, shape (n, v, v).
         share: Share of each piece in its simplex [-], shape (n,).
     """
 
@@ -53,7 +53,7 @@ def first_pieces(simplices: np.ndarray, pieces: np.ndarray, cuts: Cuts | None) -
 
     Args:
         simplices: Numbers of the simplices in increasing order, shape (s,).
-        pieces: Pieces of equal size of each simplex, shape (c, P, P).
+        pieces: Pieces of equal size of each simplex, shape (c, v, v).
         cuts: Further places, of segments only, also of others than these.
     """
     if cuts is None:

@@ -19,15 +19,15 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
-from erc_contact.mesh.bodies import Bodies, Joinable, Surface
+from erc_contact.mesh.bodies import Bodies, Joinable, TrueSurface
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
+from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.joining import joint
 from erc_contact.mesh.named_shape import NamedShape, measured
 from erc_contact.mesh.naming import Rules, parts_named, regions_named
 from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
-from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.size_field import labels_of
 from erc_contact.mesh.splitting import (
     NO_INTERFACE,
@@ -44,7 +44,7 @@ from erc_contact.mesh.transfer import spread
 from erc_contact.mesh.where import Rule
 
 
-class Geometry(Surface, Protocol):
+class Geometry(TrueSurface, Protocol):
     """Represent the true shape of a body: its surface, and how to mesh it again."""
 
     def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
@@ -73,7 +73,7 @@ class Domain(Bodies):
             body: the number of the curve or surface of the geometry on which a facet
             lies. None if the body is not curved, or not known.
         glued: The domain from which this one was split, see :meth:`split`, or None.
-        seams: What relates the nodes and cells of both, or None.
+        interface_map: What relates the nodes and cells of both, or None.
         places: Places of the corners of the cells [length], shape (cells, d+1, d), of a
             glued domain whose bodies keep their shapes, or None.
 
@@ -114,7 +114,7 @@ class Domain(Bodies):
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
-        if self.seams is None and is_pinched(self.mesh):
+        if self.interface_map is None and is_pinched(self.mesh):
             self._tear()
         self._inside.update(parts.parts_inside(self.mesh, self.facet_tags, self.names))
 
@@ -123,7 +123,7 @@ class Domain(Bodies):
         mesh = self.mesh
         tag_names = ("facet_tags", "cell_tags", "curved_facets")
         tag_sets = [shared(self.comm, mesh, getattr(self, name)) for name in tag_names]
-        if self.seams is None and not partition.patches_complete(mesh):
+        if self.interface_map is None and not partition.patches_complete(mesh):
             mesh, tag_sets = partition.redistributed(mesh, *tag_sets)
         # A frozen dataclass sets its own members by this detour.
         object.__setattr__(self, "mesh", mesh)
@@ -200,7 +200,7 @@ class Domain(Bodies):
         """
         rules = together(self.comm, Rules.of, parts, regions)
         whole = self if self.glued is None else self.glued
-        interfaces = () if self.seams is None else self.seams.interfaces
+        interfaces = () if self.interface_map is None else self.interface_map.interfaces
         together(self.comm, rules.check_before, interfaces)
         result = whole.renamed(rules, joint.last_tag(self), interfaces)
         return result if self.glued is None else result.cut(interfaces)
@@ -270,13 +270,13 @@ class Domain(Bodies):
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
         on_tag = None if on is None else self.names[on]
-        before = () if self.seams is None else self.seams.interfaces
+        before = () if self.interface_map is None else self.interface_map.interfaces
         return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
 
     def _split_everywhere(self) -> Domain:
         """Split between all regions that share facets; collective."""
         glued = self if self.glued is None else self.glued
-        interfaces = () if self.seams is None else self.seams.interfaces
+        interfaces = () if self.interface_map is None else self.interface_map.interfaces
         if glued.cell_tags is not None:
             assert isinstance(glued.facet_tags, dmesh.MeshTags)
             before = claimed(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
@@ -360,7 +360,7 @@ class Domain(Bodies):
         together(comm, joint.check_parts, here, there, glued, self.pairs, apart)
         on = joint.last_tag(self) + 1
         found = joint.joint(glued, here, there, on, tied=tied, apart=apart)
-        before = () if self.seams is None else self.seams.interfaces
+        before = () if self.interface_map is None else self.interface_map.interfaces
         interfaces = together(comm, joint.interfaces, before, found.interface, tied)
         shape = None
         if isinstance(glued.geometry, Joinable):
@@ -378,11 +378,11 @@ class Domain(Bodies):
         Raises:
             InputError: If two parts are no pair of this domain.
         """
-        if self.glued is None or self.seams is None:
+        if self.glued is None or self.interface_map is None:
             joint.tied_alone((), ties)
             return self
-        interfaces = joint.tied_alone(self.seams.interfaces, ties)
-        return self if interfaces == self.seams.interfaces else self.glued.cut(interfaces)
+        interfaces = joint.tied_alone(self.interface_map.interfaces, ties)
+        return self if interfaces == self.interface_map.interfaces else self.glued.cut(interfaces)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.
@@ -428,7 +428,7 @@ class Domain(Bodies):
             self.geometry,
             curved,
             whole,
-            carried.seams(interfaces, of_sides, keep=self.places is not None),
+            carried.interface_map(interfaces, of_sides, keep=self.places is not None),
         )
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
@@ -448,8 +448,10 @@ class Domain(Bodies):
             InputError: If ``marked`` are not numbers of cells of this rank.
         """
         cells = together(self.comm, checks.cells_to_refine, marked, self.owned_cells)
-        if self.glued is not None and self.seams is not None:
-            return self.glued.refined(self.seams.cells[cells]).cut(self.seams.interfaces)
+        if self.glued is not None and self.interface_map is not None:
+            return self.glued.refined(self.interface_map.cells[cells]).cut(
+                self.interface_map.interfaces
+            )
         refinement = refine(self.mesh, cells, partition.partitioner(self.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
@@ -501,7 +503,7 @@ class Domain(Bodies):
                 "marking (strategy=Mark()), or make it by rectangle, box, from_gmsh, or "
                 "read_mesh of a .geo file."
             )
-        if self.glued is not None and self.seams is not None:
-            at_glued = together(self.comm, self.seams.least, h)
-            return self.glued.remeshed(at_glued).cut(self.seams.interfaces)
+        if self.glued is not None and self.interface_map is not None:
+            at_glued = together(self.comm, self.interface_map.least, h)
+            return self.glued.remeshed(at_glued).cut(self.interface_map.interfaces)
         return self.geometry.meshed(self, h)

@@ -1,7 +1,4 @@
-"""Find components of graphs and the order along chains; tell DOLFINx ranks of cells.
-
-No loop here is over vertices or links: each round doubles the distance that it sees.
-"""
+"""Find components of graphs and the order along chains; tell DOLFINx ranks of cells."""
 
 from __future__ import annotations
 
@@ -9,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from dolfinx import graph
+from scipy import sparse  # type: ignore[import-untyped]
+from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
 
 
 def components(count: int, edges: np.ndarray) -> np.ndarray:
@@ -18,19 +17,10 @@ def components(count: int, edges: np.ndarray) -> np.ndarray:
         count: Number of vertices.
         edges: Pairs of vertices, shape (n, 2).
     """
-    label = np.arange(count)
-    while True:
-        ends = label[edges]
-        low = ends.min(axis=1, initial=count)
-        high = ends.max(axis=1, initial=-1)
-        if np.array_equal(low, high):
-            return label
-        np.minimum.at(label, high, low)
-        # A label may now have a label of its own: follow it to the end.
-        jumped = label[label]
-        while not np.array_equal(label, jumped):
-            label = jumped
-            jumped = label[label]
+    links = sparse.coo_array((np.ones(len(edges), dtype=bool), edges.T), (count, count))
+    _, label = connected_components(links, directed=False)
+    _, first = np.unique(label, return_index=True)
+    return np.asarray(first[label])
 
 
 def successors(start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -52,6 +42,8 @@ def successors(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 def to_chain_ends(successor: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Follow each link to the last link of its chain by pointer doubling.
+
+    Each round doubles the distance that it sees.
 
     Args:
         successor: The next link, from :func:`successors`, shape (n,).

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.ranks import distinct_rows
+
 ROUND_OFF = 1e-12
 """Coordinate that is told as zero, over the size of the bodies [-]."""
 TOLD = 3
@@ -28,7 +30,7 @@ def touching(comm: MPI.Comm, x: np.ndarray, group: np.ndarray) -> tuple[np.ndarr
         The points, and the group of each, one row for each point and group; the same on
         all ranks.
     """
-    rows = np.unique(np.concatenate(comm.allgather(np.column_stack([x, group]))), axis=0)
+    rows = distinct_rows(comm, np.column_stack([x, group]))
     _, number, count = np.unique(rows[:, :-1], axis=0, return_inverse=True, return_counts=True)
     rows = rows[count[number.ravel()] > 1]
     return rows[:, :-1], rows[:, -1].astype(int)

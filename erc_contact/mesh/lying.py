@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.ranks import of_all
 from erc_contact.mesh.closest import closest
 
 CLEARANCE = 0.15
@@ -59,9 +60,7 @@ class Facets:
 
     def of_all_ranks(self, comm: MPI.Comm) -> Facets:
         """Return the facets of all ranks, on all ranks; collective."""
-        corners = np.concatenate(comm.allgather(self.corners))
-        normals = np.concatenate(comm.allgather(self.normals))
-        return Facets(corners, normals)
+        return Facets(*of_all(comm, self.corners, self.normals))
 
 
 def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:

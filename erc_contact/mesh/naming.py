@@ -16,9 +16,9 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.sides import boundary_sides, facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices, outward_normals
 from erc_contact.mesh.tags import NO_TAG, listed, tag_table, tags_of
@@ -196,10 +196,10 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     locals_ = [local]
     across = [np.full(len(outer), BOUNDARY)]
     for side in range(2):
-        own = beside[:, side]
+        own_cell = beside[:, side]
         facets.append(inner)
-        cells.append(own)
-        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own] == inner[:, None], axis=1))
+        cells.append(own_cell)
+        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own_cell] == inner[:, None], axis=1))
         across.append(region_of[beside[:, 1 - side]])
     facet = np.concatenate(facets)
     cell = np.concatenate(cells)

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.ranks import distinct_rows, of_all
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import facet_vertices
 
@@ -150,10 +151,10 @@ def _quadric_normals(comm: MPI.Comm, corners: np.ndarray) -> np.ndarray | None:
     # Few vertices lie on a quadric by chance.
     enough = 2 * rows.shape[1]
     some = np.unique(rows[: AMONG * enough], axis=0)[:enough]
-    if len(np.unique(np.concatenate(comm.allgather(some)), axis=0)) < enough:
+    if len(distinct_rows(comm, some)) < enough:
         return None
-    triangle = np.linalg.qr(rows, mode="r")
-    _, sizes, vectors = np.linalg.svd(np.concatenate(comm.allgather(triangle)))
+    (triangles,) = of_all(comm, np.linalg.qr(rows, mode="r"))
+    _, sizes, vectors = np.linalg.svd(triangles)
     is_unique = sizes[-2] > UNIQUE_QUADRIC * sizes[0]
     if not is_unique or sizes[-1] > ON_QUADRIC * sizes[-2]:
         return None

@@ -68,8 +68,8 @@ def vertex_patch_partitioner(
     counts = np.searchsorted(vertex_owners[:, 0], vertex, side="right") - first
     ghost = np.repeat(cell, counts)
     rank = vertex_owners[_ranges(first, counts), 1]
-    other = rank != owner[ghost]
-    ghosts = _unique(comm, ghost[other], rank[other])
+    is_elsewhere = rank != owner[ghost]
+    ghosts = _unique(comm, ghost[is_elsewhere], rank[is_elsewhere])
 
     return destinations(owner, *ghosts.T)
 

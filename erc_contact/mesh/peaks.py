@@ -10,7 +10,7 @@ by more than a tolerance is bisected.
 A peak that changes no value at the samples of the first pieces (72 on a facet in 2D,
 352 in 3D) is missed.
 
-Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q
+Symbols: d' dimension of the simplices, v = d'+1 number of their vertices, n pieces, q
 samples of a piece.
 """
 
@@ -69,7 +69,7 @@ CHUNK_SIMPLICES = 256
 Samples = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns values at q points of n pieces, shape (n, q). It gets the
 number of the simplex of each piece, shape (n,), and the points in barycentric
-coordinates, shape (n, q, P), and in true coordinates, (n, q, d).
+coordinates, shape (n, q, v), and in true coordinates, (n, q, d).
 """
 
 
@@ -86,9 +86,9 @@ def upper_bounds(
 
     Args:
         f: The function.
-        vertices: Vertices of the simplices [length], shape (simplices, P, d).
+        vertices: Vertices of the simplices [length], shape (simplices, v, d).
         pieces: The first pieces of each simplex, from
-            :func:`erc_contact.mesh.quadrature.facet_pieces`, (c, P, P).
+            :func:`erc_contact.mesh.quadrature.facet_pieces`, (c, v, v).
         round_off: By how much the bound of each simplex may always be too large, shape
             (simplices,).
         cuts: Kinks of the function that are known, on segments; None without.

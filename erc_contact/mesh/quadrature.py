@@ -11,8 +11,8 @@ Only the values at the points are known. Before any bisection there are 72 point
 facet in 2D and 352 in 3D, and 66 points in a cell in 2D and 136 in 3D. A feature that
 changes no value at these points is missed.
 
-Symbols: d' dimension of the simplices, P = d'+1 number of their vertices, n pieces, q
-points, m integrands.
+Symbols: d' dimension of the simplices, v = d'+1 number of their vertices, n pieces, q
+points, i integrands.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ CHUNK_PIECES = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""A function that returns the values of m integrands at q points of n pieces, shape (n,
-q, m). It gets the number of the simplex of each piece, shape (n,), and the points in
-barycentric coordinates, shape (n, q, P), and in true coordinates [length], shape (n, q,
+"""A function that returns the values of i integrands at q points of n pieces, shape (n,
+q, i). It gets the number of the simplex of each piece, shape (n,), and the points in
+barycentric coordinates, shape (n, q, v), and in true coordinates [length], shape (n, q,
 d).
 """
 
@@ -75,11 +75,11 @@ class Integral:
     """Hold integrals over simplices.
 
     Attributes:
-        value: The integrals, shape (simplices, m).
+        value: The integrals, shape (simplices, i).
         rest: Bounds of their errors if the integrand is resolved, else estimates, of
             the same shape.
         resolved: Whether the sum of ``rest`` over all ranks is as small as was asked
-            for, shape (m,).
+            for, shape (i,).
     """
 
     value: np.ndarray
@@ -105,12 +105,12 @@ def integrate(
     Args:
         comm: Communicator.
         f: The integrands.
-        vertices: Vertices of the simplices [length], shape (simplices, P, d).
+        vertices: Vertices of the simplices [length], shape (simplices, v, d).
         measure: Their lengths, areas or volumes, shape (simplices,). Simplices of
             measure 0 are left out.
         pieces: The first pieces of each simplex, of equal size, from
             :func:`facet_pieces` or :func:`cell_pieces`: barycentric coordinates of
-            their corners, shape (c, P, P).
+            their corners, shape (c, v, v).
         share: Share of each integral that may stay unknown, relative to the sum of the
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
@@ -191,7 +191,7 @@ def _on_pieces(
     corners: np.ndarray,
     piece_measure: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute integrals over pieces and what is unknown of them, each (n, m).
+    """Compute integrals over pieces and what is unknown of them, each (n, i).
 
     Unknown is twice the mean distance from a polynomial times the size of the piece.
     For 3000 random jumps at points, lines and planes this was on average 3 to 10 times
@@ -217,7 +217,7 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points of a piece, weights, and the matrix to distances from polynomials.
 
     Returns:
-        Barycentric coordinates, shape (q, P); weights of the quadrature, zero near the
+        Barycentric coordinates, shape (q, v); weights of the quadrature, zero near the
         boundary, shape (q,); and the matrix (q, q) that takes values at the points to
         their distances from the polynomial that is nearest to them.
     """
@@ -231,13 +231,13 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (q, P) and matrix (q, q) of :func:`_points`, without weights."""
+    """Return points (q, v) and matrix (q, q) of :func:`_points`, without weights."""
     points, _, residual = _points(size)
     return points, residual
 
 
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Cut pieces at the middle of their longest edge, (n, P, P) -> (2n, P, P).
+    """Cut pieces at the middle of their longest edge, (n, v, v) -> (2n, v, v).
 
     Of edges of equal length the one is cut whose middle comes last along
     :data:`TIE_DIRECTION`. So the order of the vertices, which depends on the number of
@@ -245,7 +245,7 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
     Args:
         corners: Barycentric coordinates of the corners.
-        vertices: Vertices of the simplices that they belong to, shape (n, P, d).
+        vertices: Vertices of the simplices that they belong to, shape (n, v, d).
     """
     pairs = np.array(list(combinations(range(corners.shape[1]), 2)))
     x = np.matmul(corners, vertices)
@@ -264,7 +264,7 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 @cache
 def facet_pieces(size: int) -> np.ndarray:
-    """Return the first pieces of a facet, shape (c, P, P).
+    """Return the first pieces of a facet, shape (c, v, v).
 
     There are 8 of a segment and 16 of a triangle. They do not depend on the order of
     the vertices, which depends on the number of ranks.
@@ -284,13 +284,13 @@ def facet_pieces(size: int) -> np.ndarray:
 
 
 def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:
-    """Join pieces given part by part and corner by corner in an array (n, P, P)."""
+    """Join pieces given part by part and corner by corner in an array (n, v, v)."""
     return np.concatenate([np.stack(part, axis=1) for part in parts])
 
 
 @cache
 def cell_pieces(size: int) -> np.ndarray:
-    """Return the first pieces of a cell, the sub-simplices of sigma^, shape (P, P, P).
+    """Return the first pieces of a cell, the sub-simplices of sigma^, shape (v, v, v).
 
     In piece i the barycentre of the cell replaces vertex i.
     """
@@ -301,6 +301,6 @@ def cell_pieces(size: int) -> np.ndarray:
 
 def polynomials(degree: int, points: np.ndarray) -> np.ndarray:
     """Evaluate Bernstein polynomials at barycentric points, shape (n, q, N)."""
-    n, q, P = points.shape
-    values = bernstein(P - 1, degree, points.reshape(n * q, P)[:, 1:])
+    n, q, v = points.shape
+    values = bernstein(v - 1, degree, points.reshape(n * q, v)[:, 1:])
     return values.reshape(n, q, values.shape[1])

@@ -53,8 +53,8 @@ class Refinement:
             Shape (new cells, d+1, d).
         """
         vertices = places.shape[1]
-        both = np.concatenate([corners, places], axis=2)[self.parent_cell]
-        rows = self.of_cells(both.reshape(len(both), -1), slice(None))
+        of_parents = np.concatenate([corners, places], axis=2)[self.parent_cell]
+        rows = self.of_cells(of_parents.reshape(len(of_parents), -1), slice(None))
         middle = _middles(rows.reshape(len(rows), vertices, -1))
         x = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]
         distance = np.linalg.norm(middle[:, None, :, :3] - x[:, :, None], axis=3)

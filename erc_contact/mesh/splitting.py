@@ -21,11 +21,12 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.hinges import told, touching
-from erc_contact.mesh.seams import Interface, Seams
+from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG, tag_table
@@ -141,7 +142,7 @@ def touching_regions(
     beside = tag_table(cell_tags)[cells[interface_of_facet[facets] == NO_INTERFACE]]
     between = beside[(beside[:, 0] != beside[:, 1]) & np.all(beside != NO_TAG, axis=1)]
     here = {(int(first), int(second)) for first, second in np.unique(np.sort(between), axis=0)}
-    return sorted(set().union(*lasting(mesh.comm).allgather(here)))
+    return sorted(union(lasting(mesh.comm), here))
 
 
 def side_tags(
@@ -249,7 +250,9 @@ class Carried:
             return None
         return self.facet_tags(tag_table(marks)[facets_of_cells(self.glued)])
 
-    def seams(self, interfaces: Sequence[Interface], tags: np.ndarray, *, keep: bool) -> Seams:
+    def interface_map(
+        self, interfaces: Sequence[Interface], tags: np.ndarray, *, keep: bool
+    ) -> InterfaceMap:
         """Return what relates the split mesh to the glued mesh.
 
         Args:
@@ -284,7 +287,9 @@ class Carried:
             extent = float(abs(self.mesh.geometry.x).max(initial=0.0))
             extent = lasting(self.glued.comm).allreduce(extent, MPI.MAX)
             distances[distances <= ONE_PLACE * extent] = 0.0
-        return Seams(tuple(interfaces), facing, cells, nodes, counts, tuple(map(float, distances)))
+        return InterfaceMap(
+            tuple(interfaces), facing, cells, nodes, counts, tuple(map(float, distances))
+        )
 
     def _distance(self, nodes: np.ndarray, here: np.ndarray, there: np.ndarray) -> float:
         """Return the greatest distance of facing vertices on this rank [length].

@@ -6,7 +6,7 @@ so whatever belongs to a vertex or a facet of a cell is put in order by these nu
 Facet i is opposite to vertex i. Of a split domain the glued one is written, in the
 order of the split cells, and its interfaces.
 
-Symbols: d dimension, m number of cells, N nodes of a cell.
+Symbols: d dimension, n number of cells, N nodes of a cell.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     """Return the tags of the owned cells, and the tags of their facets.
 
     Returns:
-        "facets" and, where there are any, "curved", shape (m, d+1), and "regions",
-        shape (m,). For a split domain these are the tags of the glued one, and "glued"
-        has the numbers of its nodes, shape (m, d+1).
+        "facets" and, where there are any, "curved", shape (n, d+1), and "regions",
+        shape (n,). For a split domain these are the tags of the glued one, and "glued"
+        has the numbers of its nodes, shape (n, d+1).
     """
     if domain.glued is not None:
         return _glued_tables(domain)
@@ -56,9 +56,9 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
 def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
     """Return the tables of a split domain, see :func:`tag_tables`."""
     assert domain.glued is not None
-    assert domain.seams is not None
+    assert domain.interface_map is not None
     # Both meshes have the same owners.
-    cells = domain.seams.cells[: domain.owned_cells]
+    cells = domain.interface_map.cells[: domain.owned_cells]
     corners = _glued_corners(domain)[: domain.owned_cells]
     geometry = domain.glued.mesh.geometry
     nodes = cell_nodes(geometry)[cells]
@@ -78,18 +78,18 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
 def _glued_corners(domain: Domain) -> np.ndarray:
     """Return the place of each corner of the split cells in the glued cells."""
     assert domain.glued is not None
-    assert domain.seams is not None
-    in_glued = cell_nodes(domain.glued.mesh.geometry)[domain.seams.cells]
-    here = domain.seams.nodes[cell_nodes(domain.mesh.geometry)]
+    assert domain.interface_map is not None
+    in_glued = cell_nodes(domain.glued.mesh.geometry)[domain.interface_map.cells]
+    here = domain.interface_map.nodes[cell_nodes(domain.mesh.geometry)]
     return np.argmax(in_glued[:, None, :] == here[:, :, None], axis=2)
 
 
 def corner_places(points: np.ndarray, cells: np.ndarray, d: int) -> np.ndarray:
-    """Return the places of the corners of cells [length], shape (m, d+1, d).
+    """Return the places of the corners of cells [length], shape (n, d+1, d).
 
     Args:
         points: Places of the nodes [length], shape (n, 3).
-        cells: Nodes of the cells, vertices first, shape (m, N).
+        cells: Nodes of the cells, vertices first, shape (n, N).
         d: Dimension.
     """
     return points[cells[:, : d + 1], :d]
@@ -100,8 +100,8 @@ def glued_mesh(places: np.ndarray, glued: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Args:
         places: Places of the corners of its cells, the same for all copies of a node
-            [length], shape (m, d+1, d).
-        glued: Nodes of these cells, shape (m, d+1).
+            [length], shape (n, d+1, d).
+        glued: Nodes of these cells, shape (n, d+1).
     """
     x = np.zeros((glued.max() + 1, 3))
     x[glued, : places.shape[2]] = places
@@ -152,10 +152,10 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
     if plain["kind"] == "Assembled":
         members = []
-        for one in plain["members"]:
-            shape: Any = geometry_of(one["shape"])
-            region_tags = tuple(tuple(pair) for pair in one["region_tags"])
-            plain_member = {**one, "shape": shape, "region_tags": region_tags}
+        for member in plain["members"]:
+            shape: Any = geometry_of(member["shape"])
+            region_tags = tuple(tuple(pair) for pair in member["region_tags"])
+            plain_member = {**member, "shape": shape, "region_tags": region_tags}
             members.append(Member(**plain_member))
         joints = tuple(tuple(joint) for joint in plain["joints"])
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)
@@ -170,7 +170,7 @@ class CellRows:
     Args:
         comm: Communicator that shares the mesh.
         points: Places of all nodes [length], shape (n, 3), on rank 0.
-        cells: Nodes of the cells, vertices first, shape (m, N), on rank 0.
+        cells: Nodes of the cells, vertices first, shape (n, N), on rank 0.
         d: Dimension.
     """
 
@@ -199,12 +199,12 @@ class CellRows:
 
         Its tables are in the order of the same cells.
         """
-        assert domain.seams is not None
+        assert domain.interface_map is not None
         rows = copy(self)
         rows.mesh = domain.mesh
-        rows._rows = self._rows[domain.seams.cells]
+        rows._rows = self._rows[domain.interface_map.cells]
         rows._rows_of_ranks = self.comm.gather(rows._rows)
-        order = self.order[domain.seams.cells]
+        order = self.order[domain.interface_map.cells]
         rows.order = np.take_along_axis(order, _glued_corners(domain), axis=1)
         return rows
 
@@ -219,11 +219,11 @@ class CellRows:
         return self.comm.scatter(parts)
 
     def of_facets(self, table: np.ndarray | None) -> np.ndarray:
-        """Return the same for a table of facets (m, d+1), in the order of each cell."""
+        """Return the same for a table of facets (n, d+1), in the order of each cell."""
         return np.take_along_axis(self.of_cells(table), self.order, axis=1)
 
     def of_corners(self, places: np.ndarray | None) -> np.ndarray:
-        """Return the same for places of corners (m, d+1, d)."""
+        """Return the same for places of corners (n, d+1, d)."""
         return np.take_along_axis(self.of_cells(places), self.order[..., None], axis=1)
 
     def of_nodes(

@@ -21,7 +21,7 @@ from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.simplex import facet_vertices, in_space
+from erc_contact.mesh.simplex import facet_vertices, in_space, measures, outward_normals
 from erc_contact.mesh.tags import listed
 from erc_contact.mesh.transfer import gathered_mesh
 
@@ -155,13 +155,13 @@ def _is_chosen(regions: tuple[str, str], chosen: list[set[str]]) -> bool:
 
 def _pairs(domain: Bodies) -> list[Touching]:
     """Return the pairs of a split domain that are not tied; collective."""
-    if domain.seams is None:
+    if domain.interface_map is None:
         return []
     name_of = {tag: name for name, tag in domain.regions.items()}
     rows = []
     areas = []
     distances = []
-    for interface in domain.seams.interfaces:
+    for interface in domain.interface_map.interfaces:
         if interface.tied:
             continue
         sides = []
@@ -171,7 +171,7 @@ def _pairs(domain: Bodies) -> list[Touching]:
         here, _ = domain.facing(*interface.names)
         areas.append(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
         rows.append((*interface.names, (sides[0], sides[1])))
-        distances.append(domain.seams.distance(*interface.names))
+        distances.append(domain.interface_map.distance(*interface.names))
     total = domain.comm.allreduce(np.array(areas), MPI.SUM)
     return [
         Touching(*row, float(area), distance)
@@ -183,15 +183,7 @@ def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
     """Return the areas of sides (cell, local facet) [length^(d-1)], shape (n,)."""
     nodes = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
     nodes = np.take_along_axis(nodes, facet_vertices(domain.dim)[sides[:, 1]], axis=1)
-    return np.linalg.norm(_normals(domain.mesh.geometry.x[nodes]), axis=1)
-
-
-def _normals(corners: np.ndarray) -> np.ndarray:
-    """Return normals of facets as long as their area, shape (n, d, 3) -> (n, 3)."""
-    along = corners[:, 1] - corners[:, 0]
-    if corners.shape[1] == 2:
-        return np.cross(along, [0.0, 0.0, 1.0])
-    return np.cross(along, corners[:, 2] - corners[:, 0]) / 2
+    return measures(domain.mesh.geometry.x[nodes])
 
 
 def _near(domain: Bodies, within: float) -> list[Touching]:
@@ -212,13 +204,13 @@ def _near(domain: Bodies, within: float) -> list[Touching]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Surface:
+class _RegionSurface:
     """Hold the named facets on the boundary of a region.
 
     Attributes:
         region: Tag of the region.
         corners: Corners of the facets [length], shape (n, d, 3).
-        normals: Outward normals, as long as the areas, shape (n, 3).
+        normals: Outward unit normals, shape (n, d).
         tags: Tags of the facets, shape (n,).
     """
 
@@ -227,7 +219,7 @@ class _Surface:
     normals: np.ndarray
     tags: np.ndarray
 
-    def near(self, there: _Surface, within: float) -> dict[Key, tuple[float, float]]:
+    def near(self, there: _RegionSurface, within: float) -> dict[Key, tuple[float, float]]:
         """Return area and distance of the parts of two surfaces that are near."""
         result: dict[Key, tuple[float, float]] = {}
         back = {key[::-1]: found for key, found in there._near_facets(self, within).items()}
@@ -238,7 +230,7 @@ class _Surface:
                 result[key] = (min(area, known[0]), min(distance, known[1]))
         return result
 
-    def _near_facets(self, there: _Surface, within: float) -> dict[Key, tuple[float, float]]:
+    def _near_facets(self, there: _RegionSurface, within: float) -> dict[Key, tuple[float, float]]:
         """Return the same, by the facet nearest to the middle of each facet here."""
         middles = self.corners.mean(axis=1)
         low = there.corners.min(axis=(0, 1)) - within
@@ -247,9 +239,8 @@ class _Surface:
         if not len(rows):
             return {}
         nearest, _, distance = closest(middles[rows], there.corners)
-        here, other = self.normals[rows], there.normals[nearest]
-        area = np.linalg.norm(here, axis=1)
-        opposed = np.sum(here * other, axis=1) < OPPOSED * area * np.linalg.norm(other, axis=1)
+        area = measures(self.corners[rows])
+        opposed = np.sum(self.normals[rows] * there.normals[nearest], axis=1) < OPPOSED
         sums: defaultdict[Key, list[float]] = defaultdict(lambda: [0.0, np.inf])
         for row in np.flatnonzero(opposed & (distance <= within)):
             entry = sums[int(self.tags[rows[row]]), int(there.tags[nearest[row]])]
@@ -260,20 +251,17 @@ class _Surface:
 
 def _surfaces(
     plain: PlainMesh, regions: dict[int, str], tags: dict[int, str]
-) -> Iterator[_Surface]:
+) -> Iterator[_RegionSurface]:
     """Iterate over the named surfaces of regions."""
     sides = np.argwhere(np.isin(plain.tags, list(tags)))
     every = np.argwhere(np.ones_like(plain.tags, dtype=bool))
     numbers, of_sides = row_numbers(plain.points_of(every), plain.points_of(sides))
     sides = sides[np.bincount(numbers)[of_sides] == 1]
     corners = in_space(plain.x)[plain.points_of(sides)]
-    normals = _normals(corners)
-    opposite = in_space(plain.x)[plain.cells[tuple(sides.T)]]
-    outward = np.sum(normals * (corners[:, 0] - opposite), axis=1)
-    normals *= np.sign(outward)[:, None]
+    normals = outward_normals(plain.x[plain.cells[sides[:, 0]]], sides[:, 1])
     for region in regions:
         of_region = plain.regions[sides[:, 0]] == region
         if of_region.any():
             kept = sides[of_region]
             tags_of = plain.tags[tuple(kept.T)]
-            yield _Surface(region, corners[of_region], normals[of_region], tags_of)
+            yield _RegionSurface(region, corners[of_region], normals[of_region], tags_of)

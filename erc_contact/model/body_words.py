@@ -6,6 +6,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.ranks import union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.sides import boundary_sides
@@ -134,4 +135,4 @@ def _on_body(space: Space, inside: np.ndarray, cells: dict[str, np.ndarray]) -> 
         cells: Cells of each name.
     """
     here = {name for name, of_name in cells.items() if inside[space.nodes[of_name]].any()}
-    return sorted(set().union(*space.comm.allgather(here)))
+    return sorted(union(space.comm, here))

@@ -14,6 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from erc_contact.base.ranks import distinct_rows
 from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.over_ranks import matrix_of_ranks, product
 from erc_contact.model.space import Space
@@ -228,9 +229,9 @@ def _pairs(space: Space, trace: Trace) -> np.ndarray:
     """Gather the pairs of nodes of a contact, each once, shape (p, 2); collective."""
     if trace.there is None:
         return np.zeros((0, 2), dtype=np.int64)
-    both = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
-    of_rank = space.global_numbers(np.unique(both, axis=0))
-    return np.unique(np.concatenate(space.comm.allgather(of_rank)), axis=0)
+    node_pairs = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    of_rank = space.global_numbers(np.unique(node_pairs, axis=0))
+    return distinct_rows(space.comm, of_rank)
 
 
 def _on_foundations(space: Space, traces: Sequence[Trace]) -> np.ndarray:
@@ -238,4 +239,4 @@ def _on_foundations(space: Space, traces: Sequence[Trace]) -> np.ndarray:
     nothing = np.zeros((0, 1), dtype=np.int32)
     nodes = [trace.here.nodes.reshape(-1, 1) for trace in traces if trace.there is None]
     of_rank = space.global_numbers(np.unique(np.concatenate([nothing, *nodes])))
-    return np.unique(np.concatenate(space.comm.allgather(of_rank)))
+    return distinct_rows(space.comm, of_rank)

@@ -16,12 +16,12 @@ def indicators(space: Space, names: tuple[str, str]) -> list[fem.Function]:
         names: Names of its parts.
     """
     domain = space.domain
-    assert domain.seams is not None
+    assert domain.interface_map is not None
     assert domain.cell_tags is not None
     result = []
     for name in names:
         indicator = domain.function("DG", 0)
-        for interface in domain.seams.interfaces:
+        for interface in domain.interface_map.interfaces:
             if name in interface.names:
                 regions = interface.regions[interface.names.index(name)]
                 of_side = np.isin(domain.cell_tags.values, regions)

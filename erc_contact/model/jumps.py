@@ -109,7 +109,7 @@ def _samples(size: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the nodes and the first samples of a facet, and a residual there.
 
     Returns:
-        Barycentric coordinates, shape (q, P), and the matrix (q, q) from values at the
+        Barycentric coordinates, shape (q, v), and the matrix (q, q) from values at the
         points to their differences from the nearest polynomial of degree 4.
     """
     samples, _ = piece_samples(size)

@@ -20,6 +20,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import of_all
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
 from erc_contact.model.law_state import LawState
@@ -140,9 +141,7 @@ def gathered_facets(
     facets = np.vstack([of_part[space.owned(of_part)] for of_part, _ in parts])
     values = np.concatenate([at_nodes[space.owned(of_part)] for of_part, at_nodes in parts])
     nodes = space.facet_nodes(facets)
-    of_ranks = space.comm.allgather((x[nodes[:, : space.d]], values))
-    corners = np.concatenate([corners for corners, _ in of_ranks])
-    values = np.concatenate([values for _, values in of_ranks])
+    corners, values = of_all(space.comm, x[nodes[:, : space.d]], values)
     return corners, values
 
 

@@ -10,6 +10,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import of_all
 from erc_contact.model.model import Model
 
 IN_BODY = ("displacement", "von Mises")
@@ -158,8 +159,7 @@ def greatest(
         values = von_mises()
         x = model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
     top = model.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
-    near = x[values >= top - EQUAL_MAXIMA * abs(top)]
-    places = np.concatenate(model.comm.allgather(near))
+    (places,) = of_all(model.comm, x[values >= top - EQUAL_MAXIMA * abs(top)])
     # Rounded, so that the place does not depend on the ranks.
     rounded = (places / model.domain.extent).round(9)
     first = np.lexsort(rounded.T[::-1])[0]

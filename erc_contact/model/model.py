@@ -249,10 +249,10 @@ class Model(Space):
             for i, v in enumerate([*functions, u]):
                 products[k, i] = self._product(q, v)
         amounts = np.linalg.solve(products[:, :-1], products[:, -1])
-        rest = u.copy()
+        without_motions = u.copy()
         for amount, q in zip(amounts, functions, strict=True):
-            rest.x.array[:] -= amount * q.x.array
-        return rest
+            without_motions.x.array[:] -= amount * q.x.array
+        return without_motions
 
     def _product(self, u: fem.Function, v: fem.Function) -> float:
         """Return ``int u . v`` over the bodies; collective."""

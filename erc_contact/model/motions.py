@@ -13,6 +13,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.ranks import of_all
 from erc_contact.mesh.graphs import components
 from erc_contact.model.body_motions import BodyMotions
 from erc_contact.model.rigid_shapes import translations_and_rotations
@@ -46,8 +47,8 @@ def nearest_motion(space: Space, motions: np.ndarray, values: np.ndarray) -> np.
     total = np.zeros(motions.shape[1])
     # The second time gets the digits that products of motions lose.
     for _ in range(2):
-        both = np.column_stack([motions, values - motions @ total])[:owned]
-        products = space.comm.allreduce(motions[:owned].T @ both, MPI.SUM)
+        columns = np.column_stack([motions, values - motions @ total])[:owned]
+        products = space.comm.allreduce(motions[:owned].T @ columns, MPI.SUM)
         total += np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=FREE_SHARE)[0]
     return total
 
@@ -108,7 +109,7 @@ def bodies_of_nodes(space: Space, cut: np.ndarray | None = None) -> tuple[np.nda
     at_owner.x.scatter_forward()
     labels = np.column_stack([label, at_owner.x.array[:: space.d].astype(int)])
     shared = np.unique(labels[labels[:, 0] != labels[:, 1]], axis=0)
-    joined = components(sum(counts), np.concatenate(comm.allgather(shared)))
+    joined = components(sum(counts), *of_all(comm, shared))
     bodies, number = np.unique(joined, return_inverse=True)
     return number[label], len(bodies)
 

@@ -51,13 +51,13 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
         Shape (f, d, d): facet, vertex, component. Normals of ghosts may be normals of a
         smaller side.
     """
-    own = space.outward_normals(facets)
-    estimated = np.repeat(own[:, None], space.d, axis=1)
-    if spread(space.comm, own) > SAME_NORMAL:
+    flat = space.outward_normals(facets)
+    estimated = np.repeat(flat[:, None], space.d, axis=1)
+    if spread(space.comm, flat) > SAME_NORMAL:
         vertices = space.facet_nodes(facets)[:, : space.d]
-        estimated = vertex_normals(space.comm, corners, vertices, own)
+        estimated = vertex_normals(space.comm, corners, vertices, flat)
     true = space.domain.true_normals(facets, corners)
-    outward = np.where(np.einsum("fid,fd->fi", true, own) < 0, -1.0, 1.0)[..., None] * true
+    outward = np.where(np.einsum("fid,fd->fi", true, flat) < 0, -1.0, 1.0)[..., None] * true
     return np.where(np.isnan(outward), estimated, outward)
 
 
@@ -156,14 +156,14 @@ def _selector(
     d = space.d
     sums = np.zeros((2, len(space.nodes), d))
     counts = np.zeros((2, len(space.nodes), 1))
-    own = space.outward_normals(facets)
+    flat = space.outward_normals(facets)
     for place, chosen in enumerate((owned & (slot <= number), owned & (slot > number))):
-        np.add.at(sums[place], facets[chosen, 0], own[chosen])
+        np.add.at(sums[place], facets[chosen, 0], flat[chosen])
         np.add.at(counts[place], facets[chosen, 0], 1.0)
     here, later = sums / np.maximum(counts, 1.0)
     selector = space.domain.function("DG", 0, (d,))
-    both = (counts > 0).all(axis=0)
-    selector.x.array.reshape(-1, d)[:] = np.where(both, here - later, 0.0)
+    on_both = (counts > 0).all(axis=0)
+    selector.x.array.reshape(-1, d)[:] = np.where(on_both, here - later, 0.0)
     selector.x.scatter_forward()
     return selector
 
@@ -173,10 +173,10 @@ def _of_all_facets(
 ) -> np.ndarray:
     """Return the normals at the vertices of all facets, ghosts included, (f, d, d)."""
     d = space.d
-    own = space.outward_normals(facets)
+    flat = space.outward_normals(facets)
     slot = np.zeros(len(facets), dtype=int)
     for number, selector in enumerate(selectors):
-        along = np.einsum("fd,fd->f", own, selector.x.array.reshape(-1, d)[facets[:, 0]])
+        along = np.einsum("fd,fd->f", flat, selector.x.array.reshape(-1, d)[facets[:, 0]])
         slot = np.where((slot == number) & (along < 0), number + 1, slot)
     dofs = _dofs(space, fields[0], facets)
     values = np.array([field.x.array.reshape(-1, d)[dofs] for field in fields])

@@ -26,12 +26,25 @@ from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
-from erc_contact.scene.potential import Potential, entries, remembers, size_of, state_after
+from erc_contact.scene.potential import (
+    Potential,
+    entries,
+    remembers,
+    size_of,
+    state_after,
+    tells_convexity,
+)
 
 STEPS_OUT_OF_PLANE = 8
 """Limit of Newton steps for the stress out of plane; any value of it gives a bound."""
 AT_MINIMUM = 1e-15
 """Share of psi* that a last such step may gain [-]."""
+STEPS_TO_SUPREMUM = 50
+"""Limit of Newton steps to a conjugate that is not given."""
+HALVINGS = 20
+"""Limit of halvings of such a step."""
+FOUND = 1e-13
+"""Stress that the last of them may miss, over the stress [-]."""
 SHARE_OF_GAP = 1e-6
 """Share of Fenchel's gap that a last such step may gain [-]."""
 
@@ -85,6 +98,7 @@ class LawCode:
         row: The numbers of a point: six components of a strain or stress, parameters,
             state.
         place_of_state: Place of the state among them.
+        has_conjugate: Whether the conjugate is given; else it is looked for.
     """
 
     def __init__(
@@ -98,6 +112,7 @@ class LawCode:
         self.potential = potential
         self.known = list(known)
         self.kind = tuple(names), is_plane, tuple(known), comm
+        self.has_conjugate = hasattr(potential, "conjugate")
         self._is_plane = is_plane
         self._comm = comm
         shapes = getattr(potential, "state", {})
@@ -133,6 +148,13 @@ class LawCode:
         energy = self.potential.conjugate(self._tensor + out * normal, **self._values)
         slope = ufl.diff(energy, out)
         return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
+
+    @cached_property
+    def convexity(self) -> OfNumbers:
+        """Compile the share of the elasticity at rest that psi is convex by."""
+        assert tells_convexity(self.potential)
+        values = {name: self._values[name] for name in self.kind[0]}
+        return self._compiled(ufl.as_ufl(self.potential.convexity(**values)) + 0 * self.row[0])
 
     @cached_property
     def dual(self) -> OfNumbers:
@@ -194,6 +216,8 @@ class PointLaw:
         rows: The components of ``mandel_basis(3)`` that the body has.
         is_plane: Whether the body is in plane strain, with a stress out of plane.
         state: As given.
+        has_convexity: Whether the law tells the share of the elasticity at rest that it
+            is convex by.
     """
 
     def __init__(
@@ -212,6 +236,7 @@ class PointLaw:
         self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
         if state is not None:
             self.varies_in_cells |= state.varies_in_cells
+        self.has_convexity = tells_convexity(potential)
         comm = lasting(space.comm)
         self._code = law_code(potential, list(parameters), self.is_plane, known, comm)
 
@@ -256,6 +281,8 @@ class PointLaw:
         nothing = np.zeros((*x.shape[:2], size))
         if self.state is None:
             return nothing
+        if not self._code.has_conjugate:
+            return self._supremum(nothing, x, cells)[1]
         rows = self._rows(nothing, x, cells)
         if self.is_plane:
             _, out = self.complementary(nothing, nothing[..., 0], x, cells)
@@ -292,6 +319,10 @@ class PointLaw:
             psi* [force/area] and sigma_zz [force/area], each (n, q).
         """
         shape = stress.shape[:2]
+        if not self._code.has_conjugate:
+            energy, eps = self._supremum(stress, x, cells)
+            out = self.whole_stress(eps, x, cells)[..., -1] if self.is_plane else np.zeros(shape)
+            return energy, out
         rows = self._rows(stress, x, cells)
         if not self.is_plane:
             return self._conjugate_of(rows)[:, 0].reshape(shape), np.zeros(shape)
@@ -318,6 +349,46 @@ class PointLaw:
             best[left[less]] = values[less, 0]
             best_out[left[less]] = rows[left[less], zz]
         return best.reshape(shape), best_out.reshape(shape)
+
+    def convexity(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the share of the elasticity at rest that psi is convex by, (n, q)."""
+        nothing = np.zeros((*x.shape[:2], len(self.rows)))
+        return self._at(self._code.convexity, nothing, x, cells)[..., 0]
+
+    def _supremum(
+        self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return a bound of ``sup sigma : eps - psi(eps)``, and its strain.
+
+        Newton's steps are halved where the value would fall. The stress rho that the
+        last strain misses adds ``rho : (a C)^-1 rho / 2`` at most.
+
+        Returns:
+            The bound [force/area], shape (n, q), and the strain, shape (n, q, s).
+        """
+        eps = np.zeros_like(stress)
+        at_rest = self.tangent(eps, x, cells)
+        value = -self.energy(eps, x, cells)
+        share = np.zeros(value.shape)
+        for _ in range(STEPS_TO_SUPREMUM):
+            missed = stress - self.stress(eps, x, cells)
+            if (np.linalg.norm(missed, axis=-1) <= FOUND * np.linalg.norm(stress, axis=-1)).all():
+                break
+            step = np.linalg.solve(self.tangent(eps, x, cells), missed[..., None])[..., 0]
+            share[:] = 1.0
+            for _ in range(HALVINGS):
+                tried = eps + share[..., None] * step
+                new = np.einsum("nqi,nqi->nq", stress, tried) - self.energy(tried, x, cells)
+                falls = new < value - AT_MINIMUM * abs(value)
+                if not falls.any():
+                    break
+                share[falls] *= 0.5
+            eps = np.where(falls[..., None], eps, tried)
+            value = np.where(falls, value, new)
+        missed = stress - self.stress(eps, x, cells)
+        of_missed = np.linalg.solve(at_rest, missed[..., None])[..., 0]
+        left = np.einsum("nqi,nqi->nq", missed, of_missed) / (2 * self.convexity(x, cells))
+        return value + left, eps
 
     def _conjugate_of(self, rows: np.ndarray) -> np.ndarray:
         """Return the compiled conjugate of rows of numbers."""

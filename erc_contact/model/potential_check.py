@@ -94,6 +94,11 @@ def check_potential(model: Model) -> None:
             f"{name}: the potential is not convex, or has no curvature, at some strain: its second"
             " derivative must be positive definite. Add a small share of an elastic energy."
         )
+    if law.has_convexity:
+        share = law.convexity(x, cells)[..., None, None]
+        # The first sample has no strain.
+        least = np.linalg.eigvalsh(tangent - share * tangent[:, :1]).min(axis=-1)
+        _check_convexity(model, name, float((-least / modulus).max(initial=0.0)))
     if gap > PROMISE:
         raise InputError(
             f"{name}: the conjugate does not belong to the potential: psi(eps) + psi*(sigma) -"
@@ -105,6 +110,19 @@ def check_potential(model: Model) -> None:
             f"{name}: Fenchel's inequality fails: psi(eps) + psi*(sigma) - sigma : eps is"
             f" {-below:.1e} of its terms for some strain and stress. The conjugate is too small"
             " there."
+        )
+
+
+def _check_convexity(model: Model, name: str, excess: float) -> None:
+    """Check that a potential is as convex as it tells; collective.
+
+    Raises:
+        InputError: If it is not.
+    """
+    if model.comm.allreduce(excess, MPI.MAX) > FLAT:
+        raise InputError(
+            f"{name}: the convexity is too large: psi'' - a C is not positive semidefinite at some"
+            " strain, with the elasticity C = psi''(0) at rest. Return a smaller share."
         )
 
 

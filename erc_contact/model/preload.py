@@ -24,6 +24,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.ranks import union
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.sides import inner_facets
@@ -158,7 +159,7 @@ def check_beside_cuts(
                 reads |= contact.friction is not None
                 if (reads & _touched(preload, side.facets)).any():
                     holding.add(contact.name)
-        names = sorted(set().union(*space.comm.allgather(holding)))
+        names = sorted(union(space.comm, holding))
         if names:
             raise InputError(
                 f"Preload({preload.name!r}): {listed(names)} acts on cells of {preload.name!r} at"
@@ -241,10 +242,10 @@ def _check_whole(
         InputError: If cells of the first side share a facet at the cut with others.
     """
     facets, cells = inner_facets(space.mesh)
-    other = is_first[cells[:, 0]] != is_first[cells[:, 1]]
-    other &= ~np.isin(facets, space.facet_numbers(joint.trace.here.facets))
-    other &= (cells < space.domain.owned_cells).any(axis=1)
-    first, second = space.vertices[cells[other]].swapaxes(0, 1)
+    crosses = is_first[cells[:, 0]] != is_first[cells[:, 1]]
+    crosses &= ~np.isin(facets, space.facet_numbers(joint.trace.here.facets))
+    crosses &= (cells < space.domain.owned_cells).any(axis=1)
+    first, second = space.vertices[cells[crosses]].swapaxes(0, 1)
     # The vertices of a facet are those that both of its cells have.
     shared = (first[:, :, None] == second[:, None]).any(axis=2)
     torn = bool((shared & on_cut[first]).any())

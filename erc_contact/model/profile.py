@@ -15,6 +15,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.ranks import of_all
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
 from erc_contact.mesh.simplex import (
@@ -227,9 +228,7 @@ def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarra
         _turn_facets(table, vertices, _tangents(contact.sign * contact.direction))
     # Each facet comes from its owner alone.
     owned = contact.trace.here.owned
-    of_ranks = model.comm.allgather((table[owned], vertices[owned]))
-    table = np.concatenate([part for part, _ in of_ranks])
-    vertices = np.concatenate([part for _, part in of_ranks])
+    table, vertices = of_all(model.comm, table[owned], vertices[owned])
     names = list(columns)
     if model.d == 2:
         signed = [place for place, name in enumerate(names) if name in ("slip", "shear")]

@@ -21,6 +21,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import union
 from erc_contact.model.rigid_shapes import motions_about_axes
 from erc_contact.model.space import Space
 from erc_contact.scene.rigid import Rigid
@@ -106,8 +107,7 @@ class RigidFace:
         Raises:
             InputError: If it is on several bodies.
         """
-        here = set(bodies[self.nodes].tolist())
-        numbers = set().union(*self.comm.allgather(here))
+        numbers = union(self.comm, bodies[self.nodes].tolist())
         if len(numbers) > 1:
             raise InputError(
                 f"Rigid({self.name!r}) is on {len(numbers)} bodies; give each body a face of its"

@@ -105,7 +105,7 @@ def bind_strains(
             tensor += expression * ufl.Identity(rows)
             if rows == 2:
                 normal += expression
-                tensor += expression * _out_of_plane(space, strain, material, parameters)
+                tensor += expression * _out_of_plane(strain, material, parameters)
     points, _ = rule(d, DATA_DEGREE)
     values = evaluate(tensor, space.mesh, points, space.owned_cells)
     if not np.isfinite(space.extremes(values)).all():
@@ -210,9 +210,7 @@ def _in_region(space: Space, region: str | None, expression: Ufl) -> Ufl:
     return indicator * expression
 
 
-def _out_of_plane(
-    space: Space, strain: GivenStrain, material: Any, parameters: Mapping[str, Ufl]
-) -> Ufl:
+def _out_of_plane(strain: GivenStrain, material: Any, parameters: Mapping[str, Ufl]) -> Ufl:
     """Return S, the stress out of plane for stresses in plane [-], shape (2, 2).
 
     Raises:
@@ -225,7 +223,7 @@ def _out_of_plane(
             "as a tensor of 2 rows."
         )
     S = ufl.zero((2, 2))
-    for one in mandel_basis(2):
-        tensor = ufl.as_matrix(one.tolist())
+    for basis_tensor in mandel_basis(2):
+        tensor = ufl.as_matrix(basis_tensor.tolist())
         S += ufl.as_ufl(material.out_of_plane(tensor, **parameters)) * tensor
     return S

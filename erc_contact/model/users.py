@@ -148,8 +148,12 @@ def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, 
     shapes = getattr(material, "state", {})
     values = dict(parameters)
     values |= entries(shapes, [ufl.as_ufl(0.0)] * size_of(shapes))
-    calls = [("potential", (tensor,), values), ("conjugate", (tensor,), values)]
-    for name, arguments, numbers in (*calls, ("modulus", (), parameters)):
+    calls = [("potential", (tensor,), values), ("modulus", (), parameters)]
+    if hasattr(material, "conjugate"):
+        calls.append(("conjugate", (tensor,), values))
+    if hasattr(material, "convexity"):
+        calls.append(("convexity", (), parameters))
+    for name, arguments, numbers in calls:
 
         def attempt(
             name: str = name,

@@ -53,7 +53,7 @@ class Condensed:
         model: The scene on a mesh.
         forms: The equations of a method.
         stiffness: The condensed elastic stiffness.
-        w: Its glued displacement under the loads [length].
+        u_0: Its glued displacement under the loads [length].
         path: The central path of interior point steps; None without.
 
     Attributes:
@@ -81,7 +81,7 @@ class Condensed:
         model: Model,
         forms: ContactForms,
         stiffness: Stiffness,
-        w: fem.Function,
+        u_0: fem.Function,
         path: Any = None,
     ) -> None:
         self.model = model
@@ -92,7 +92,7 @@ class Condensed:
         self.size = (
             len(stiffness.layer.numbers) if forms.method.in_layer else stiffness.contact_size
         )
-        self.forms.set_displacement(w)
+        self.forms.set_displacement(u_0)
         self._last_u_A: np.ndarray | None = None
         self.matrix = self.schur = np.zeros((0, 0))
         self.loads = np.zeros(0)
@@ -100,18 +100,18 @@ class Condensed:
         """K and s where springs hold the body, else None."""
 
         # Gathering is collective; the dense algebra is done on rank 0 alone.
-        self.w = stiffness.gather(w)
+        self.u_0 = stiffness.gather(u_0)
         slip = _slip_before(model)
-        largest_w = float(abs(w.x.array).max(initial=0.0))
+        largest_u = float(abs(u_0.x.array).max(initial=0.0))
         largest_slip = float(abs(slip.x.array).max(initial=0.0))
-        self.length = max(model.comm.allgather(max(largest_w, largest_slip))) or 1.0
+        self.length = max(model.comm.allgather(max(largest_u, largest_slip))) or 1.0
         slip_A = stiffness.gather(slip)[: self.size]
-        glue_forces = stiffness.gather(stiffness.glue.times(w))[: self.size]
+        glue_forces = stiffness.gather(stiffness.glue.times(u_0))[: self.size]
         together(model.comm, self._condense, slip_A, glue_forces)
         self.normals = stiffness.gather(contact_normals(model))[: self.size]
 
-        w_A = self.w[: self.size]
-        fields = FieldMap(self.forms, stiffness, self.size, w_A, self.matrix, self.loads)
+        glued_A = self.u_0[: self.size]
+        fields = FieldMap(self.forms, stiffness, self.size, glued_A, self.matrix, self.loads)
         self._fields = fields
         self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size, path)
         together(model.comm, self._allocate)
@@ -226,7 +226,7 @@ class Condensed:
         """
         count = len(u_contact)
         _, lift = self.stiffness.reduced(count)
-        return self.w[: self.size] + lift[: self.size] @ (u_contact - self.w[:count])
+        return self.u_0[: self.size] + lift[: self.size] @ (u_contact - self.u_0[:count])
 
     def multipliers_at(self, u_A: np.ndarray) -> tuple[fem.Function, ...]:
         """Return the nodal multipliers for u_A [force/area]; collective."""
@@ -263,11 +263,11 @@ class Condensed:
         if self.stiffness.schur is None:
             return
         a = self.size
-        w_A = self.w[:a]
+        glued_A = self.u_0[:a]
         self.schur, _ = self.stiffness.reduced(a)
         self.matrix = self.stiffness.unglued(a)
-        self.loads = self.matrix @ w_A + glue_forces
-        forces = abs(self.matrix) @ np.maximum(abs(w_A), abs(slip_A))
+        self.loads = self.matrix @ glued_A + glue_forces
+        forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(slip_A))
         self.force = float(forces.max()) or 1.0
 
     def _allocate(self) -> None:

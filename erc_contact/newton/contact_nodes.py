@@ -9,6 +9,7 @@ from itertools import permutations
 import numpy as np
 from petsc4py import PETSc
 
+from erc_contact.base.ranks import of_all
 from erc_contact.base.sparse import sparse
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.groups import NOBODY
@@ -101,9 +102,8 @@ def contact_nodes(model: Model, contact: ContactOnMesh) -> ContactNodes:
     there = np.full(nodes.shape, NOBODY)
     if trace.there is not None:
         there = model.global_numbers(trace.partners[side.owned])
-    parts = model.comm.allgather((model.global_numbers(nodes), there, shares, springs))
-    all_here, all_there, all_shares, all_springs = (
-        np.concatenate(part) for part in zip(*parts, strict=True)
+    all_here, all_there, all_shares, all_springs = of_all(
+        model.comm, model.global_numbers(nodes), there, shares, springs
     )
     here, first, place = np.unique(all_here.ravel(), return_index=True, return_inverse=True)
     area = np.bincount(place.ravel(), all_shares.ravel())

@@ -106,7 +106,7 @@ def _unit_slips(model: Model) -> list[fem.Function]:
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class _CondensedSolution:
     """Hold a solution of the condensed problem.
 
     Attributes:
@@ -138,7 +138,7 @@ class _Search:
         self.along = along
         self.solutions = [start]
 
-    def states(self, most: int) -> list[_State]:
+    def states(self, most: int) -> list[_CondensedSolution]:
         """Find other solutions, at most so many."""
         problem = self.problem
         for start in self._starts():
@@ -150,7 +150,7 @@ class _Search:
         states = []
         for x in self.solutions[1:]:
             states.append(
-                _State(
+                _CondensedSolution(
                     displacement=x,
                     force=problem.matrix @ x - problem.loads,
                     distance=self.dense.distance(problem.residual(x)),

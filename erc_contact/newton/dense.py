@@ -26,7 +26,7 @@ INVERSE_ITERATIONS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class AttemptState:
     """Hold the last state of an attempt, on rank 0.
 
     Attributes:
@@ -90,7 +90,7 @@ class Dense:
 
     def solve(
         self, start: np.ndarray, line_search: str, *, hurried: bool = False
-    ) -> tuple[State, Outcome]:
+    ) -> tuple[AttemptState, Outcome]:
         """Make one attempt; return the last state and how the attempt ended.
 
         Args:
@@ -103,7 +103,7 @@ class Dense:
         outcome = attempt(self, x, line_search, self.tolerance, hurried=hurried)
         u = self._displacement(x)
         x.destroy()
-        return State(u, self.problem.residual(u)), outcome
+        return AttemptState(u, self.problem.residual(u)), outcome
 
     def vector(self) -> PETSc.Vec:
         """Return a new vector of unknowns."""

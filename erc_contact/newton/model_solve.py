@@ -49,19 +49,19 @@ def _solution_of(
     solver = kind(model)
     try:
         loads = solver.elastic.load_vector()
-        rest = displacement_at_rest(model, loads)
-        if rest is not None:
-            return _at_rest(rest, model, method or DEFAULT, solver.elastic)
+        at_rest = displacement_at_rest(model, loads)
+        if at_rest is not None:
+            return _at_rest(at_rest, model, method or DEFAULT, solver.elastic)
         _check_size(model, loads, solver.guess)
         if not solver.elastic.contact_size:
             reason = "linear solve"
             return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
         _check_statics(model, loads)
         solution = ContactSolve(solver, method, tolerance).solve(start)
-        rest = displacement_back_at_rest(model, loads, solution.u)
-        if rest is None:
+        at_rest = displacement_back_at_rest(model, loads, solution.u)
+        if at_rest is None:
             return solution
-        back = _at_rest(rest, model, solution.method, solver.elastic)
+        back = _at_rest(at_rest, model, solution.method, solver.elastic)
         return replace(back, newton_steps=solution.newton_steps)
     finally:
         solver.destroy()

@@ -11,11 +11,15 @@ from dolfinx import fem
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.displacements import FileField
-from erc_contact.mesh.nearest import SAME_PLACE, nearest
 from erc_contact.model.model import Model
 
 type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any] | FileField
 """A Function, a callable of points, points with values, or what a file has."""
+SAME_PLACE = 1e-5
+"""Distance of a point to a node that is none, over the extent of the body [-].
+
+Result files often have six digits.
+"""
 OFFSET = 0.2718
 """Place of the lattice of boxes, in boxes [-]."""
 ASIDE = 10.0
@@ -88,7 +92,7 @@ def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np
     d = model.d
     x = model.V.tabulate_dof_coordinates()[:, :d]
     points = field.points[:, :d]
-    place = nearest(x[nodes], points)
+    place = _nearest(x[nodes], points)
     tolerance = SAME_PLACE * model.domain.extent
     # Nodes of bodies that touch are in the same box of a lattice that no mesh has.
     boxes = np.floor(x / tolerance + OFFSET)
@@ -97,7 +101,7 @@ def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np
     if len(twins):
         into = _move_inward(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
         of_bodies = _move_inward(points, field.inward[:, :d], ASIDE * tolerance)
-        place[twins] = nearest(into[twins], of_bodies)
+        place[twins] = _nearest(into[twins], of_bodies)
     return _values_at(points, field.values, place, x[nodes], tolerance, what)
 
 
@@ -121,15 +125,24 @@ def _of_points(
 ) -> np.ndarray:
     """Return the values of the points at which x of shape (n, d) lie, shape (n, d)."""
     n, d = x.shape
-    is_table = points.ndim == values.ndim == 2 and len(points) == len(values)
+    is_table = points.ndim == values.ndim == 2 and 0 < len(points) == len(values)
     if not is_table or min(points.shape[1], values.shape[1]) < d:
         raise InputError(
             f"{what}: points and values have the shapes {points.shape} and {values.shape}; give"
             f" (n, {d}) of both."
         )
+    if not np.isfinite(points).all():
+        raise InputError(f"{what}: points have coordinates that are not finite; leave them out.")
     if n == 0:
         return np.empty((0, d))
-    return _values_at(points, values, nearest(x, points[:, :d]), x, tolerance, what)
+    return _values_at(points, values, _nearest(x, points[:, :d]), x, tolerance, what)
+
+
+def _nearest(nodes: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return the number of the nearest point of each node."""
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - for points only
+
+    return np.asarray(cKDTree(points).query(nodes)[1])
 
 
 def _values_at(

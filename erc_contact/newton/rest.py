@@ -55,12 +55,12 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
     if _is_loaded(model, loads) or _is_moved(model):
         return None
     slides = any(contact.trace.slip_before.any() for contact in model.contacts)
-    rest = model.function()
+    displacement = model.function()
     if model.comm.allreduce(bool(slides), MPI.LOR):
         if not _is_loose_on_a_plane(model):
             return None
-        rest.x.array.reshape(-1, model.d)[:] = _mean_slip(model)
-    return rest
+        displacement.x.array.reshape(-1, model.d)[:] = _mean_slip(model)
+    return displacement
 
 
 def displacement_back_at_rest(
@@ -85,19 +85,19 @@ def displacement_back_at_rest(
     # Supports that move tell a small strain from a rigid motion to more digits.
     round_off = (HISTORY_ROUND_OFF if _is_moved(model) else SOLVED) * greatest
     motions = rigid_motions(model).reshape(len(u.x.array), -1)
-    rest = model.function()
-    rest.x.array[:] = motions @ nearest_motion(model, motions, u.x.array)
-    off = float(abs(rest.x.array - u.x.array).max(initial=0.0))
+    displacement = model.function()
+    displacement.x.array[:] = motions @ nearest_motion(model, motions, u.x.array)
+    off = float(abs(displacement.x.array - u.x.array).max(initial=0.0))
     held = model.fixed.ravel()
-    rest.x.array[held] = model.prescribed.x.array[held]
+    displacement.x.array[held] = model.prescribed.x.array[held]
     for spring in model.springs:
-        _, stretched = spring.resisted(rest.x.array.reshape(-1, model.d, 1))
+        _, stretched = spring.resisted(displacement.x.array.reshape(-1, model.d, 1))
         off = max(off, float(abs(stretched).max(initial=0.0)))
     for contact in model.contacts:
         if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:
-            _, slip, _ = split(contact.trace.since(rest.x.array), contact.trace.normals)
+            _, slip, _ = split(contact.trace.since(displacement.x.array), contact.trace.normals)
             off = max(off, float(abs(slip).max(initial=0.0)))
-    return rest if model.comm.allreduce(off, MPI.MAX) <= round_off else None
+    return displacement if model.comm.allreduce(off, MPI.MAX) <= round_off else None
 
 
 def load_size(model: Model, loads: fem.Function) -> float:

@@ -175,10 +175,10 @@ class Solution:
         Then u is the displacement of a body at rest, up to round-off.
         """
         loads = self.stiffness.load_vector()
-        rest = displacement_at_rest(self.model, loads)
-        if rest is None:
+        at_rest = displacement_at_rest(self.model, loads)
+        if at_rest is None:
             return displacement_back_at_rest(self.model, loads, self.u) is not None
-        moved = float(abs(self.u.x.array - rest.x.array).max(initial=0.0))
+        moved = float(abs(self.u.x.array - at_rest.x.array).max(initial=0.0))
         return bool(
             self.domain.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent
         )

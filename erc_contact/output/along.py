@@ -9,13 +9,13 @@ import numpy as np
 
 from erc_contact.mesh.graphs import successors, to_chain_ends
 from erc_contact.output.drawing import coordinate, tangents, words
-from erc_contact.output.gathered import AXIS, Surface, mean_normal
+from erc_contact.output.gathered import AXIS, WholeContact, mean_normal
 
 PART_DISTANCE = 0.05
 """Distance in s between parts of a contact, as a share of its length [-]."""
 
 
-def along(surface: Surface) -> tuple[np.ndarray, str]:
+def along(surface: WholeContact) -> tuple[np.ndarray, str]:
     """Compute the coordinate s of the vertices of each facet in 2D [length].
 
     Returns:
@@ -29,7 +29,7 @@ def along(surface: Surface) -> tuple[np.ndarray, str]:
     return _arc_length(surface)
 
 
-def _arc_length(surface: Surface) -> tuple[np.ndarray, str]:
+def _arc_length(surface: WholeContact) -> tuple[np.ndarray, str]:
     """Compute the arc length s along a curved contact [length].
 
     The contact may have several parts or be closed. A closed part is cut far from the

@@ -26,7 +26,7 @@ import numpy as np
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import in_space
-from erc_contact.output.gathered import Surface, mean_normal
+from erc_contact.output.gathered import WholeContact, mean_normal
 
 FADING = 3.0
 """Depth in which a recess fades out, over its greatest depth at the surface [-]."""
@@ -39,7 +39,7 @@ Two normals with an angle of 0.2 between them have this share.
 """
 
 
-def pairs_of(contacts: Sequence[Surface]) -> list[Surface]:
+def pairs_of(contacts: Sequence[WholeContact]) -> list[WholeContact]:
     """Return the contacts that are between two bodies."""
     return [contact for contact in contacts if contact.partners is not None]
 
@@ -49,12 +49,12 @@ def bodies_of(body: Mapping[str, np.ndarray]) -> np.ndarray:
     return components(len(body["points"]), _links(body["cells"]))
 
 
-def greatest_gap(contacts: Sequence[Surface]) -> float:
+def greatest_gap(contacts: Sequence[WholeContact]) -> float:
     """Return the greatest absolute gap between two bodies that is data [length]."""
     return max((float(abs(pair.gap).max()) for pair in pairs_of(contacts)), default=0.0)
 
 
-def greatest_share(body: Mapping[str, np.ndarray], pairs: Sequence[Surface]) -> float:
+def greatest_share(body: Mapping[str, np.ndarray], pairs: Sequence[WholeContact]) -> float:
     """Compute the greatest of what is magnified over the size of its body [-].
 
     A small body must stay what it is beside a large one. So the deformation of each
@@ -95,7 +95,7 @@ def _without_rigid_motion(points: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 def shifts(
     body: Mapping[str, np.ndarray],
-    pairs: Sequence[Surface],
+    pairs: Sequence[WholeContact],
     motions: Sequence[Callable[[np.ndarray], np.ndarray]],
     factor: float,
     pull: float,
@@ -146,7 +146,9 @@ def _keeps_still(motion: np.ndarray, still: np.ndarray) -> bool:
     return bool(moved <= STILL * abs(motion).max(initial=0.0))
 
 
-def _behind(body: Mapping[str, np.ndarray], pair: Surface, pairs: Sequence[Surface]) -> np.ndarray:
+def _behind(
+    body: Mapping[str, np.ndarray], pair: WholeContact, pairs: Sequence[WholeContact]
+) -> np.ndarray:
     """Tell which nodes move with this side of a pair, shape (n,).
 
     They are the nodes of its bodies and of all bodies that touch these elsewhere. There
@@ -170,7 +172,7 @@ def _links(cells: np.ndarray) -> np.ndarray:
     return np.column_stack([first, cells.ravel()])
 
 
-def _depth(pair: Surface, shift: np.ndarray, factor: float) -> np.ndarray:
+def _depth(pair: WholeContact, shift: np.ndarray, factor: float) -> np.ndarray:
     """Compute what shifts leave of the gap at the nodes of this side [length].
 
     Its shape is (f, m).
@@ -181,7 +183,10 @@ def _depth(pair: Surface, shift: np.ndarray, factor: float) -> np.ndarray:
 
 
 def _recess(
-    body: Mapping[str, np.ndarray], pairs: Sequence[Surface], pair: Surface, depth: np.ndarray
+    body: Mapping[str, np.ndarray],
+    pairs: Sequence[WholeContact],
+    pair: WholeContact,
+    depth: np.ndarray,
 ) -> np.ndarray:
     """Compute the shifts of a recess in this side of a pair [length], shape (n, 3).
 
@@ -217,7 +222,7 @@ def _recess(
     return recess
 
 
-def _at_nodes(pair: Surface, depth: np.ndarray, count: int) -> np.ndarray:
+def _at_nodes(pair: WholeContact, depth: np.ndarray, count: int) -> np.ndarray:
     """Find the shifts of nodes that have a depth along the normals of their facets.
 
     At a corner they have the depth along the normals of all its facets, or nearly so

@@ -22,7 +22,7 @@ from erc_contact.output.drawing import (
     tangents,
 )
 from erc_contact.output.files import subdivided
-from erc_contact.output.gathered import Surface, mean_normal
+from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
 from erc_contact.results.profile import contact_status
 
@@ -36,7 +36,7 @@ BAR_ASPECT = 20.0
 """Length of a colour bar over its width [-]."""
 
 
-def contact_maps(surface: Surface, ax: Any = None) -> Any:
+def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     """Draw the axes of :func:`erc_contact.output.plot_contact` in 3D; on rank 0."""
     traction = surface.traction
     status = contact_status(traction)

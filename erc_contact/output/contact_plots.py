@@ -29,7 +29,7 @@ from erc_contact.output.drawing import (
     words,
 )
 from erc_contact.output.files import PARTS, subdivided
-from erc_contact.output.gathered import AXIS, Surface, whole_contact
+from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import place
 from erc_contact.results.profile import contact_of, contact_status
 
@@ -106,7 +106,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
     return draw_figure(model.comm, path, ax, draw)
 
 
-def contact_curves(surface: Surface, ax: Any = None) -> Any:
+def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     """Draw the axes of :func:`plot_contact` in 2D; on rank 0."""
     traction = surface.traction
     n = traction.contact.trace.normals
@@ -154,7 +154,7 @@ class _Line:
         abscissa: s at the sampled points in one row, see :meth:`path`.
     """
 
-    def __init__(self, surface: Surface, s: np.ndarray) -> None:
+    def __init__(self, surface: WholeContact, s: np.ndarray) -> None:
         """Place q points on each facet, in order along the contact.
 
         Args:

@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import AdaptiveRun
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks, new_figure, panels_of
 from erc_contact.output.placing import place
 
@@ -28,32 +28,8 @@ MARKERS = "osD^vP*X"
 """Marks of the curves, one after another."""
 
 
-class Run(Protocol):
-    """Represent an adaptive run, as far as it is drawn.
-
-    A ``History`` has these members.
-    """
-
-    @property
-    def accuracy(self) -> float:
-        """Return the prescribed relative error."""
-
-    @property
-    def error(self) -> ConstitutiveError:
-        """Return the best result."""
-
-    def column(self, name: str) -> np.ndarray:
-        """Return one value for each mesh: "dofs", "eps" or "seconds"."""
-
-    def slope(self, against: str) -> float:
-        """Fit the slope of log(eps) against the logarithm of a column.
-
-        It is nan if there are too few meshes for it.
-        """
-
-
 def plot_history(
-    histories: Mapping[str, Run], path: str | Path | None = None, *, ax: Any = None
+    histories: Mapping[str, AdaptiveRun], path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
     """Draw the relative error against run time and degrees of freedom; collective.
 
@@ -116,7 +92,7 @@ def _two_axes(ax: Any) -> np.ndarray:
     return panels_of(ax, 2, "plot_history")
 
 
-def _draw_errors(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
+def _draw_errors(left: Any, right: Any, histories: Mapping[str, AdaptiveRun]) -> None:
     """Draw the relative errors over run time and over degrees of freedom."""
     for number, (name, history) in enumerate(histories.items()):
         slope = history.slope("dofs")
@@ -134,7 +110,7 @@ def _draw_errors(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
         right.plot(history.column("dofs"), eps, **look)
 
 
-def _draw_accuracies(left: Any, right: Any, histories: Mapping[str, Run]) -> None:
+def _draw_accuracies(left: Any, right: Any, histories: Mapping[str, AdaptiveRun]) -> None:
     """Draw the prescribed accuracies, with words at their left ends."""
     where = {"transform": left.get_yaxis_transform(), "va": "bottom"}
     for accuracy in sorted({history.accuracy for history in histories.values()}):
@@ -144,7 +120,7 @@ def _draw_accuracies(left: Any, right: Any, histories: Mapping[str, Run]) -> Non
         left.text(0.02, level, f"accuracy {percent(accuracy, 3)}", **where)
 
 
-def _draw_best_slope(axes: Any, histories: Mapping[str, Run], d: int) -> None:
+def _draw_best_slope(axes: Any, histories: Mapping[str, AdaptiveRun], d: int) -> None:
     """Draw a line of the slope -k/d below the errors, if the meshes grow enough."""
     dofs = np.concatenate([history.column("dofs") for history in histories.values()])
     eps = np.concatenate([history.column("eps") for history in histories.values()])

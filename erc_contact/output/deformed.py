@@ -40,7 +40,7 @@ from erc_contact.output.foundations import (
     rounded,
 )
 from erc_contact.output.gathered import (
-    Surface,
+    WholeContact,
     body_nodes,
     colours_in_words,
     is_symmetry,
@@ -49,7 +49,7 @@ from erc_contact.output.gathered import (
     whole_contacts,
 )
 from erc_contact.output.maps import Scale, draw_map
-from erc_contact.output.views import Part, upward, views_of
+from erc_contact.output.views import ShownPart, upward, views_of
 from erc_contact.results.stresses import linear_mises
 
 COLOURED_SHARE = 0.998
@@ -181,7 +181,10 @@ def gathered_mises(admissible: Admissible, stress: str = "admissible") -> dict[s
 
 
 def shift_of(
-    body: Mapping[str, np.ndarray], contacts: Sequence[Surface], factor: float, pull: float = 0.0
+    body: Mapping[str, np.ndarray],
+    contacts: Sequence[WholeContact],
+    factor: float,
+    pull: float = 0.0,
 ) -> np.ndarray:
     """Compute :func:`erc_contact.output.apart.shifts` of all pairs, shape (n, 3)."""
     pairs = [pair.missing(factor) for pair in pairs_of(contacts)]
@@ -205,7 +208,7 @@ def magnification(error: ConstitutiveError) -> float:
 
 
 def greatest_magnification(
-    body: Mapping[str, np.ndarray], contacts: Sequence[Surface], size: float
+    body: Mapping[str, np.ndarray], contacts: Sequence[WholeContact], size: float
 ) -> float:
     """Find the greatest magnification of a picture by default [-]; on rank 0.
 
@@ -224,7 +227,7 @@ def greatest_magnification(
     return factor
 
 
-def _foundations(contacts: Sequence[Surface]) -> list[Foundation]:
+def _foundations(contacts: Sequence[WholeContact]) -> list[Foundation]:
     """Fit the foundations of contacts with a foundation; on rank 0."""
     alone = [contact for contact in contacts if contact.partners is None]
     return [foundation_of(contact) for contact in alone if not is_symmetry(contact)]
@@ -235,7 +238,7 @@ def _rigid(foundations: Sequence[Foundation]) -> list[Foundation]:
     return [each for each in foundations if each.surface.traction.contact.stiffness is None]
 
 
-def _shifted(contact: Surface, shift: np.ndarray) -> Surface:
+def _shifted(contact: WholeContact, shift: np.ndarray) -> WholeContact:
     """Move a contact, and so its foundation, with the nodes of its body.
 
     The shifts of all nodes have the shape (n, 3) [length].
@@ -269,7 +272,7 @@ def mises_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def _grounds(
     foundations: Sequence[Foundation], factor: float, size: float, drawn_size: float
-) -> list[Part]:
+) -> list[ShownPart]:
     """Draw the foundations.
 
     Args:
@@ -278,15 +281,15 @@ def _grounds(
         size: Size of the body, the diagonal of its box [length].
         drawn_size: Longest side of the box of the body as it is drawn [length].
     """
-    grounds: list[Part] = []
+    grounds: list[ShownPart] = []
     for foundation in foundations:
         grounds += ground(drawn_foundation(foundation, factor, size), drawn_size)
     return grounds
 
 
-def _closed_lines(contacts: Sequence[Surface], x: np.ndarray) -> list[Part]:
+def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[ShownPart]:
     """Draw the lines that show what is closed, for nodes at x [length], (n, 3)."""
-    closed: list[Part] = []
+    closed: list[ShownPart] = []
     for contact in contacts:
         for nodes in (contact.traction.nodes, contact.partners):
             lines = None if nodes is None else closed_part(contact, nodes, x)
@@ -297,7 +300,7 @@ def _closed_lines(contacts: Sequence[Surface], x: np.ndarray) -> list[Part]:
 
 
 def _title(
-    contacts: Sequence[Surface],
+    contacts: Sequence[WholeContact],
     foundations: Sequence[Foundation],
     factor: float,
     size: float,

@@ -11,6 +11,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.output.deformed import draw_deformed, magnification
@@ -26,7 +27,6 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import rounded
 from erc_contact.output.placing import place
-from erc_contact.output.series import LoadingHistory
 
 ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""
@@ -127,7 +127,7 @@ def plot_loop(
     bound = model.contact(contact)
     trace = bound.trace
     facing = bound.name if contact == bound.against else bound.against
-    other = facing or f"the foundation of {contact}"
+    facing_name = facing or f"the foundation of {contact}"
     total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
     # Around a closed contact the normals sum to zero.
     along = tangents(total / (np.linalg.norm(total) or 1.0))
@@ -143,7 +143,7 @@ def plot_loop(
         axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
         axes.set(
             xlabel=f"mean displacement of {where} [length]",
-            ylabel=f"shear on {other} [force]",
+            ylabel=f"shear on {facing_name} [force]",
         )
         if ax is None:
             axes.locator_params(axis="x", nbins=5)

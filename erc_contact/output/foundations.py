@@ -26,7 +26,7 @@ from erc_contact.mesh.simplex import edges, in_space
 from erc_contact.model.profile import OPEN
 from erc_contact.output.bodies import DIVISIONS, sampled, straight
 from erc_contact.output.drawing import tangents
-from erc_contact.output.gathered import Surface, mean_normal
+from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.results.profile import contact_status
 
 FOUNDATION_REACH = 0.15
@@ -68,7 +68,7 @@ class Foundation:
         turn: Its skew gradient [-], shape (d, d).
     """
 
-    surface: Surface
+    surface: WholeContact
     centre: np.ndarray
     shift: np.ndarray
     turn: np.ndarray
@@ -119,7 +119,7 @@ class Foundation:
         return left.ravel(), missing.ravel(), closed
 
 
-def position(surface: Surface) -> np.ndarray:
+def position(surface: WholeContact) -> np.ndarray:
     """Compute the points X + g n of a foundation at the nodes of its contact [length].
 
     Their shape is (n, m, d).
@@ -127,7 +127,7 @@ def position(surface: Surface) -> np.ndarray:
     return surface.place + surface.gap[..., None] * surface.traction.contact.direction[:, None]
 
 
-def nearest_nodes(surface: Surface) -> np.ndarray:
+def nearest_nodes(surface: WholeContact) -> np.ndarray:
     """Find the nodes of closed facets, shape (n, m).
 
     Where all are open, they are those with the least gap left.
@@ -138,7 +138,7 @@ def nearest_nodes(surface: Surface) -> np.ndarray:
     return np.broadcast_to(closed[:, None], surface.gap.shape)
 
 
-def foundation_of(surface: Surface) -> Foundation:
+def foundation_of(surface: WholeContact) -> Foundation:
     """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
     The fit is by least squares. Of all motions with the same normal part it is the
@@ -241,7 +241,7 @@ def _rectangle(points: np.ndarray, n: np.ndarray, margin: float) -> tuple[np.nda
     return corners @ plane + height * n, np.array(parts)
 
 
-def closed_part(surface: Surface, nodes: np.ndarray, x: np.ndarray) -> Any:
+def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
     """Draw the closed part of a contact in 2D, or its border in 3D.
 
     Args:

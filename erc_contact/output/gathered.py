@@ -31,7 +31,7 @@ AXIS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class WholeContact:
     """Hold the n facets of a contact on all ranks; on rank 0.
 
     Attributes:
@@ -65,7 +65,7 @@ class Surface:
     partners: np.ndarray | None = None
     letters: str = "xyz"
 
-    def missing(self, factor: float) -> Surface:
+    def missing(self, factor: float) -> WholeContact:
         """Return the contact with the gap that a picture must add, over its factor.
 
         It magnifies the gap by the factor, and the mesh has the part that is drawn.
@@ -90,7 +90,7 @@ def letters_of(model: Model) -> str:
     return "rz" if model.axisymmetric else "xyz"
 
 
-def mean_normal(surface: Surface) -> np.ndarray:
+def mean_normal(surface: WholeContact) -> np.ndarray:
     """Compute the normal of a contact, out of the body, shape (d,).
 
     If it varies, this is the unit vector of its mean. It is zero if the mean is zero,
@@ -105,14 +105,14 @@ def mean_normal(surface: Surface) -> np.ndarray:
     return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
-def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface | None:
+def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeContact | None:
     """Gather the facets of a contact on rank 0; None on other ranks; collective.
 
     The facets of a pair belong to the side that the scene names first.
     """
     model = admissible.model
     contact = traction.contact
-    own = contact.trace.here.owned
+    owned = contact.trace.here.owned
     gap = gap_at_nodes(model, contact)
     displacement = contact.trace.since(admissible.displacement.x.array)
     if contact.tangential_stiffness is not None:
@@ -129,19 +129,19 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         nodes, partners = partners, nodes
     parts = gathered(
         model.comm,
-        area=traction.area[own],
-        values=contact.sign * traction.values[own],
-        friction_bound=traction.friction_bound[own],
-        direction=contact.sign * contact.direction[own],
-        normals=contact.sign * contact.trace.normals_at_vertices[own],
-        nodes=model.global_numbers(nodes[own]),
-        x=model.V.tabulate_dof_coordinates()[nodes[own]],
-        gap=gap[own],
-        gap_left=(gap - w_n)[own],
-        slip=contact.sign * slip[own],
-        place=place[own],
-        drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[own],
-        partners=model.global_numbers(partners[own]),
+        area=traction.area[owned],
+        values=contact.sign * traction.values[owned],
+        friction_bound=traction.friction_bound[owned],
+        direction=contact.sign * contact.direction[owned],
+        normals=contact.sign * contact.trace.normals_at_vertices[owned],
+        nodes=model.global_numbers(nodes[owned]),
+        x=model.V.tabulate_dof_coordinates()[nodes[owned]],
+        gap=gap[owned],
+        gap_left=(gap - w_n)[owned],
+        slip=contact.sign * slip[owned],
+        place=place[owned],
+        drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
+        partners=model.global_numbers(partners[owned]),
     )
     if not parts:
         return None
@@ -156,7 +156,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
         friction_bound=parts["friction_bound"],
         nodes=parts["nodes"],
     )
-    return Surface(
+    return WholeContact(
         whole_traction,
         x=parts["x"],
         vertices=parts["nodes"][:, : model.d],
@@ -170,7 +170,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> Surface 
     )
 
 
-def whole_contacts(admissible: Admissible) -> list[Surface]:
+def whole_contacts(admissible: Admissible) -> list[WholeContact]:
     """Gather the contacts that have facets on rank 0; collective.
 
     Other ranks get an empty list.
@@ -183,14 +183,14 @@ def whole_contacts(admissible: Admissible) -> list[Surface]:
     return contacts
 
 
-def is_symmetry(contact: Surface) -> bool:
+def is_symmetry(contact: WholeContact) -> bool:
     """Tell whether a contact is a plane of symmetry, which has no foundation."""
     data = contact.traction.contact
     plain = data.friction is None and data.gap is None and contact.partners is None
     return data.bilateral and plain
 
 
-def colours_in_words(contacts: Sequence[Surface]) -> str:
+def colours_in_words(contacts: Sequence[WholeContact]) -> str:
     """Say what the colours of lines in a picture mean."""
     symmetries = [is_symmetry(contact) for contact in contacts]
     words = "" if all(symmetries) else "\norange: closed contact"

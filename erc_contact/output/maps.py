@@ -11,7 +11,7 @@ import numpy as np
 from erc_contact.output.bodies import Skin
 from erc_contact.output.drawing import bar_axes, log_ticks, new_figure
 from erc_contact.output.placing import place
-from erc_contact.output.views import SPACE, Part, mirror_images, seen, show
+from erc_contact.output.views import SPACE, ShownPart, mirror_images, seen, show
 
 WIDE_BODY = 1.6
 """Width over height of a body above which its colour bar is below [-]."""
@@ -53,8 +53,8 @@ def draw_map(
     values: np.ndarray,
     scale: Scale,
     views: dict[str, np.ndarray],
-    lines: Sequence[Part] = (),
-    grounds: Sequence[Part] = (),
+    lines: Sequence[ShownPart] = (),
+    grounds: Sequence[ShownPart] = (),
     title: str = "",
     letters: str = "xyz",
     *,

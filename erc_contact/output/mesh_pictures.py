@@ -4,46 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import AdaptiveRun, MeshErrors
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
 from erc_contact.output.gathered import body_mesh, letters_of
-from erc_contact.output.views import SPACE, WORDS, Part, seen, show, views_of
+from erc_contact.output.views import SPACE, WORDS, ShownPart, seen, show, views_of
 
 MOST_MESHES = {2: 6, 3: 3}
 """Greatest number of meshes in a new figure, for each dimension."""
 
 
-MeshErrors = Sequence[tuple[Domain, np.ndarray]]
-"""Type of domains and eps_E of their owned cells."""
-
-
-class RunOfMeshes(Protocol):
-    """Represent an adaptive run, as far as its meshes are drawn.
-
-    A ``History`` has these members.
-    """
-
-    @property
-    def meshes(self) -> MeshErrors:
-        """Return the meshes of the run."""
-
-    @property
-    def error(self) -> ConstitutiveError:
-        """Return the best result."""
-
-
 def draw_meshes(
-    meshes: RunOfMeshes | MeshErrors, path: str | Path | None = None, *, ax: Any = None
+    meshes: AdaptiveRun | MeshErrors, path: str | Path | None = None, *, ax: Any = None
 ) -> Any:
     """Draw meshes of a sequence side by side; collective.
 
@@ -113,7 +94,7 @@ def _chosen(meshes: MeshErrors, greatest: int) -> list[tuple[Domain, np.ndarray]
     return [meshes[place] for place in np.unique(places)]
 
 
-def _parts_of(body: dict[str, np.ndarray], cells: int, dim: int) -> list[Part]:
+def _parts_of(body: dict[str, np.ndarray], cells: int, dim: int) -> list[ShownPart]:
     """Draw the elements of a mesh and their edges."""
     skin = skin_of(**body, d=dim)
     # Lines are thin on fine meshes.

@@ -20,7 +20,7 @@ import numpy as np
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.simplex import bernstein, in_space, lagrange, nodes
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
-from erc_contact.output.gathered import Surface, body_nodes, nodal_displacement, whole_contact
+from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.profile import contact_status
 from erc_contact.results.states import state, states_of
 from erc_contact.results.stresses import cell_stresses
@@ -99,7 +99,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     on_root(model.comm, Path(folder) / "body.vtkhdf", write)
 
 
-def _contact_grid(surface: Surface) -> Any:
+def _contact_grid(surface: WholeContact) -> Any:
     """Make the grid of a contact with its fields, see :func:`write_fields`."""
     traction = surface.traction
     d = surface.d
@@ -122,7 +122,7 @@ def _contact_grid(surface: Surface) -> Any:
     return grid
 
 
-def _written_points(surface: Surface) -> np.ndarray:
+def _written_points(surface: WholeContact) -> np.ndarray:
     """Return the reference points of the values that are written on a facet.
 
     They are its nodes, or the points of a polyline.

@@ -24,7 +24,7 @@ from erc_contact.output.bodies import skin_of, straight
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
 from erc_contact.output.gathered import body_mesh
-from erc_contact.output.views import SPACE, Part, seen, show, views_of
+from erc_contact.output.views import SPACE, ShownPart, seen, show, views_of
 
 INSIDE = 0.004
 """Distance of a line of a part from its side, over the size of the body [-]."""
@@ -121,7 +121,7 @@ class _Shown:
         cycle = few if count <= len(few) else many
         return [*(cycle[i % len(cycle)] for i in range(count)), GREY]
 
-    def surface(self, number: int, shift: float, **look: Any) -> Part:
+    def surface(self, number: int, shift: float, **look: Any) -> ShownPart:
         """Return the facets of a part, moved outward by ``shift`` [length]."""
         chosen = self.part == number
         moved = self.corners[chosen] + shift * self.normals[chosen][:, None]

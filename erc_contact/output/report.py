@@ -14,12 +14,13 @@ from dataclasses import asdict
 from html import escape
 from math import isfinite
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from erc_contact.base.code import code_of, without_paths
 from erc_contact.base.html import table
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run
 from erc_contact.model.forces import Force
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
@@ -56,37 +57,6 @@ ERROR_NUMBERS = (
 """Numbers of the error in the data."""
 BROAD = 1.3
 """Width over height of a picture that a narrow screen shows part by part [-]."""
-
-
-class Run(Protocol):
-    """Represent an adaptive run or a loading history, as far as it is reported.
-
-    A ``History`` and an ``Evolution`` have these members.
-    """
-
-    @property
-    def steps(self) -> Sequence[Any]:
-        """Return the rows of its table."""
-
-    @property
-    def accuracy(self) -> float:
-        """Return the prescribed relative error."""
-
-    @property
-    def reached(self) -> bool:
-        """Tell whether it was reached."""
-
-    @property
-    def outcome(self) -> str:
-        """Say why it ended."""
-
-    @property
-    def error(self) -> ConstitutiveError:
-        """Return the best result, or that at the end of the history."""
-
-    @property
-    def settings(self) -> Mapping[str, Any]:
-        """Return the other arguments of the run by their names."""
 
 
 def write_report(

@@ -7,37 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.files import gathered, on_root, vtk_cells
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
-
-
-class LoadingHistory(Protocol):
-    """Stand for a loading history, as far as it is drawn and written.
-
-    An ``Evolution`` has these members.
-    """
-
-    @property
-    def errors(self) -> tuple[ConstitutiveError, ...]:
-        """Return the error at the end of each step."""
-
-    def column(self, name: str) -> np.ndarray:
-        """Return one number of each step: "time", "work", "dissipated", ..."""
-
-    def force(self, contact: str) -> np.ndarray:
-        """Return the resultant on a contact at the end of each step [force].
-
-        Returns:
-            Forces, shape (steps, d).
-        """
 
 
 def write_series(history: LoadingHistory, path: str | Path) -> None:

@@ -16,7 +16,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.output.flat import draw_flat, limits
 
-Part = tuple[Any, dict[str, Any]]
+ShownPart = tuple[Any, dict[str, Any]]
 """Data of pyvista, and options with which they are drawn."""
 PIXELS = 800
 """Number of pixels of the longer side of the image of a body."""
@@ -82,7 +82,7 @@ def _axes_of_view(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
-def seen(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
+def seen(parts: Sequence[ShownPart], view: np.ndarray) -> np.ndarray:
     """Find the low and the high corner of parts in the axes of a view [length].
 
     They have a margin; shape (2, 3).
@@ -94,7 +94,7 @@ def seen(parts: Sequence[Part], view: np.ndarray) -> np.ndarray:
     return np.array([low - margin, high + margin])
 
 
-def mirror_images(parts: Sequence[Part]) -> list[Part]:
+def mirror_images(parts: Sequence[ShownPart]) -> list[ShownPart]:
     """Return the mirror images of parts at x = 0, the axis of turned bodies."""
     images = []
     for data, look in parts:
@@ -104,7 +104,7 @@ def mirror_images(parts: Sequence[Part]) -> list[Part]:
     return images
 
 
-def rendered(pictures: Sequence[tuple[Sequence[Part], np.ndarray]]) -> list[np.ndarray]:
+def rendered(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[np.ndarray]:
     """Draw images of parts in parallel projection, each from where :func:`seen` says.
 
     All are drawn in one window, because a window costs more than a second view of the
@@ -160,7 +160,7 @@ def lack_of_window() -> str:
 
 
 def _image(
-    plotter: Any, actors: dict[int, Any], parts: Sequence[Part], view: np.ndarray
+    plotter: Any, actors: dict[int, Any], parts: Sequence[ShownPart], view: np.ndarray
 ) -> np.ndarray:
     """Draw the image of one view in a window.
 
@@ -199,7 +199,7 @@ def _image(
 
 
 def show(
-    panels: Any, pictures: Sequence[tuple[Sequence[Part], np.ndarray]], letters: str = "xyz"
+    panels: Any, pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]], letters: str = "xyz"
 ) -> None:
     """Show parts of a body in axes of matplotlib, with coordinates.
 

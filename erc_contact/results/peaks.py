@@ -37,11 +37,11 @@ def peaks(pair: Admissible) -> dict[str, float]:
     shear = [np.empty(0)]
     size = [np.empty(0)]
     for traction in pair.tractions_per_area:
-        own = traction.contact.trace.here.owned
+        owned = traction.contact.trace.here.owned
         pressures, tangential = traction.at_points(points)
-        pressure.append(pressures[own].max(axis=1))
-        shear.append(np.linalg.norm(tangential[own], axis=2).max(axis=1))
-        size.append(traction.area[own] ** (1 / (model.d - 1)))
+        pressure.append(pressures[owned].max(axis=1))
+        shear.append(np.linalg.norm(tangential[owned], axis=2).max(axis=1))
+        size.append(traction.area[owned] ** (1 / (model.d - 1)))
     facet_size = np.concatenate(size)
     local = [
         _greatest(von_mises(mean_stress(pair)), volume ** (1 / model.d)),

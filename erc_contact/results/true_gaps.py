@@ -45,18 +45,18 @@ def gap_deviation(result: Any, name: str) -> float:
         raise InputError(f"gap_deviation: {name!r} is no contact between bodies; give one of them.")
     u = pair.displacement.x.array
     places = model.V.tabulate_dof_coordinates()[:, : model.d] + u.reshape(-1, model.d)
-    own = trace.here.owned
+    owned = trace.here.owned
 
     # Facets of the deformed side are curved where u^ is, and are taken in pieces.
     pieces = facet_pieces(model.d - 1) if model.degree > 1 else np.eye(model.d)[None]
     shape = lagrange(model.d - 1, model.degree, pieces[..., 1:].reshape(-1, model.d - 1))
-    of_pieces = np.matmul(shape, places[trace.there.nodes[own]])
+    of_pieces = np.matmul(shape, places[trace.there.nodes[owned]])
     of_ranks = model.comm.allgather(of_pieces.reshape(-1, model.d, model.d))
     corners = np.concatenate(of_ranks)
 
     law = pair.tractions[model.contacts.index(contact)].in_law()
     peak = greatest_pressure(model, law[0])
-    is_closed = own & (facet_status(contact, *law, peak) != OPEN)
+    is_closed = owned & (facet_status(contact, *law, peak) != OPEN)
     n = np.broadcast_to(trace.normals, (*trace.here.nodes.shape, model.d))[is_closed]
     left = ((contact.to_partners - trace.of(u))[is_closed] * n).sum(axis=-1)
     x = places[trace.here.nodes[is_closed]].reshape(-1, model.d)

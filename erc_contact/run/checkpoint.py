@@ -26,8 +26,6 @@ from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
 from erc_contact.scene.scene import Scene
 
-State = dict[str, float]
-"""Type of what the aim of a run carries from mesh to mesh."""
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""
 
@@ -48,7 +46,7 @@ class Kept:
     meshes: list[tuple[Domain, np.ndarray]]
     best: ConstitutiveError
     last: ConstitutiveError
-    carried: State
+    carried: dict[str, float]
 
 
 class Checkpoint:
@@ -147,7 +145,7 @@ class Checkpoint:
         self,
         error: ConstitutiveError,
         steps: Sequence[Any],
-        carried: State | None = None,
+        carried: dict[str, float] | None = None,
         *,
         last: bool = False,
     ) -> None:

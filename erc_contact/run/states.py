@@ -24,7 +24,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.seams import Interface
+from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.tables import (
     CellRows,
     corner_places,
@@ -116,7 +116,9 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "regions": dict(domain.regions),
         "geometry": geometry,
         "tags": sorted(tags),
-        "interfaces": [asdict(one) for one in domain.seams.interfaces] if domain.seams else [],
+        "interfaces": [asdict(one) for one in domain.interface_map.interfaces]
+        if domain.interface_map
+        else [],
         "multipliers": len(solution.multipliers),
         ABOUT: ABOUT in at_nodes,
         "method": repr(solution.method),

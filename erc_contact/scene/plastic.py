@@ -179,6 +179,11 @@ class Plastic:
             "accumulated": accumulated + flow,
         }
 
+    def convexity(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
+        """Return the share of the elasticity that plastic flow leaves [-]."""
+        slope = hardening + kinematic
+        return slope / (slope + 3 * E / (2 * (1 + nu)))
+
     def modulus(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]: Young's."""
         return E

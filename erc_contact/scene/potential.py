@@ -40,6 +40,13 @@ class Potential(Protocol):
     ("K", "G") has ``potential(self, strain, K, G)``; ``*values`` is here for type
     checkers only. The package differentiates the potential twice.
 
+    A further method ``convexity``, like ``modulus``, may return a share a [-] for which
+    ``psi(eps) - a/2 eps : C eps`` is convex, with ``C = psi''(0)`` at rest. Then e
+    bounds the error of the displacement, too
+    (:attr:`erc_contact.ConstitutiveError.displacement_error`), and ``conjugate`` can be
+    left out: Newton's method looks for the supremum at each point, and the convexity
+    bounds what it leaves, ``rho : (a C)^-1 rho / 2`` for the stress rho that it misses.
+
     Attributes:
         parameters: Names of the attributes that are values in space: numbers, callables
             of x, or mappings from the names of regions to either.
@@ -66,16 +73,21 @@ class Potential(Protocol):
         """
 
     def conjugate(self, stress: Ufl, *values: Ufl, **parameters: Ufl) -> Ufl:
-        """Return psi* of a stress (3, 3) [force/area], UFL."""
+        """Return psi* of a stress (3, 3) [force/area], UFL.
+
+        It can be left out where there is a ``convexity`` > 0.
+        """
 
     def modulus(self, *values: Ufl, **parameters: Ufl) -> Ufl:
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
+POTENTIAL_MEMBERS = ("parameters", "check", "potential", "modulus")
+"""Names of the members of each material with a potential."""
+DUAL_MEMBERS = ("conjugate", "convexity")
+"""Names of members of which a material with a potential has one or both."""
 type Shapes = Mapping[str, tuple[int, ...]]
 """Names of the entries of a state with their shapes: () or (3, 3)."""
-POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
-"""Names of the members of a material with a potential."""
 
 
 BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
@@ -106,6 +118,18 @@ class Remembering(Potential, Protocol):
 
     def new_state(self, strain: Ufl, *values: Ufl, **parameters: Ufl) -> Mapping[str, Ufl]:
         """Return the entries after a load step that ends at a strain (3, 3), UFL."""
+
+
+class Convex(Potential, Protocol):
+    """Describe a law that tells how convex it is."""
+
+    def convexity(self, *values: Ufl, **parameters: Ufl) -> Ufl:
+        """Return a share a [-] with ``psi - a/2 eps : psi''(0) eps`` convex, UFL."""
+
+
+def tells_convexity(material: Any) -> TypeGuard[Convex]:
+    """Tell whether a law tells how convex it is."""
+    return hasattr(material, "convexity")
 
 
 def remembers(material: Any) -> TypeGuard[Remembering]:

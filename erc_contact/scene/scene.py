@@ -20,6 +20,7 @@ from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import PLANE_STRAIN, PLANE_STRESS, Material, of_regions
 from erc_contact.scene.potential import (
+    DUAL_MEMBERS,
     FROM_REST,
     POTENTIAL_MEMBERS,
     Potential,
@@ -84,6 +85,11 @@ class Scene:
             object.__setattr__(self, "material", of_regions(self.material))
         needed = POTENTIAL_MEMBERS if has_potential(self.material) else MATERIAL_MEMBERS
         missing = [name for name in needed if not hasattr(self.material, name)]
+        if has_potential(self.material) and not any(
+            hasattr(self.material, name) for name in DUAL_MEMBERS
+        ):
+            needed = (*needed, " or ".join(DUAL_MEMBERS))
+            missing.append(needed[-1])
         if missing or isinstance(self.material, type):
             raise InputError(
                 f"Scene: material is {self.material!r}; give an Elastic(E, nu), a Plastic(E, nu,"

@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.balance import balanced
 from erc_contact.admissible.cones import Cones
-from erc_contact.admissible.nearest import Part
+from erc_contact.admissible.nearest import BalancePart
 
 pytestmark = pytest.mark.serial
 
@@ -35,7 +35,9 @@ def vectors(rng: np.random.Generator, n: np.ndarray, m: int) -> np.ndarray:
     return t / np.linalg.norm(t, axis=-1, keepdims=True)
 
 
-def problem(seed: int, d: int, inside: float, few: float) -> tuple[Part, np.ndarray, np.ndarray]:
+def problem(
+    seed: int, d: int, inside: float, few: float
+) -> tuple[BalancePart, np.ndarray, np.ndarray]:
     """A contact, loads, and tractions that balance them.
 
     On the surface of their sets but for a share ``inside``.
@@ -73,7 +75,7 @@ def problem(seed: int, d: int, inside: float, few: float) -> tuple[Part, np.ndar
     opening = far * rng.random((f, m)) * (rng.random() < 0.5)
     pull = (slope * np.linalg.norm(slip, axis=-1) + opening)[..., None] * n - slip
     start = allowed(1.0, few) * (rng.random() < 0.8)
-    return Part(cones, start, pull, weight, motions, np.ones(len(start))), loads, known
+    return BalancePart(cones, start, pull, weight, motions, np.ones(len(start))), loads, known
 
 
 def rigid(loads: np.ndarray) -> np.ndarray:
@@ -100,7 +102,7 @@ def test_nearest_of_those_that_balance(d):
     for seed in range(12):
         part, loads, known = problem(seed, d, 0.1, 1.0)
         near = 10 * abs(known).max() / max(abs(part.shift).max(), 1e-300)
-        part = Part(
+        part = BalancePart(
             part.cones,
             part.start,
             min(near, 1.0) * part.shift,
@@ -110,7 +112,7 @@ def test_nearest_of_those_that_balance(d):
         )
         (r,), _, _ = balanced(MPI.COMM_SELF, [part], loads, rigid(loads))
 
-        def distance(t: np.ndarray, part: Part = part) -> float:
+        def distance(t: np.ndarray, part: BalancePart = part) -> float:
             return float((part.weight * ((t - part.start - part.shift) ** 2).sum(axis=-1)).sum())
 
         assert distance(r) <= distance(known) * (1 + 1e-9)
@@ -124,7 +126,9 @@ def test_loads_that_nothing_balances(d):
         part, _, _ = problem(seed, d, 1.0, 1.0)
         away = np.zeros(part.motions.shape[:3])
         away += part.cones.n  # a motion into the foundation; the load draws out of it
-        part = Part(part.cones, part.start, part.shift, part.weight, away[..., None], part.modulus)
+        part = BalancePart(
+            part.cones, part.start, part.shift, part.weight, away[..., None], part.modulus
+        )
         load = np.array([abs(part.start).max() + 1.0])
         for pulls in (load, -load):
             _, rest, forces = balanced(MPI.COMM_SELF, [part], pulls, rigid(pulls))
@@ -138,7 +142,7 @@ def test_springs_take_up_an_imbalance(d, stiffness):
         part, loads, known = problem(seed, d, 0.1, 1.0)
         scale = abs(known).max()
         near = min(10 * scale / max(abs(part.shift).max(), 1e-300), 1.0)
-        part = Part(
+        part = BalancePart(
             part.cones, part.start, near * part.shift, part.weight, part.motions, part.modulus
         )
         loads = loads + scale * np.random.default_rng(seed).standard_normal(loads.shape)

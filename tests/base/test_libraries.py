@@ -28,7 +28,6 @@ from erc_contact.newton.linear import mumps
 PACKAGE = Path(ec.__file__).parent
 
 PRIVATE = {
-    "base/releases.py": {"_cpp_object"},
     "base/runtime/compiled.py": {
         "_counter",
         "_cache",

@@ -57,7 +57,6 @@ def test_geometry_of_0_10_is_read(monkeypatch):
     geometry = SimpleNamespace(dofmap=nodes, cmap="element")
     assert releases.cell_nodes(geometry) is nodes
     assert releases.coordinate_map(geometry) == "element"
-    assert releases.geometry_element(SimpleNamespace(_cpp_object="of C++")) == "of C++"
     seen = {}
 
     def compiled(sources, options, prefix):

@@ -224,6 +224,8 @@ def test_a_traction_from_elsewhere(d, degree):
         (np.zeros_like, "mapping"),
         ({"bottom": lambda x: x[:1]}, "return 2 rows"),
         ({"bottom": (np.zeros((3, 2)), np.zeros((3, 2)))}, "have no point"),
+        ({"bottom": (np.zeros((0, 2)), np.zeros((0, 2)))}, "of both"),
+        ({"bottom": (np.full((3, 2), np.nan), np.zeros((3, 2)))}, "not finite; leave"),
         ({"bottom": lambda x: np.full(x.shape, np.nan)}, "not finite"),
     ],
 )

@@ -113,13 +113,12 @@ def factor(radius: float, mode: str = "I") -> ec.StressIntensity:
 
 @pytest.mark.serial
 def test_edge_crack():
-    history = ec.adapt(pulled(), strip(0.5), accuracy=0.005, degree=2)
-    for radius in (0.4, 0.2):
-        found = ec.interval(history, factor(radius))
-        assert found.guaranteed
-        assert found.low < OF_TABLES < found.high
-        assert found.value == pytest.approx(OF_TABLES, rel=1e-3)
-        assert found.high - found.low < 5e-3 * found.value
+    history = ec.adapt(pulled(), strip(0.5), accuracy=0.007, degree=2)
+    found = ec.interval(history, factor(0.4))
+    assert found.guaranteed
+    assert found.low < OF_TABLES < found.high
+    assert found.value == pytest.approx(OF_TABLES, rel=1e-3)
+    assert found.high - found.low < 2e-3 * found.value
 
 
 @pytest.mark.serial
@@ -128,12 +127,10 @@ def test_intervals_meet(degree):
     """Plane stress, a contact that stays open, two radii, two meshes: one number."""
     crack = ec.Contact("upper lip", against="lower lip", friction=0.3)
     found = []
-    for scene in (pulled("plane stress"), pulled("plane stress", (crack,))):
-        for size, radius in ((0.5, 0.45), (0.3, 0.3)):
-            error = certified(scene, strip(size), degree=degree)
-            found.append(ec.interval(error, factor(radius)))
-    without_contact = found[:2]
-    assert all(bounds.guaranteed for bounds in without_contact)
+    for contacts, size, radius in (((), 0.5, 0.45), ((), 0.35, 0.3), ((crack,), 0.5, 0.45)):
+        error = certified(pulled("plane stress", contacts), strip(size), degree=degree)
+        found.append(ec.interval(error, factor(radius)))
+        assert found[-1].guaranteed or contacts
     assert max(bounds.low for bounds in found) < min(bounds.high for bounds in found)
     assert all(bounds.low < OF_TABLES < bounds.high for bounds in found)
 
@@ -150,11 +147,11 @@ def test_pressure_on_the_faces():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("friction", "accuracy", "off"), [(0.0, 5e-4, 2e-3), (0.3, 5e-4, 2e-2)])
-def test_closed_crack(friction, accuracy, off):
+@pytest.mark.parametrize(("friction", "off"), [(0.0, 2e-3), (0.3, 2e-2)])
+def test_closed_crack(friction, off):
     """In a large plate K_II is the shear beyond friction times the root of pi a."""
     domain = plate(40.0, 8.0, 0.15)
-    history = ec.adapt(pressed(friction), domain, accuracy=accuracy, degree=2)
+    history = ec.adapt(pressed(friction), domain, accuracy=1e-3, degree=2)
     c, s = np.cos(LEAN), np.sin(LEAN)
     found = ec.interval(history, ec.StressIntensity((c, s), (c, s), radius=0.8, mode="II"))
     exact = s * (c - friction * s) * np.sqrt(np.pi)

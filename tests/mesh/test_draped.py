@@ -196,7 +196,7 @@ def test_curved_bodies_are_meshed_again(name, measures):
     kept = json.loads(json.dumps(described(domain.geometry)))
     assert geometry_of(kept) == domain.geometry
     finer = domain.refined().remeshed(0.15)
-    assert finer.seams.interfaces == domain.seams.interfaces
+    assert finer.interface_map.interfaces == domain.interface_map.interfaces
     assert dict(finer.names) == dict(domain.names)
     assert_closed(finer)
     assert assert_paired(finer, *SIDES) > assert_paired(domain, *SIDES)

@@ -20,8 +20,8 @@ from test_two_bodies import LOWER, METHODS, UPPER, certified, distance, patch, v
 
 import erc_contact as ec
 from erc_contact.mesh.gmsh_session import session
+from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.partition import patches_complete
-from erc_contact.mesh.seams import Interface
 from erc_contact.mesh.tables import described, geometry_of
 
 COMM = MPI.COMM_WORLD
@@ -376,7 +376,7 @@ def test_other_bodies_and_pairs():
     two = ec.assembly(bodies).joined("upper bottom", "lower top")
     assert list(two.regions) == ["upper steel", "upper rubber", "lower"]
     assert_paired(two, "upper bottom", "lower top")
-    (interface,) = two.seams.interfaces
+    (interface,) = two.interface_map.interfaces
     assert Interface.of(json.loads(json.dumps(asdict(interface)))) == interface
 
     cap = ec.rectangle((0.5, 1), (2.5, 2), cells=(5, 2))
@@ -556,7 +556,7 @@ def test_bodies_are_meshed_again_and_joined(name, measures):
     back = finer.remeshed(2 * size)
     assert finer.cells > 1.5 * back.cells
     for again in (finer, back):
-        assert again.seams.interfaces == domain.seams.interfaces
+        assert again.interface_map.interfaces == domain.interface_map.interfaces
         assert dict(again.names) == dict(domain.names)
         assert_paired(again, *again.pairs[0])
         if name != "tower":  # where a tied joint is a part inside

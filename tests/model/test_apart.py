@@ -427,7 +427,7 @@ def test_checkpoints_keep_both_places():
     error = certified(scene, domain)
     level = level_of(error, [])
     restored = Restored(COMM, level)
-    assert restored.domain.seams.distances == domain.seams.distances
+    assert restored.domain.interface_map.distances == domain.interface_map.distances
     for one in (restored.domain, restored.domain.refined()):
         assert assert_facing(one, *SIDES) > 0
     again = certified(scene, restored.domain)

@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from plates import measured
 from reference import true_errors
 from scenes import mostly_serial
+from test_bad_input import refused
 
 import erc_contact as ec
 
@@ -27,12 +29,6 @@ SPACE = ((0.0, 0.0, 0.0), (2.0, 1.5, 1.0))
 
 def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle(*PLANE, cells=(2 * n, n), comm=comm)
-
-
-def measured(scene, domain, **options) -> ec.ConstitutiveError:
-    """Of the augmented Lagrangian unless said otherwise: its forms are few."""
-    solution = ec.solve(scene, domain, **{"method": ec.AugmentedLagrangian(), **options})
-    return ec.constitutive_error(ec.equilibrate(solution))
 
 
 def pressed(*supports, friction=0.3, nu=NU, **others) -> ec.Scene:
@@ -385,6 +381,4 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_faces_are_refused_in_words(case):
-    attempt, words = BAD[case]
-    with pytest.raises(ec.InputError, match=words):
-        attempt()
+    refused(*BAD[case])

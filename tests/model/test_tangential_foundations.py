@@ -19,8 +19,10 @@ from functools import cache
 import numpy as np
 import pytest
 from mpi4py import MPI
+from plates import METHODS, by_ranks_and_solvers, measured, plate
 from reference import true_errors
 from scenes import mostly_serial, two_halves
+from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, slider_of
@@ -31,14 +33,7 @@ PRESS = 0.02
 PRESSURE = PRESS / (1 / K_N + 1 / E)
 STICKS = MU * PRESSURE * (1 / K_T + 1 / G)
 """Greatest push at which the block sticks."""
-METHODS = [None, ec.Nitsche(theta=1), ec.Nitsche(theta=-1), ec.AugmentedLagrangian()]
 BED = ec.Foundation(K_N, K_T)
-
-
-def measured(scene, domain, **options) -> ec.ConstitutiveError:
-    """Of the augmented Lagrangian unless said otherwise: its forms are few."""
-    solution = ec.solve(scene, domain, **{"method": ec.AugmentedLagrangian(), **options})
-    return ec.constitutive_error(ec.equilibrate(solution))
 
 
 def block(d: int = 2, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
@@ -179,10 +174,6 @@ def with_base(scene: ec.Scene) -> ec.Scene:
     contact = replace(scene.contacts[0], facets="punch", against="base")
     held = ec.Displacement("bottom", (0.0, 0.0))
     return replace(scene, supports=[*scene.supports, held], contacts=contact)
-
-
-def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
-    return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -328,21 +319,18 @@ def test_ranks_and_solvers(between):
         scene = pressed(lambda x: 2e3 + 1e3 * x[0] ** 2, k_n=3e3, moved=(x, y))
         return with_base(scene) if between else scene
 
-    errors = []
-    for comm, solver in (
-        (MPI.COMM_SELF, "direct"),
-        (MPI.COMM_WORLD, "direct"),
-        (MPI.COMM_WORLD, "iterative"),
-    ):
+    part = "punch" if between else "bottom"
+
+    def measure(comm, solver):
         domain = halves(plate(4, comm)) if between else plate(4, comm)
         after = ec.solve(moved_to(0.01, -0.02), domain, solver=solver)
         back = moved_to(-0.002, -0.02)
-        errors.append(measured(back, domain, method=None, solver=solver, after=after))
-    for error in errors[1:]:
-        assert error.relative == pytest.approx(errors[0].relative, rel=1e-6)
-        assert error.scale == pytest.approx(errors[0].scale, rel=1e-9)
-        part = "punch" if between else "bottom"
-        shear = [e.force(part).force[0] for e in (error, errors[0])]
+        return measured(back, domain, method=None, solver=solver, after=after)
+
+    first, errors = by_ranks_and_solvers(measure)
+    for error in errors:
+        assert error.scale == pytest.approx(first.scale, rel=1e-9)
+        shear = [e.force(part).force[0] for e in (error, first)]
         assert shear[0] == pytest.approx(shear[1], rel=1e-6)
 
 
@@ -369,9 +357,7 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_bad_foundations_are_refused_in_words(case):
-    attempt, words = BAD[case]
-    with pytest.raises(ec.InputError, match=words):
-        attempt()
+    refused(*BAD[case])
 
 
 def test_what_a_scene_and_a_certificate_say():

@@ -120,13 +120,15 @@ def test_energies_add_up_to_the_error(d, degree, friction):
         psi += float((measures * energy).sum())
         psi_star += float((measures * complementary).sum())
     loads = load_work(model, pair.displacement).value
-    of_friction = sum(friction_work(model, t, pair.displacement, 0.0).value for t in pair.tractions)
+    unknown = 1e-3 * error.contact_error**2
+    of_friction = sum(
+        friction_work(model, t, pair.displacement, unknown / 100).value for t in pair.tractions
+    )
     supports = float(error.force("top").force @ np.array(vector(d, 0.004, -0.03)))
     J, J_star = psi - loads + of_friction, psi_star - supports
     gap = psi + psi_star - stress_work(pair, pair.displacement).value
     half = gap + error.contact_error**2 / 2
     # Of the contact part, too, a little is unknown.
-    unknown = 1e-3 * error.contact_error**2
     assert abs(J + J_star - half) < 1e-12 * (abs(J) + abs(J_star)) + unknown
     # The integrals of the package add to e^2 what they leave unknown.
     assert half < error.absolute**2 / 2 < 1.0011 * half
@@ -163,8 +165,8 @@ def test_the_exact_energy_lies_in_the_interval(seed):
     scene, d, degree = random_scene(seed)
     domain = slab(d, (4, 2) if d == 2 else (2, 1, 1))
     error = certified(scene, domain, degree=degree)
-    fine = domain.refined().refined() if d == 2 else domain.refined()
-    reference = certified(scene, fine, degree=2)
+    # In space, degree 2 on the same cells tells enough.
+    reference = certified(scene, domain.refined().refined() if d == 2 else domain, degree=2)
     assert reference.absolute < error.absolute
     bounds, exact = ec.potential_energy(error), ec.potential_energy(reference)
     # The exact energy is between both ends of the reference.
@@ -281,7 +283,7 @@ def test_a_thick_tube_under_pressure():
         [ec.Symmetry("left"), ec.Symmetry("bottom")],
         ec.Traction("inside", pressure=pressure),
     )
-    history = ec.adapt(scene, quarter_tube(0.4), accuracy=0.01, degree=2)
+    history = ec.adapt(scene, quarter_tube(0.15), accuracy=0.01, degree=2)
     assert history.reached
     moved = history.solution.at([[INNER, 0.0], [OUTER, 0.0]]).displacement[:, 0]
     assert moved == pytest.approx([inner, outer], rel=1e-3)

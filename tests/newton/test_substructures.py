@@ -24,7 +24,7 @@ import erc_contact as ec
 from erc_contact.model.promises import bind
 from erc_contact.newton.linear import mumps
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.linear.substructures import Interface, Joint, Substructures, _family
+from erc_contact.newton.linear.substructures import Interface, Separator, Substructures, _family
 
 COMM = MPI.COMM_WORLD
 
@@ -147,7 +147,7 @@ def test_joints_eliminate_what_lies_between_parts(parts):
         whole[np.ix_(numbers, numbers)] += a @ a.T
     joint = left[0]
     for part in left[1:]:
-        joint = Joint(joint, part).interface
+        joint = Separator(joint, part).interface
     inner = np.setdiff1d(np.arange(20), joint.numbers)
     assert np.array_equal(inner, np.arange(17))
     i, o = np.ix_(inner, inner), np.ix_(inner, joint.numbers)
@@ -176,7 +176,7 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
 def test_a_joint_that_is_not_definite_is_told():
     flat = Interface(np.arange(2), np.ones(2, int), np.array([2, 3]), -np.eye(2))
     with pytest.raises(ec.InputError, match="cannot be factorised"):
-        Joint(flat, flat)
+        Separator(flat, flat)
 
 
 @pytest.mark.serial

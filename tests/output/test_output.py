@@ -561,7 +561,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
     zero = np.zeros(ends.shape)
     axes = contact_plots.contact_curves(
-        gathered.Surface(traction, x, ends, zero, zero, 0 * x, x, zero)
+        gathered.WholeContact(traction, x, ends, zero, zero, 0 * x, x, zero)
     )
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)

@@ -7,8 +7,8 @@ a sum of
 
 - the same force at a node of the centre on all facets of the ring, passed on from cell
   to cell;
-- the same couple about the centre on all facets: ``(g_j . g_l)/|g_j| N`` at node l of a
-  facet with normal N, where j is the node that is not on the centre and g are the
+- the same couple about the centre on all facets: ``(g_j . g_l)/|g_j| n`` at node l of a
+  facet with normal n, where j is the node that is not on the centre and g are the
   gradients of the barycentric coordinates in the facet;
 - opposite forces at the two ends of an edge of one facet, as a bar of a truss carries
   them.
@@ -20,8 +20,9 @@ a row: in half the memory of double precision, and 100 times nearer to it than s
 precision, so that the error does not depend on the number of ranks in more than its
 last digits.
 
-Symbols: d dimension, w = (d-1)d + 1 forces and couple of a patch, b = d(d-1)/2 bars of
-a facet, F facets, H patches, m moments of a facet and component.
+A patch has ``(d-1)d + 1`` forces and couples, and each facet ``d(d-1)/2`` bars.
+
+Symbols: d dimension, F facets, H patches, m moments of a facet and component.
 
 Source: Clough, Tocher (1965) for the space in 2D; the basis by forces, couples and bars
 is ours.

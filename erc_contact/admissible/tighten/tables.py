@@ -195,8 +195,8 @@ def upper_entries(products: np.ndarray) -> np.ndarray:
         Shape (..., s (s + 1)/2).
     """
     a, b = np.triu_indices(products.shape[-1])
-    both = products + products.swapaxes(-1, -2)
-    return both[..., a, b] / np.where(a == b, 2, 1)
+    symmetric = products + products.swapaxes(-1, -2)
+    return symmetric[..., a, b] / np.where(a == b, 2, 1)
 
 
 @cache
@@ -268,9 +268,9 @@ def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
         node = list(vertices[i]).index(v)
         equation({q: -d * volume}, (basis @ slopes[i]).T, inputs[i, node])
         # The traction between two sub-simplices is continuous.
-        for other in set(range(i)) - {v}:
-            normal = slopes[i] - slopes[other]
-            jump = {q: 1.0, number[other, v]: -1.0}
+        for neighbour in set(range(i)) - {v}:
+            normal = slopes[i] - slopes[neighbour]
+            jump = {q: 1.0, number[neighbour, v]: -1.0}
             equation(jump, (basis @ normal).T, np.zeros_like(inputs[0, 0]))
     # The mean stress is the dyad of tractions and positions.
     moments = np.einsum("lm,fmcz->flcz", mass(d - 1, 1, 1), inputs)

@@ -18,7 +18,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import ErcContactError
 from erc_contact.error.coulomb.coupling import coupling
-from erc_contact.error.coulomb.surface import Surface, coulomb_surface
+from erc_contact.error.coulomb.surface import CoulombSurface, coulomb_surface
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.model.model import Model
@@ -51,10 +51,10 @@ class OtherMesh:
         traces: The body as they see it.
     """
 
-    surface: Surface
+    surface: CoulombSurface
     traces: Traces
 
-    def norm(self, surface: Surface, t: np.ndarray) -> tuple[float, np.ndarray]:
+    def norm(self, surface: CoulombSurface, t: np.ndarray) -> tuple[float, np.ndarray]:
         """Compute the norm q for the field t (M, d) of a surface; collective.
 
         Returns:
@@ -100,7 +100,9 @@ def body_on(model: Model, domain: Domain) -> OtherMesh:
         return OtherMesh(surface, stiffness.traces(surface.numbers))
 
 
-def change_of_norm(q: float, surface: Surface, other_q: float, other: OtherMesh | None) -> float:
+def change_of_norm(
+    q: float, surface: CoulombSurface, other_q: float, other: OtherMesh | None
+) -> float:
     """Estimate how far the norm q of a field is from its limit [-].
 
     The value on another mesh tells.
@@ -123,7 +125,7 @@ def change_of_norm(q: float, surface: Surface, other_q: float, other: OtherMesh 
     return here * abs(q - other_q) / abs(here - there)
 
 
-def _missing(surface: Surface) -> float:
+def _missing(surface: CoulombSurface) -> float:
     """Return what is missing of q on a mesh, over c: ``1/log(1 + L/h)`` [-]."""
     d = surface.normal.shape[1]
     size = float(surface.area.mean()) ** (1 / (d - 1))

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.error.coulomb.surface import PairOnSurface, Surface
+from erc_contact.error.coulomb.surface import CoulombSurface, PairOnSurface
 from erc_contact.model.trace import split
 
 LENGTHS = (0.0, 0.01, 0.03, 0.1, 0.3)
@@ -76,9 +76,9 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     by_slip = pair.least_friction()[:, None] * pull / _or_one(length, length > 0)[:, None]
     largest = max(float(pressure.max()), float(length.max())) or 1.0
     square = (np.stack([pressure, length]) / largest) ** 2
-    both = square.sum(axis=0)
+    square_sum = square.sum(axis=0)
     weighted = square[0][:, None] * by_traction + square[1][:, None] * by_slip
-    rough = weighted / _or_one(both, both > 0)[:, None]
+    rough = weighted / _or_one(square_sum, square_sum > 0)[:, None]
     mean = float(node_area @ pressure / node_area.sum()) or largest
     c = (pressure + np.minimum(length, mean)) / mean
     return _limited(pair, rough), (c + SMALLEST) * node_area
@@ -89,7 +89,9 @@ def _or_one(values: np.ndarray, positive: np.ndarray) -> np.ndarray:
     return np.where(positive, values, 1.0)
 
 
-def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: float) -> np.ndarray:
+def _smooth(
+    surface: CoulombSurface, rough: np.ndarray, weight: np.ndarray, length: float
+) -> np.ndarray:
     """Compute the smooth field by conjugate gradients, zero at blocked nodes."""
     free = ~surface.blocked[:, None]
     if length == 0:
@@ -120,7 +122,7 @@ def _smooth(surface: Surface, rough: np.ndarray, weight: np.ndarray, length: flo
     return t
 
 
-def _piece_stiffness(surface: Surface, length: float) -> np.ndarray:
+def _piece_stiffness(surface: CoulombSurface, length: float) -> np.ndarray:
     """Return the matrices of ``l^2 int grad . grad`` on the pieces, shape (P, d, d)."""
     x = surface.positions()
     pieces = surface.pieces

@@ -41,7 +41,7 @@ ZERO_COMPONENT = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class CoulombSurface:
     """Hold the contacts with Coulomb friction.
 
     Attributes:
@@ -125,7 +125,7 @@ class PairOnSurface:
             [force/length^3], shape (F,).
     """
 
-    surface: Surface
+    surface: CoulombSurface
     traction: np.ndarray
     displacement: np.ndarray
     friction: np.ndarray
@@ -220,7 +220,7 @@ def has_coulomb(contact: ContactOnMesh) -> bool:
     return contact.friction.dependence == PROPORTIONAL
 
 
-def coulomb_surface(model: Model) -> Surface:
+def coulomb_surface(model: Model) -> CoulombSurface:
     """Gather the contacts of a model with Coulomb friction; collective.
 
     There is one at least.
@@ -266,7 +266,7 @@ def coulomb_surface(model: Model) -> Surface:
     supported[facets] = fixed
     some_of_normal = (supported & (abs(normal) > ZERO_COMPONENT)).any(axis=1)
     blocked |= some_of_normal & ~supported.all(axis=1)
-    return Surface(model.degree, numbers, facets, corners, of_corners, normal, blocked)
+    return CoulombSurface(model.degree, numbers, facets, corners, of_corners, normal, blocked)
 
 
 def pair_on_surface(pair: Admissible) -> PairOnSurface:

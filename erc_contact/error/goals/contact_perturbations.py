@@ -19,6 +19,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.ranks import union
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
@@ -47,8 +48,7 @@ class _Bodies:
 
     def at(self, nodes: np.ndarray) -> frozenset[int]:
         """Return the bodies of nodes of all ranks."""
-        here = set(self.body[nodes.ravel()].tolist())
-        return frozenset().union(*self.base.model.comm.allgather(here))
+        return frozenset(union(self.base.model.comm, self.body[nodes.ravel()].tolist()))
 
     def of_contact(self, contact: ContactOnMesh) -> tuple[frozenset[int], frozenset[int]]:
         """Return the bodies on this side of a contact, and on the other side."""

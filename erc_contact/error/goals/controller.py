@@ -37,9 +37,6 @@ CLOSE = 1.3
 SUDDEN = 0.5
 """Part of a width that changes of the contact set make where t is far too large [-]."""
 
-State = dict[str, float]
-"""Type of what an aim carries from mesh to mesh, plain numbers."""
-
 
 class GoalController:
     """Hold what a run knows of its goal; members are collective.
@@ -62,15 +59,15 @@ class GoalController:
         self._tighten = tighten
         self._last: GoalError | None = None
         self._is_rough = False
-        self._carried: State = {}
-        self.before: State = {}
+        self._carried: dict[str, float] = {}
+        self.before: dict[str, float] = {}
 
     @property
     def bounds(self) -> Bounds | None:
         """Return the interval on the last mesh; None where there is none."""
         return None if self._last is None or self._is_rough else self._last.bounds
 
-    def measure(self, error: ConstitutiveError, carried: State | None = None) -> None:
+    def measure(self, error: ConstitutiveError, carried: dict[str, float] | None = None) -> None:
         """Measure the interval on a mesh, or estimate it.
 
         Args:

@@ -22,8 +22,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import of_all
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.perturbation import BaseScene, Perturbation, with_law
+from erc_contact.error.goals.moved_law import MovedLaw
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import strain_work
@@ -33,7 +35,6 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.mesh.tags import listed
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.model import Model
-from erc_contact.model.nearby import nearby_model
 from erc_contact.scene.goal import StressIntensity
 from erc_contact.scene.scene import Scene
 
@@ -85,17 +86,14 @@ def stress_intensity(
     def scene_at(t: float) -> Scene:
         return replace(scene, strains=(*scene.strains, replace(unit, amount=t)))
 
-    def law_at(t: float) -> Model:
-        return nearby_model(scene_at(t), model)
-
     # S has 1/E' as its first entry.
     size = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
 
     def psi(u: fem.Function) -> BoundedNumber:
-        return strain_work(with_law(pair, law_at(1.0)), u, UNKNOWN * base.e * size)
+        return strain_work(MovedLaw(singular=unit).moved(pair, 1.0), u, UNKNOWN * base.e * size)
 
     constant = _work_on_faces(error, frame)
-    return Perturbation(scene_at, psi, 1.0, constant, base.e / size, law_at=law_at)
+    return Perturbation(scene_at, psi, 1.0, constant, base.e / size)
 
 
 class _Frame:
@@ -193,7 +191,7 @@ def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarra
     cells = np.flatnonzero(is_near).astype(np.int32)
     points = np.concatenate([corners[cells], corners[cells].mean(axis=1, keepdims=True)], axis=1)
     local = model.constitution.metric(points, cells).reshape(-1, 3, 3)
-    values = np.concatenate(model.comm.allgather(local))
+    (values,) = of_all(model.comm, local)
     first = values[0]
     changes = abs(values - first).max()
     # In Mandel components shear has the factor S_11 - S_12 in an isotropic material.

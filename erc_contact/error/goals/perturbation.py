@@ -7,12 +7,11 @@ supports (:mod:`erc_contact.error.goals.three_pairs`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.pair import Admissible
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.model import Model
 from erc_contact.scene.scene import Scene
@@ -59,8 +58,7 @@ class Perturbation:
 
     Attributes:
         scene_at: Makes the scene moved by t, with the friction bounds of the pair; None
-        if
-            loads alone dictate the number, which is then the constant.
+            if loads alone dictate the number, which is then the constant.
         psi: ``psi(u)`` of a displacement.
         sign: Factor of Q in the number [-].
         constant: What is added to it.
@@ -68,7 +66,6 @@ class Perturbation:
         varies: Whether the moved load varies in space: a mesh may not carry it.
         size: Size of psi, its value for a unit displacement; 0 if no load moves.
         least: What the number is at least.
-        law_at: Makes a model whose law is moved by t; None where the law stays.
     """
 
     scene_at: Callable[[float], Scene] | None
@@ -79,9 +76,3 @@ class Perturbation:
     varies: bool = False
     size: float = 0.0
     least: float = -np.inf
-    law_at: Callable[[float], Model] | None = None
-
-
-def with_law(pair: Admissible, model: Model) -> Admissible:
-    """Return a pair whose law is the law of another model of the same mesh."""
-    return replace(pair, solution=replace(pair.solution, model=model))

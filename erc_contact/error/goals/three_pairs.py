@@ -46,7 +46,7 @@ psi(u^), ``int C G : (eps(u^) - eps_0)``.
 The shifts of preloads may move, too: u^ has jumps q d at their cuts, and phi has the
 jumps p d with the differences p of the shifts over t. So eps(phi) is the change of the
 elastic strain, loads work on the jumps, and so do the forces of bolts that are given
-(:mod:`erc_contact.error.goals.moved_shifts`).
+(:mod:`erc_contact.error.goals.moved_law`).
 
 Any t is allowed, and the intervals of several t may be intersected. While the contact
 set stays as it is, d does not depend on t. Then ``t = 2 M/d`` is best, and the width d
@@ -65,7 +65,6 @@ Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,14 +74,12 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.moved_shifts import MovedShifts
-from erc_contact.error.goals.perturbation import with_law
+from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.oscillation import UNKNOWN_SHARE
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
-from erc_contact.model.model import Model
 
 UNKNOWN = 1e-4
 """What integrals may leave unknown, over the square of M [-]."""
@@ -125,14 +122,12 @@ class Unmoved:
         psi: ``psi(u^)``.
         frictions: Work of friction on u^ on each contact [force length].
         M: M, see above [sqrt(force length)].
-        law_at: Makes the model whose law is moved by t; None where the law stays.
     """
 
     error: ConstitutiveError
     psi: BoundedNumber
     frictions: list[BoundedNumber]
     M: float
-    law_at: Callable[[float], Model] | None = None
 
     @property
     def floor(self) -> float:
@@ -146,18 +141,16 @@ class Unmoved:
 def unmoved(
     error: ConstitutiveError,
     psi: BoundedNumber,
-    law_at: Callable[[float], Model] | None = None,
 ) -> Unmoved:
     """Compute what the intervals of all t share; collective.
 
     Args:
         error: The error of the pair of the scene.
         psi: ``psi(u^)``.
-        law_at: Makes the model whose law is moved by t; None where the law stays.
     """
     square = error.absolute**2 + error.geometry_error**2
     M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
-    base = Unmoved(error, psi, [], M, law_at)
+    base = Unmoved(error, psi, [], M)
     pair = error.admissible
     for traction in pair.tractions:
         work = friction_work(pair.model, traction, pair.displacement, base.floor)
@@ -270,17 +263,17 @@ def _end(
     size_2 = elastic_work(pair, phi, phi).value
 
     size = float(np.sqrt(max(size_2, 0.0)))
-    shifts = MovedShifts.between(first.model, second.model, t)
-    product, d_squares = _across(base, phi, shifts, more, less, t, size)
+    law = MovedLaw.between(first.model, second.model, t)
+    product, d_squares = _across(base, phi, law, more, less, t, size)
     d_2 = model.comm.allreduce(float(d_squares.sum()), MPI.SUM)
     if d_2 > size_2:
         # Forces that a contact bears have a tau, and no phi.
-        product, d_squares = _across(base, phi, shifts, more, less, t, float(np.sqrt(d_2)))
+        product, d_squares = _across(base, phi, law, more, less, t, float(np.sqrt(d_2)))
 
     # The round-off of strains does work on the stress of phi.
     V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
-    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + shifts.work(pair, t)
+    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + law.work(pair, t)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
@@ -295,7 +288,7 @@ def _end(
 def _across(
     base: Unmoved,
     phi: fem.Function,
-    shifts: MovedShifts,
+    law: MovedLaw,
     more: Admissible,
     less: Admissible,
     t: float,
@@ -306,7 +299,7 @@ def _across(
     Args:
         base: The scene, not moved.
         phi: phi.
-        shifts: The jumps of phi.
+        law: How much the law has moved.
         more: One of two pairs whose sigma^ have the difference ``t tau``.
         less: The other one.
         t: t.
@@ -320,9 +313,7 @@ def _across(
     unresolved = 0.0
     varies = False
     for step in (0.0, h, -h):
-        moved = shifts.moved(error.admissible, step)
-        if base.law_at is not None and step != 0.0:
-            moved = with_law(moved, base.law_at(step))
+        moved = law.moved(error.admissible, step)
         body = _bulk(moved, phi, more, less, step, t)
         squares.append(body.gap)
         unresolved += body.moduli

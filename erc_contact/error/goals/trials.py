@@ -82,7 +82,7 @@ class Trials:
         """Return what all values of t share."""
         if self._base is None:
             psi = self.perturbation.psi(self.error.admissible.displacement)
-            self._base = unmoved(self.error, psi, self.perturbation.law_at)
+            self._base = unmoved(self.error, psi)
         return self._base
 
     @property

@@ -77,11 +77,11 @@ def faces_of(blocks: Sequence[Block], x: np.ndarray) -> Faces:
             f"{in_words(at)}: cells lie over each other. Mesh the body anew, or leave the extra "
             "cells out."
         )
-    other = np.zeros(len(count), dtype=bool)
+    takes_other_diagonal = np.zeros(len(count), dtype=bool)
     if corners.shape[1] == 4:
         _, one_of_each = np.unique(all_numbers, return_index=True)
-        other = _with_other_diagonal(x, corners[np.flatnonzero(whole)[one_of_each]])
-    return Faces(corners, first, number, count, other)
+        takes_other_diagonal = _with_other_diagonal(x, corners[np.flatnonzero(whole)[one_of_each]])
+    return Faces(corners, first, number, count, takes_other_diagonal)
 
 
 def distinct(corners: np.ndarray) -> np.ndarray:

@@ -84,8 +84,8 @@ def _key_of(key: int | Key, keys: list[Key]) -> Key:
             f"names has {key!r}, and no part of the mesh has this tag; the mesh has {tags}."
         )
     if len(matching) > 1:
-        both = " and ".join(map(str, matching))
+        kinds = " and ".join(map(str, matching))
         raise InputError(
-            f"names has {key!r}, which is a boundary part and a region; give one of {both}."
+            f"names has {key!r}, which is a boundary part and a region; give one of {kinds}."
         )
     return matching[0]

@@ -36,7 +36,7 @@ from erc_contact.mesh.joining.outlines import (
 from erc_contact.mesh.joining.strips import CutSurface, with_short_edges
 from erc_contact.mesh.joining.thresholds import CLOSE, CRUSHED, LEAST_ANGLE, SAME
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.simplex import measures
+from erc_contact.mesh.simplex import measures, outward_normals
 
 FLAT = 1e-3
 """Distance from the plane that counts as none, by the shortest edge [-]."""
@@ -181,11 +181,9 @@ def plane_sides(plain: PlainMesh, here: int, there: int) -> bool:
 def _mean_normal(plain: PlainMesh, tag: int) -> np.ndarray:
     """Return the mean outward normal of a side, shorter than 1 if it is curved."""
     sides = plain.sides(tag)
-    corners = plain.x[plain.points_of(sides)]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    apex = plain.x[plain.cells[tuple(sides.T)]]
-    outward = np.sign(np.einsum("ij,ij->i", corners[:, 0] - apex, normals))
-    return (normals * outward[:, None]).sum(axis=0) / np.linalg.norm(normals, axis=1).sum()
+    areas = measures(plain.x[plain.points_of(sides)])
+    normals = outward_normals(plain.x[plain.cells[sides[:, 0]]], sides[:, 1])
+    return np.asarray(areas @ normals / areas.sum())
 
 
 def _keep_areas(

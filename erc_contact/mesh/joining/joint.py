@@ -18,6 +18,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.interface_map import Interface, Regions
 from erc_contact.mesh.joining.aligning import aligned
 from erc_contact.mesh.joining.corners import moved_corner
 from erc_contact.mesh.joining.imprint_curved import imprint_curved
@@ -26,7 +27,6 @@ from erc_contact.mesh.joining.imprint_plane import imprint_plane, plane_sides
 from erc_contact.mesh.joining.matching import matched
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.seams import Interface, Regions
 from erc_contact.mesh.tags import NO_TAG, listed
 from erc_contact.mesh.transfer import gathered_mesh
 
@@ -96,9 +96,9 @@ def last_tag(bodies: Bodies) -> int:
     """Return the greatest tag of the parts and facets of a domain; collective."""
     glued = bodies if bodies.glued is None else bodies.glued
     used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
-    if bodies.seams is not None:
+    if bodies.interface_map is not None:
         # Tags of tied joints are on no facet.
-        used += [tag for interface in bodies.seams.interfaces for tag in interface.tags]
+        used += [tag for interface in bodies.interface_map.interfaces for tag in interface.tags]
     return bodies.comm.allreduce(int(max(used, default=0)), MPI.MAX)
 
 

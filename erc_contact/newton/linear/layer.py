@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from erc_contact.base.ranks import distinct_rows, of_all
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import marked_by_any
 
@@ -45,8 +46,8 @@ def contact_layer(model: Model) -> Layer:
     dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
     at_contact = np.repeat(touching, model.d)[dofs]
     numbers = model.global_dofs(dofs)
-    on_contact = np.unique(np.concatenate(model.comm.allgather(numbers[at_contact])))
-    others = np.concatenate(model.comm.allgather(numbers[~at_contact]))
+    on_contact = distinct_rows(model.comm, numbers[at_contact])
+    (others,) = of_all(model.comm, numbers[~at_contact])
     # A node may be at the contact by a facet of another rank only.
     off_contact = np.setdiff1d(others, on_contact)
 

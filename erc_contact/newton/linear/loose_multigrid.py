@@ -42,10 +42,10 @@ class LooseMultigrid(Multigrid):
     def glued(
         self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
     ) -> fem.Function:
-        """Solve ``(K + D) w = b``, see :meth:`Multigrid.glued`."""
-        w = super().glued(b, supports=supports, tolerance=tolerance)
-        self._faces.follow(w, b)
-        return w
+        """Solve ``(K + D) u_0 = b``, see :meth:`Multigrid.glued`."""
+        u_0 = super().glued(b, supports=supports, tolerance=tolerance)
+        self._faces.follow(u_0, b)
+        return u_0
 
     def solve(
         self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None

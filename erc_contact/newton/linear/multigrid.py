@@ -89,7 +89,7 @@ class Multigrid(AssembledElastic):
     def glued(
         self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
     ) -> fem.Function:
-        """Solve ``(K + D) w = b`` for the displacement w [length].
+        """Solve ``(K + D) u_0 = b`` for the displacement u_0 [length].
 
         Args:
             b: Nodal forces [force], whose ghost contributions are added up here.

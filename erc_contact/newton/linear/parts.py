@@ -32,7 +32,7 @@ class Interface:
     schur: np.ndarray
 
 
-class Part:
+class Substructure:
     """Represent the part of one rank.
 
     Args:
@@ -110,7 +110,7 @@ class Part:
             self._factor.destroy()
 
 
-class Joint:
+class Separator:
     """Join two parts.
 
     Args:

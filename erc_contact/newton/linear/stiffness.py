@@ -17,11 +17,11 @@ and of their cells, in the basis Q; A the first ones of L (those that change jum
 all); S_A the Schur complement of K + D on A. Then S_A - D_A is the Schur complement of
 K, and at the contact
 
-    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A w_A + c,
+    K u = b + (forces c at A)   <=>   (S_A - D_A) u_A = S_A u_0 + c,
 
-    u = w + (K + D)^-1 (D u_A + c)
+    u = u_0 + (K + D)^-1 (D u_A + c)
 
-with ``w = (K + D)^-1 b``. K + D is positive definite even if only contacts hold the
+with ``u_0 = (K + D)^-1 b``. K + D is positive definite even if only contacts hold the
 body. MUMPS makes the Schur complement on L with the factor; the degrees of freedom of L
 that are not in A are eliminated with dense algebra.
 """
@@ -83,7 +83,7 @@ class Stiffness(Elastic):
             self._condense()
 
     def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
-        """Solve ``(K + D) w = b`` for the displacement w [length].
+        """Solve ``(K + D) u_0 = b`` for the displacement u_0 [length].
 
         For the arguments see :meth:`.solver.ElasticSolver.solve`.
         """
@@ -107,23 +107,23 @@ class Stiffness(Elastic):
         motions that no support holds. At the contact, u then has no part in these
         motions.
         """
-        w = self.glued(b, supports=supports)
+        u_0 = self.glued(b, supports=supports)
         if not self.contact_size:
-            return w
+            return u_0
         a = self.contact_size
-        w_A = self.gather(w)[:a]
-        glue_forces = self.gather(self.glue.times(w))[:a]
+        glued_A = self.gather(u_0)[:a]
+        glue_forces = self.gather(self.glue.times(u_0))[:a]
 
         def unglue() -> np.ndarray | None:
             if self.schur is None:
                 return None
             schur, _ = self.reduced(a)
             # What bodies are glued to may be moved by supports.
-            by_supports = glue_forces - times(self.glued_by, w_A[:, None])[:, 0]
-            return np.linalg.solve(self.definite(a), schur @ w_A + by_supports)
+            by_supports = glue_forces - times(self.glued_by, glued_A[:, None])[:, 0]
+            return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
 
         u_A = together(self.model.comm, unglue)
-        return self.expand(w, u_A, None)
+        return self.expand(u_0, u_A, None)
 
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
@@ -154,24 +154,24 @@ class Stiffness(Elastic):
         return DenseTraces(self.model, numbers, self.basis, matrices)
 
     def expand(
-        self, w: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None
+        self, u_0: fem.Function, u_A: np.ndarray | None, force: np.ndarray | None
     ) -> fem.Function:
-        """Return ``u = w + (K + D)^-1 (D u_A + c)`` [length]; collective.
+        """Return ``u = u_0 + (K + D)^-1 (D u_A + c)`` [length]; collective.
 
         Args:
-            w: The glued displacement [length].
+            u_0: The glued displacement [length].
             u_A: Displacement at A [length], on rank 0.
             force: Contact forces c at A [force]; None on all ranks for zero.
         """
         # The glue reads what moves at the contact, and supports there.
-        read = w.copy()
+        read = u_0.copy()
         at_contact = self.layer.local[self.layer.place < self.layer.contact_size]
         read.x.array[at_contact] = self.scatter(u_A).x.array[at_contact]
         forces = self.glue.times(read)
         if force is not None:
             forces.x.array[:] += self.scatter(force).x.array
         u = self._moved_by(forces)
-        u.x.array[:] += w.x.array
+        u.x.array[:] += u_0.x.array
         return u
 
     def _moved_by(self, forces: fem.Function) -> fem.Function:

@@ -30,7 +30,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.glue import Glue
 from erc_contact.newton.linear.mumps import dense_factor, dense_solve
-from erc_contact.newton.linear.parts import Interface, Joint, Part
+from erc_contact.newton.linear.parts import Interface, Separator, Substructure
 
 
 class Substructures:
@@ -58,13 +58,13 @@ class Substructures:
         # One rank more than there are: so L is never eliminated.
         total[layer] += 1
 
-        def make_part() -> Part:
+        def make_part() -> Substructure:
             matrix = _stiffness(form, glue, self._rows)
-            return Part(matrix, model.global_dofs(self._rows), total[self._rows])
+            return Substructure(matrix, model.global_dofs(self._rows), total[self._rows])
 
         self._part = together(self._comm, make_part)
         self._parent, self._children = _family(self._comm.rank, self._comm.size)
-        self._joints: list[Joint] = []
+        self._joints: list[Separator] = []
         self.interface = self._join()
         self._root = together(self._comm, self._factor_of_root)
 
@@ -124,7 +124,7 @@ class Substructures:
                 interface = None
                 continue
             try:
-                joint = Joint(interface, of_child)
+                joint = Separator(interface, of_child)
                 self._joints.append(joint)
                 interface = joint.interface
             except Exception as reason:

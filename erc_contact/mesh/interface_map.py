@@ -50,7 +50,7 @@ class Interface:
 
 
 @dataclass(frozen=True, eq=False)
-class Seams:
+class InterfaceMap:
     """Relate a split mesh to the glued mesh.
 
     Attributes:

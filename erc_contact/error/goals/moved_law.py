@@ -1,4 +1,4 @@
-"""What moved shifts of preloads add to an interval from three pairs.
+"""Give what moved strains and shifts of preloads add to an interval of three pairs.
 
 Symbols of :mod:`erc_contact.error.goals.three_pairs` and
 :mod:`erc_contact.model.preload`: p difference of two shifts over t, psi the field of
@@ -8,14 +8,14 @@ the jump of one preload, E = - eps(psi) its given strain.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import ufl
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.runtime import compiled
-from erc_contact.error.goals.perturbation import with_law
+from erc_contact.error.goals.singular_strain import SingularStrain
 from erc_contact.error.load_work import assembled
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.works import strain_energy
@@ -23,37 +23,49 @@ from erc_contact.model.model import Model
 from erc_contact.model.preload import PreloadOnMesh, shifts_of
 from erc_contact.newton.preload import with_shifts
 from erc_contact.scene.preload import Preload
+from erc_contact.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
-class MovedShifts:
-    """Hold the differences p of the shifts of two scenes over t.
+class MovedLaw:
+    """Hold the differences of what is given of the strains of two scenes, over t.
 
     Attributes:
-        differences: p of each preload that has moved, by its name [-].
+        shifts: p of each preload that has moved, by its name [-].
+        singular: The difference of the strains of a crack tip over t; None without.
     """
 
-    differences: dict[str, float]
+    shifts: dict[str, float] = field(default_factory=dict)
+    singular: SingularStrain | None = None
 
     @classmethod
-    def between(cls, first: Model, second: Model, t: float) -> MovedShifts:
-        """Return the shifts of the first scene less the shifts of the second over t."""
+    def between(cls, first: Model, second: Model, t: float) -> MovedLaw:
+        """Return what the first scene has more than the second, over t."""
         more, less = shifts_of(first.scene.ties), shifts_of(second.scene.ties)
-        moved = {name: (more[name] - less[name]) / t for name in more if more[name] != less[name]}
-        return cls(moved)
+        shifts = {name: (more[name] - less[name]) / t for name in more if more[name] != less[name]}
+        more_strain, less_strain = _singular(first.scene), _singular(second.scene)
+        either = more_strain or less_strain
+        if either is None:
+            return cls(shifts)
+        amount = 0.0 if more_strain is None else more_strain.amount
+        amount -= 0.0 if less_strain is None else less_strain.amount
+        return cls(shifts, replace(either, amount=amount / t))
 
     def moved(self, pair: Admissible, amount: float) -> Admissible:
-        """Return a pair whose shifts have grown by p times an amount; collective."""
-        if not self.differences or amount == 0.0:
+        """Return a pair whose law has moved by this times an amount; collective."""
+        if amount == 0.0 or not (self.shifts or self.singular):
             return pair
         scene = pair.model.scene
+        if self.singular is not None:
+            singular = replace(self.singular, amount=amount * self.singular.amount)
+            scene = replace(scene, strains=(*scene.strains, singular))
         shifts = shifts_of(scene.ties)
-        for name, p in self.differences.items():
+        for name, p in self.shifts.items():
             shifts[name] += amount * p
         model = copy(pair.model)
         model.scene = with_shifts(scene, shifts)
         model.bind_strains(model.scene)
-        return with_law(pair, model)
+        return replace(pair, solution=replace(pair.solution, model=model))
 
     def work(self, pair: Admissible, t: float) -> BoundedNumber:
         """Compute what V has of the jumps of phi [force length]; collective.
@@ -66,28 +78,36 @@ class MovedShifts:
             pair: The pair of the scene that is not moved.
             t: t.
         """
-        if not self.differences:
+        if not self.shifts:
             return BoundedNumber(0.0)
         model = pair.model
         total = BoundedNumber(0.0)
         shifts = shifts_of(model.scene.ties)
         amount = t
-        for name, p in self.differences.items():
+        for name, p in self.shifts.items():
             amount = max(amount, abs(shifts[name] / p))
         u = pair.displacement
         more, less = (strain_energy(self.moved(pair, s), u) for s in (amount, -amount))
         total += (0.5 / amount) * (less - more)
         for preload in model.preloads:
-            p = self.differences.get(preload.name, 0.0)
+            p = self.shifts.get(preload.name, 0.0)
             if p != 0.0:
                 total += p * _load_work(model, preload)
         for tie in model.scene.ties:
             if isinstance(tie, Preload) and tie.force is not None:
-                total += BoundedNumber(tie.force * self.differences.get(tie.facets, 0.0))
+                total += BoundedNumber(tie.force * self.shifts.get(tie.facets, 0.0))
         # Shifts are rounded before their small differences are taken.
-        largest = max(abs(shifts[name]) for name in self.differences)
+        largest = max(abs(shifts[name]) for name in self.shifts)
         round_off = 2 * np.finfo(float).eps * largest / t
         return total + BoundedNumber(0.0, round_off * abs(total.value))
+
+
+def _singular(scene: Scene) -> SingularStrain | None:
+    """Return the strain of a crack tip that a scene has."""
+    for strain in scene.strains:
+        if isinstance(strain, SingularStrain):
+            return strain
+    return None
 
 
 def _load_work(model: Model, preload: PreloadOnMesh) -> BoundedNumber:
