@@ -51,8 +51,8 @@ def evolve(
 
     At the first time the body comes from rest, in one step. Each further step goes on
     with the mesh of the last one, which is refined or made anew as its error asks. A
-    refined mesh carries the slip so far without loss. A step that does not converge is
-    halved, up to 8 times.
+    refined mesh carries the slip so far, and what a law remembers, without loss. A step
+    that does not converge is halved, up to 8 times.
 
     Args:
         scene_at: Gives the scene at a time t. All scenes have contacts of the same
