@@ -104,11 +104,14 @@ if layer.comm.rank == 0:
     print(f"work {given[last]:.1f}", end=", ")
     print(f"stored {stored[last]:.1f}, plastic {plastic[last]:.1f} N mm")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
-    for name, first, end in (("press", 0, pressed), ("release", pressed, released)):
-        shown = slice(first, end + 1)
-        left.plot(1e3 * depth(time[shown]), force[shown] / 1e3, "o-", ms=3, label=name)
-    shown = slice(released, None)
-    left.plot(1e3 * depth(time[shown]), force[shown] / 1e3, "k.--", lw=1, label="again")
+    shown = {
+        "press": ("C0o-", slice(0, pressed + 2)),
+        "release": ("C1o-", slice(pressed + 1, released + 2)),
+        "again": ("kx", slice(released + 1, None)),
+    }
+    path, taken = 1e3 * depth(np.append(0.0, time)), np.append(0.0, force) / 1e3
+    for name, (line, part) in shown.items():
+        left.plot(path[part], taken[part], line, ms=4, lw=1, label=name)
     left.set(xlabel=r"depth of the plate [$\mu$m]", ylabel="force [kN]", xlim=0, ylim=0)
     for name, (r, height) in (("pressed", deepest), ("let go", imprint)):
         right.plot(r, 1e3 * height, label=name)

@@ -146,12 +146,14 @@ def _of_other_solutions(error: ConstitutiveError) -> list[tuple[str, str]]:
 
 def _of_points(error: ConstitutiveError) -> tuple[str, str]:
     """Say what e leaves open of forces and stresses."""
+    norm = "the energy norm"
     interval = "ec.resultant(error, contact, direction) gives an interval for a contact force."
     if has_potential(error.model.scene.material):
+        norm = "energies"
         interval = "ec.potential_energy(error) gives an interval for the energy."
     words = (
         "Forces, pressures and stresses below belong to the admissible pair. e bounds its "
-        f"error in the energy norm, and not at single points. {interval}"
+        f"error in {norm}, and not at single points. {interval}"
     )
     return NOT_KNOWN, words
 

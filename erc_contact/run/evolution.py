@@ -43,8 +43,9 @@ NOTE = (
     "Error, scene, forces and body belong to the end of the last step. In the table of "
     "steps, shear is the shear over the pressure of the first contact, dissipated is the energy "
     "that friction took so far, in_time is what the length of the steps leaves unknown of it, "
-    "and balance is what work, strain energy and work of the contacts leave, over the greatest "
-    "energy so far. A step whose stress is round-off of the history ends at rest, with eps = 0."
+    "and balance is what work, stored and plastic energy and work of the contacts leave, over the "
+    "greatest energy so far. A step whose stress is round-off of the history ends at rest, with "
+    "eps = 0."
 )
 """What the report says of the columns."""
 
