@@ -98,7 +98,8 @@ def check_potential(model: Model) -> None:
         share = law.convexity(x, cells)[..., None, None]
         # The first sample has no strain.
         least = np.linalg.eigvalsh(tangent - share * tangent[:, :1]).min(axis=-1)
-        _check_convexity(model, name, float((-least / modulus).max(initial=0.0)))
+        excess = float((-least / modulus).max(initial=0.0))
+        _check_convexity(model, name, excess, float(share.min(initial=1.0)))
     if gap > PROMISE:
         raise InputError(
             f"{name}: the conjugate does not belong to the potential: psi(eps) + psi*(sigma) -"
@@ -113,16 +114,24 @@ def check_potential(model: Model) -> None:
         )
 
 
-def _check_convexity(model: Model, name: str, excess: float) -> None:
+def _check_convexity(model: Model, name: str, excess: float, least: float) -> None:
     """Check that a potential is as convex as it tells; collective.
+
+    Args:
+        model: The scene on a mesh.
+        name: The law.
+        excess: By how much the share of the elasticity is above psi'' somewhere [-].
+        least: The least share [-].
 
     Raises:
         InputError: If it is not.
     """
+    if not model.comm.allreduce(least, MPI.MIN) > 0.0:
+        raise InputError(f"{name}: the convexity is {least:g}; it must be > 0, or be left out.")
     if model.comm.allreduce(excess, MPI.MAX) > FLAT:
         raise InputError(
             f"{name}: the convexity is too large: psi'' - a C is not positive semidefinite at some"
-            " strain, with the elasticity C = psi''(0) at rest. Return a smaller share."
+            " strain, with the elasticity C = psi''(0). Return a smaller share."
         )
 
 

@@ -9,9 +9,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
+from erc_contact.model.law_entries import place_of
 from erc_contact.model.space import circumferences
 from erc_contact.scene.material import mandel_basis
-from erc_contact.scene.potential import Shapes, place_of
+from erc_contact.scene.potential import Shapes
 
 ACCUMULATED = "accumulated"
 """Name of the entry that is > 0 where a body has yielded."""
