@@ -3,12 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, Self
 
+import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import in_tensor, mandel_basis
 from erc_contact.scene.potential import Remembering, Shapes
+
+
+class StateField(Protocol):
+    """Describe the state of a body, see :class:`.law_state.LawState`."""
+
+    size: int
+    varies_in_cells: bool
+    moved: float
+
+    def at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the entries at points of cells, shape (n, q, size)."""
+
+    def ufl(self, shapes: Shapes) -> dict[str, Ufl]:
+        """Return the entries by their names, UFL."""
+
+    def on(self, space: Any) -> Self:
+        """Return the state on another mesh of the body; collective."""
 
 
 def size_of(shapes: Shapes) -> int:

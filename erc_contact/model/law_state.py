@@ -25,7 +25,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.named import INSIDE_CELLS
 from erc_contact.mesh.simplex import barycentric
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.law_entries import entries, size_of
+from erc_contact.model.law_entries import StateField, entries, size_of
 from erc_contact.model.space import Space
 from erc_contact.scene.potential import Potential, Remembering, Shapes, remembers
 
@@ -119,7 +119,7 @@ class LawState:
         return LawState(new, float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0)
 
 
-def state_of(space: Space, potential: Potential, before: LawState | None) -> LawState | None:
+def state_of(space: Space, potential: Potential, before: StateField | None) -> StateField | None:
     """Return the state of a body before a load step; None of laws without; collective.
 
     Args:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import ufl
@@ -22,12 +21,17 @@ from mpi4py import MPI
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers
-from erc_contact.model.law_entries import entries, size_of, state_after
+from erc_contact.model.law_entries import StateField, entries, size_of, state_after
 from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
-from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
+from erc_contact.scene.potential import (
+    Potential,
+    gives_conjugate,
+    remembers,
+    tells_convexity,
+)
 
 STEPS_OUT_OF_PLANE = 8
 """Limit of Newton steps for the stress out of plane.
@@ -44,20 +48,6 @@ FOUND = 1e-13
 """The steps end where they miss this share of the stress [-]."""
 SHARE_OF_GAP = 1e-6
 """Share of Fenchel's gap that a last such step may gain [-]."""
-
-
-class StateField(Protocol):
-    """Describe the state of a body before a load step; see :class:`.law_state.LawState`."""
-
-    size: int
-    varies_in_cells: bool
-    moved: float
-
-    def at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return the entries at points of cells, shape (n, q, size)."""
-
-    def ufl(self, shapes: Shapes) -> dict[str, Ufl]:
-        """Return the entries by their names, UFL."""
 
 
 class Derivatives:
