@@ -60,7 +60,7 @@ The number of first pieces is added to it.
 TIE_DIRECTION = np.array([1.0, 1.618, 0.733])
 """A direction along which the middles of edges hardly ever lie at the same place."""
 EQUAL = 0.999
-"""Share of the longest edge from which on an edge is as long, whatever round-off [-]."""
+"""Share of the longest edge from which on an edge counts as long as it [-]."""
 CHUNK_PIECES = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
