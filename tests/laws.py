@@ -81,3 +81,36 @@ class Fibres:
 
     def modulus(self, E, fibre):
         return E
+
+
+@dataclass(frozen=True)
+class Hencky:
+    """A shear modulus that falls with the strain, to a share of it; no conjugate is known."""
+
+    K: float
+    G: float
+    limit: float
+    rest: float
+
+    parameters: ClassVar = ("K", "G", "limit", "rest")
+
+    def check(self, name, low, high):
+        pass
+
+    @property
+    def elastic(self):
+        """Young's modulus and Poisson's ratio without strain."""
+        young = 9 * self.K * self.G / (3 * self.K + self.G)
+        return young, young / (2 * self.G) - 1
+
+    def potential(self, strain, K, G, limit, rest):
+        e = ufl.dev(strain)
+        square = ufl.inner(e, e)
+        soft = 2 * limit * (ufl.sqrt(square + limit**2) - limit)
+        return K / 2 * ufl.tr(strain) ** 2 + G * (rest * square + (1 - rest) * soft)
+
+    def convexity(self, K, G, limit, rest):
+        return rest
+
+    def modulus(self, K, G, limit, rest):
+        return 9 * K * G / (3 * K + G)

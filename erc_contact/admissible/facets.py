@@ -10,7 +10,8 @@ with
     sum_F w_F <[lambda], [mu]> = residual of the averaged tractions against mu,
 
 where <.,.> is lumped at the nodes of a facet. The moments of the tractions are the
-moments of the average plus ``w_F [lambda]``. Lumping decouples the nodes: for each node
+moments of the average less ``w_F [lambda]``, with [lambda] on the first side of a facet
+less lambda on the second. Lumping decouples the nodes: for each node
 and component there is one small weighted graph Laplacian of the patch of cells around
 the node. They are solved directly, all patches of one size at once. Every patch is
 complete on its rank, so nothing is communicated.
@@ -144,6 +145,15 @@ def _patch_jumps(
     diagonal. If a patch has no facet of Gamma_D, lambda is determined up to a constant,
     and its mean is set to zero. This also distributes the round-off of an incompatible
     right side evenly, in the same way on any number of ranks.
+
+    Args:
+        cells: Geometry of the n cells.
+        residual: Residual of the averaged tractions at the nodes of cells [force],
+            shape (n, N_k, d). lambda is written there.
+        weight: w_F of each facet, shape (facets,).
+        inner: Whether a facet is between two cells, shape (facets,).
+        fixed: Which components Gamma_D prescribes on a facet, shape (facets, d).
+        complete: Which nodes have all their cells on this rank, shape (nodes,).
 
     Returns:
         ``w_F [lambda]`` at facet nodes, shape (facets, m, d).

@@ -19,8 +19,8 @@ from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.laws import LawError
-from erc_contact.mesh.quadrature import cell_pieces, integrate
-from erc_contact.mesh.simplex import barycentric
+from erc_contact.mesh.quadrature import INSET, Integrand, cell_pieces, integrate
+from erc_contact.mesh.simplex import barycentric, lattice
 from erc_contact.model.potential import ConvexConstitution
 from erc_contact.model.space import circumferences
 
@@ -28,6 +28,10 @@ UNKNOWN_SHARE = 1e-3
 """Share of e^2 that the integrals may leave unknown [-]; e^2 contains it."""
 ROUND_OFF = 1e-15
 """Error of a gap, a difference of energies, over these energies [-]."""
+SAME = 1e-13
+"""Difference of the gaps of two laws that is round-off, over the energies [-]."""
+CHUNK = 2048
+"""Number of cells that are worked on at once."""
 
 
 def fenchel_error(admissible: Admissible) -> LawError:
@@ -69,10 +73,42 @@ def fenchel_error(admissible: Admissible) -> LawError:
     floor = UNKNOWN_SHARE * size + ROUND_OFF * size[1]
     corners = cells.corners[:owned]
     pieces = cell_pieces(model.d)
-    total = integrate(comm, difference, corners, volume, pieces, share=UNKNOWN_SHARE, floor=floor)
+    left = volume
+    if near.taken:
+        left = np.where(_is_linear(difference, near, corners, k), 0.0, volume)
+    total = integrate(comm, difference, corners, left, pieces, share=UNKNOWN_SHARE, floor=floor)
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)
     return LawError(value[:, 0] + total.rest[:, 0], value[:, 1], unknown)
+
+
+def _is_linear(
+    difference: Integrand, near: _LinearLaws, corners: np.ndarray, degree: int
+) -> np.ndarray:
+    """Tell in which cells the law is its linear law, at the nodes of all pieces.
+
+    So it is in elastic cells of plastic bodies: stresses below the yield stress are a
+    convex set, which contains a piece with its corners.
+
+    Args:
+        difference: The gaps of the law less the gaps of the linear law.
+        near: The linear laws.
+        corners: Corners of the cells [length], shape (n, d+1, d).
+        degree: Degree of the stress.
+    """
+    d = corners.shape[2]
+    of_piece = barycentric(lattice(d, degree))
+    # They do not lie on the boundary, as data may jump there.
+    of_piece = (1 - INSET) * of_piece + INSET / (d + 1)
+    points = np.concatenate([of_piece @ piece for piece in cell_pieces(d)])
+    result = np.empty(len(corners), dtype=bool)
+    for start in range(0, len(corners), CHUNK):
+        cell = np.arange(start, min(start + CHUNK, len(corners)))
+        places = np.broadcast_to(points, (len(cell), *points.shape))
+        x = np.matmul(places, corners[cell])
+        left = abs(difference(cell, places, x)).max(axis=(1, 2))
+        result[cell] = left <= SAME * near.energies(cell)
+    return result
 
 
 class _LinearLaws:
@@ -113,6 +149,13 @@ class _LinearLaws:
     def strain_of(self, cell: np.ndarray) -> np.ndarray:
         """Return the strain in the middle of cells, shape (n, 1, s)."""
         return np.asarray(self._strain[cell])
+
+    def energies(self, cell: np.ndarray) -> np.ndarray:
+        """Return the size of the energies in the middle of cells [force/area], (n,)."""
+        stress, strain = self._stress[cell, 0], self._strain[cell, 0]
+        works = np.einsum("ni,ni->n", abs(stress), abs(strain) + abs(self._rest[cell, 0]))
+        of_stress = np.einsum("ni,nij,nj->n", stress, self._metric[cell], stress)
+        return np.asarray(works + of_stress)
 
     def work_at_rest(self, cell: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         """Return the work of stresses (n, q, s) on the strain at rest, (n, q)."""

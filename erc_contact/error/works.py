@@ -54,6 +54,11 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     return _over_cells(pair, stress_at, strain_w.at) + of_springs
 
 
+def spring_energy(model: Model, u: fem.Function) -> BoundedNumber:
+    """Compute the energy that springs store [force length]; collective."""
+    return 0.5 * _spring_work(model, u, u)
+
+
 def _spring_work(model: Model, v: fem.Function, w: fem.Function) -> BoundedNumber:
     """Compute the work of springs, pulled by v, on w [force length]; collective."""
     total = BoundedNumber(0.0)

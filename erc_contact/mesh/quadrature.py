@@ -59,6 +59,8 @@ The number of first pieces is added to it.
 """
 TIE_DIRECTION = np.array([1.0, 1.618, 0.733])
 """A direction along which the middles of edges hardly ever lie at the same place."""
+EQUAL = 0.999
+"""Share of the longest edge from which on an edge counts as long as it [-]."""
 CHUNK_PIECES = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
@@ -239,9 +241,9 @@ def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
 def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Cut pieces at the middle of their longest edge, (n, v, v) -> (2n, v, v).
 
-    Of edges of equal length the one is cut whose middle comes last along
-    :data:`TIE_DIRECTION`. So the order of the vertices, which depends on the number of
-    ranks, does not matter.
+    Rows 2i and 2i + 1 of the result are the halves of piece i. Of several longest edges
+    the edge is cut whose middle is farthest along :data:`TIE_DIRECTION`. So the order
+    of the vertices, which depends on the number of ranks, does not matter.
 
     Args:
         corners: Barycentric coordinates of the corners.
@@ -250,7 +252,7 @@ def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     pairs = np.array(list(combinations(range(corners.shape[1]), 2)))
     x = np.matmul(corners, vertices)
     lengths = np.linalg.norm(x[:, pairs[:, 0]] - x[:, pairs[:, 1]], axis=2)
-    longest = lengths > 0.999 * lengths.max(axis=1, initial=0.0)[:, None]
+    longest = lengths > EQUAL * lengths.max(axis=1, initial=0.0)[:, None]
     place = (x[:, pairs[:, 0]] + x[:, pairs[:, 1]]) @ TIE_DIRECTION[: x.shape[2]]
     a, b = pairs[np.where(longest, place, -np.inf).argmax(axis=1)].T
     piece = np.arange(len(corners))

@@ -71,6 +71,7 @@ class where:
     against: str | None = None
 
     def __post_init__(self) -> None:
+        """Check the conditions."""
         if self.rule is not None and not callable(self.rule):
             raise InputError(
                 f"where: the rule is {checks.description(self.rule)}; give a function of points x, "
@@ -84,7 +85,7 @@ class where:
             region = getattr(self, name)
             if region is not None and not isinstance(region, str):
                 raise InputError(f"where: {name} is {region!r}; give the name of a region.")
-        # The angle has a default, and says nothing without a normal.
+        # The angle has a default, so it is no condition; a normal alone uses it.
         given = (self.rule, self.x, self.y, self.z, self.normal, self.region, self.against)
         if all(value is None for value in given):
             raise InputError(

@@ -23,7 +23,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ranks import of_all
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, lagrange, rule
-from erc_contact.model.law_state import LawState
+from erc_contact.model.law_entries import StateField
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 
@@ -67,7 +67,7 @@ class LastStep:
     space: Space
     contacts: Mapping[str, tuple[np.ndarray, np.ndarray]]
     greatest: Greatest
-    state: LawState | None = None
+    state: StateField | None = None
 
     def on(
         self,

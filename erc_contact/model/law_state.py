@@ -5,8 +5,11 @@ degree k-1 in each cell. The law of a load step is a potential for this state. T
 after the step follows from the strain at its end.
 
 A mesh that refines the last one has the same state: its cells inherit the polynomials.
-On any other mesh the state is interpolated at points inside the cells, and what this
-moves is measured.
+On any other mesh the state is interpolated at points inside the cells, and what the
+interpolation changes is measured (``moved``). The search for the old cell of a point
+does not know bodies: where bodies overlap, it may find a cell of the other body.
+
+Symbols: k degree of the displacement, n cells, q points of a cell.
 """
 
 from __future__ import annotations
@@ -17,24 +20,26 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.named import INSIDE_CELLS
 from erc_contact.mesh.simplex import barycentric
 from erc_contact.model.expressions import Everywhere
+from erc_contact.model.law_entries import StateField, entries, size_of
 from erc_contact.model.space import Space
-from erc_contact.scene.potential import Potential, Remembering, Shapes, entries, remembers, size_of
+from erc_contact.scene.potential import Potential, Remembering, Shapes, remembers
 
 ValuesAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """A function of points (n, q, d) of cells (n,) that returns values (n, q, size)."""
-PADDING = 1e-3
-"""How far cells reach beyond the mesh of the last step where the new one bulges [-].
+PADDINGS = (1e-3, 1e-2, 1e-1)
+"""How far the new mesh may bulge beyond the old one, over the extent of the body [-].
 
-It is over the extent of the body.
+They are tried one after the other.
 """
 
 
 class LawState:
-    """Hold a state as a function of the cells.
+    """Hold a state as a function of the cells; construction is collective.
 
     Args:
         values: The entries, tensors in Mandel components, shape (size,) at each point.
@@ -43,8 +48,9 @@ class LawState:
         values: As given.
         size: Number of components.
         varies_in_cells: Whether they vary inside cells.
-        moved: What a new mesh moved of the state: the root of the mean square of the
-            difference, over the root of its mean square [-].
+        moved: What the interpolation on another mesh changed: the root of the mean
+            square of the difference at points, over the root of the mean square of the
+            state [-].
     """
 
     def __init__(self, values: fem.Function, moved: float = 0.0) -> None:
@@ -52,12 +58,16 @@ class LawState:
         (self.size,) = values.ufl_shape
         self.varies_in_cells = values.ufl_element().embedded_superdegree > 0
         self.moved = moved
-        self.at = Everywhere(values, values.function_space.mesh)
+        self._at = Everywhere(values, values.function_space.mesh)
 
     @classmethod
     def at_rest(cls, space: Space, potential: Remembering) -> LawState:
         """Return the state of a body that has not been loaded: zero."""
         return cls(_function(space, size_of(potential.state)))
+
+    def at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the entries at points (n, q, d) of cells (n,), shape (n, q, size)."""
+        return self._at(x, cells)
 
     def ufl(self, shapes: Shapes) -> dict[str, Ufl]:
         """Return the entries of the state by their names, UFL."""
@@ -109,7 +119,7 @@ class LawState:
         return LawState(new, float(np.sqrt(sums[0] / sums[1])) if sums[1] > 0 else 0.0)
 
 
-def state_of(space: Space, potential: Potential, before: LawState | None) -> LawState | None:
+def state_of(space: Space, potential: Potential, before: StateField | None) -> StateField | None:
     """Return the state of a body before a load step; None of laws without; collective.
 
     Args:
@@ -123,11 +133,15 @@ def state_of(space: Space, potential: Potential, before: LawState | None) -> Law
 
 
 def carried(u: fem.Function, space: Space) -> fem.Function:
-    """Return a displacement of another mesh of the body on a mesh; collective."""
-    if u.function_space.mesh is space.mesh:
-        return u.copy()
+    """Return a displacement of another mesh of the body on a mesh; collective.
+
+    Where parts of the body touch, it may be the displacement of either part.
+    """
     result = space.function()
-    _interpolate(u, result, space)
+    if u.function_space.mesh is not space.mesh:
+        _interpolate(u, result, space)
+    else:
+        result.interpolate(u)
     return result
 
 
@@ -139,9 +153,16 @@ def _function(space: Space, size: int, more: int = 0) -> fem.Function:
 def _interpolate(old: fem.Function, new: fem.Function, space: Space) -> None:
     """Interpolate a function of another mesh at the nodes of a function; collective."""
     cells = space.owned_cells
-    padding = PADDING * space.domain.extent
-    data = fem.create_interpolation_data(
-        new.function_space, old.function_space, cells, padding=padding
-    )
+    spaces = new.function_space, old.function_space
+    for padding in PADDINGS:
+        data = fem.create_interpolation_data(*spaces, cells, padding=padding * space.domain.extent)
+        is_found = bool((data.src_owner >= 0).all())
+        if space.comm.allreduce(is_found, MPI.LAND):
+            break
+    else:
+        raise InputError(
+            "after: the mesh of that solution does not cover the body, so plastic strain and "
+            "hardening are not known everywhere. Give a solution on a mesh of the same body."
+        )
     new.interpolate_nonmatching(old, cells, interpolation_data=data)
     new.x.scatter_forward()

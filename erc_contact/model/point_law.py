@@ -21,22 +21,23 @@ from mpi4py import MPI
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers
-from erc_contact.model.law_state import LawState
+from erc_contact.model.law_entries import StateField, entries, size_of, state_after
 from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import (
     Potential,
-    entries,
+    gives_conjugate,
     remembers,
-    size_of,
-    state_after,
     tells_convexity,
 )
 
 STEPS_OUT_OF_PLANE = 8
-"""Limit of Newton steps for the stress out of plane; any value of it gives a bound."""
+"""Limit of Newton steps for the stress out of plane.
+
+psi* at any stress out of plane bounds its minimum from above.
+"""
 AT_MINIMUM = 1e-15
 """Share of psi* that a last such step may gain [-]."""
 STEPS_TO_SUPREMUM = 50
@@ -44,7 +45,7 @@ STEPS_TO_SUPREMUM = 50
 HALVINGS = 20
 """Limit of halvings of such a step."""
 FOUND = 1e-13
-"""Stress that the last of them may miss, over the stress [-]."""
+"""The steps end where they miss this share of the stress [-]."""
 SHARE_OF_GAP = 1e-6
 """Share of Fenchel's gap that a last such step may gain [-]."""
 
@@ -91,7 +92,8 @@ class LawCode:
         potential: The potential.
         names: Names of its parameters.
         is_plane: Whether bodies are in plane strain.
-        known: Components of ``mandel_basis(3)`` of stresses that are computed.
+        known: Components of ``mandel_basis(3)`` that stresses of the law have: the
+            components of the body, in plane strain with the one out of plane as last.
         comm: The ranks that compile together.
 
     Attributes:
@@ -112,7 +114,8 @@ class LawCode:
         self.potential = potential
         self.known = list(known)
         self.kind = tuple(names), is_plane, tuple(known), comm
-        self.has_conjugate = hasattr(potential, "conjugate")
+        self.has_conjugate = gives_conjugate(potential)
+        self._attributes = dict(getattr(potential, "__dict__", {}))
         self._is_plane = is_plane
         self._comm = comm
         shapes = getattr(potential, "state", {})
@@ -122,6 +125,13 @@ class LawCode:
         self._values = {name: self.row[6 + i] for i, name in enumerate(names)}
         state = [self.row[i] for i in range(self.place_of_state, size)]
         self._values |= entries(shapes, state)
+
+    def is_of(self, potential: Potential) -> bool:
+        """Tell whether a law is the same object, with the same attributes as before."""
+        now = getattr(potential, "__dict__", {})
+        if self.potential is not potential or now.keys() != self._attributes.keys():
+            return False
+        return all(now[name] is value for name, value in self._attributes.items())
 
     @cached_property
     def energy(self) -> OfNumbers:
@@ -148,13 +158,6 @@ class LawCode:
         energy = self.potential.conjugate(self._tensor + out * normal, **self._values)
         slope = ufl.diff(energy, out)
         return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
-
-    @cached_property
-    def convexity(self) -> OfNumbers:
-        """Compile the share of the elasticity at rest that psi is convex by."""
-        assert tells_convexity(self.potential)
-        values = {name: self._values[name] for name in self.kind[0]}
-        return self._compiled(ufl.as_ufl(self.potential.convexity(**values)) + 0 * self.row[0])
 
     @cached_property
     def dual(self) -> OfNumbers:
@@ -195,7 +198,7 @@ def law_code(
     """Return the code of a law, the same for all its meshes; see :class:`LawCode`."""
     kind = tuple(names), is_plane, tuple(known), comm
     for code in _recent:
-        if code.potential is potential and code.kind == kind:
+        if code.is_of(potential) and code.kind == kind:
             return code
     _recent.append(LawCode(potential, names, is_plane, known, comm))
     return _recent[-1]
@@ -216,8 +219,6 @@ class PointLaw:
         rows: The components of ``mandel_basis(3)`` that the body has.
         is_plane: Whether the body is in plane strain, with a stress out of plane.
         state: As given.
-        has_convexity: Whether the law tells the share of the elasticity at rest that it
-            is convex by.
     """
 
     def __init__(
@@ -225,7 +226,7 @@ class PointLaw:
         space: Space,
         potential: Potential,
         parameters: Mapping[str, Ufl],
-        state: LawState | None = None,
+        state: StateField | None = None,
     ) -> None:
         self._parameters = [Everywhere(value, space.mesh) for value in parameters.values()]
         self.state = state
@@ -236,9 +237,17 @@ class PointLaw:
         self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
         if state is not None:
             self.varies_in_cells |= state.varies_in_cells
-        self.has_convexity = tells_convexity(potential)
+        self._convexity = None
+        if tells_convexity(potential):
+            share = ufl.as_ufl(potential.convexity(**parameters))
+            self._convexity = Everywhere(share, space.mesh)
         comm = lasting(space.comm)
         self._code = law_code(potential, list(parameters), self.is_plane, known, comm)
+
+    @property
+    def has_convexity(self) -> bool:
+        """Tell whether the law tells how convex it is."""
+        return self._convexity is not None
 
     # -- values
 
@@ -283,12 +292,12 @@ class PointLaw:
             return nothing
         if not self._code.has_conjugate:
             return self._supremum(nothing, x, cells)[1]
-        rows = self._rows(nothing, x, cells)
+        numbers = self._numbers_at(nothing, x, cells)
         if self.is_plane:
             _, out = self.complementary(nothing, nothing[..., 0], x, cells)
-            rows[:, HOOP_ROWS[-1]] = out.ravel()
-        values = self._code.dual({self._code.row: rows}, len(rows))
-        return values.reshape(*x.shape[:2], -1)[..., :size]
+            numbers[:, HOOP_ROWS[-1]] = out.ravel()
+        values = self._code.dual({self._code.row: numbers}, len(numbers))
+        return values.reshape(*x.shape[:2], len(self._code.known))[..., :size]
 
     def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the state after a load step that ends at strains, (n, q, size)."""
@@ -312,8 +321,9 @@ class PointLaw:
             near: Stress out of plane from which it starts [force/area], shape (n, q).
             x: Points of each cell [length].
             cells: The cells.
-            beside: What psi* is added to in Fenchel's gap [force/area], shape (n, q). A
-                minimum is near enough for a small share of the gap.
+            beside: ``psi - sigma : eps`` [force/area], shape (n, q), which makes
+                Fenchel's gap with psi*. The minimum is found to a small share of the
+                gap; by default to round-off.
 
         Returns:
             psi* [force/area] and sigma_zz [force/area], each (n, q).
@@ -323,15 +333,15 @@ class PointLaw:
             energy, eps = self._supremum(stress, x, cells)
             out = self.whole_stress(eps, x, cells)[..., -1] if self.is_plane else np.zeros(shape)
             return energy, out
-        rows = self._rows(stress, x, cells)
+        numbers = self._numbers_at(stress, x, cells)
         if not self.is_plane:
-            return self._conjugate_of(rows)[:, 0].reshape(shape), np.zeros(shape)
+            return self._conjugate_of(numbers)[:, 0].reshape(shape), np.zeros(shape)
         zz = HOOP_ROWS[-1]
-        rows[:, zz] = near.ravel()
+        numbers[:, zz] = near.ravel()
         beside = np.broadcast_to(beside, shape).ravel()
-        values = self._conjugate_of(rows)
-        best, best_out = values[:, 0].copy(), rows[:, zz].copy()
-        left = np.arange(len(rows))
+        values = self._conjugate_of(numbers)
+        best, best_out = values[:, 0].copy(), numbers[:, zz].copy()
+        left = np.arange(len(numbers))
         for _ in range(STEPS_OUT_OF_PLANE):
             energy, slope, curvature = values.T
             step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
@@ -343,25 +353,30 @@ class PointLaw:
             if not goes_on.any():
                 break
             left = left[goes_on]
-            rows[left, zz] -= step[goes_on]
-            values = self._conjugate_of(rows[left])
+            numbers[left, zz] -= step[goes_on]
+            values = self._conjugate_of(numbers[left])
             less = values[:, 0] < best[left]
             best[left[less]] = values[less, 0]
-            best_out[left[less]] = rows[left[less], zz]
+            best_out[left[less]] = numbers[left[less], zz]
         return best.reshape(shape), best_out.reshape(shape)
 
     def convexity(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return the share of the elasticity at rest that psi is convex by, (n, q)."""
-        nothing = np.zeros((*x.shape[:2], len(self.rows)))
-        return self._at(self._code.convexity, nothing, x, cells)[..., 0]
+        """Return the share of ``psi''(0)`` that psi is convex by, shape (n, q)."""
+        assert self._convexity is not None
+        return self._convexity(x, cells)
 
     def _supremum(
         self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return a bound of ``sup sigma : eps - psi(eps)``, and its strain.
 
-        Newton's steps are halved where the value would fall. The stress rho that the
-        last strain misses adds ``rho : (a C)^-1 rho / 2`` at most.
+        Newton's steps are halved where the value would fall. With the stress rho that
+        a strain misses, convexity says for any other strain at the distance delta
+
+            sigma : delta - psi(eps + delta) + psi(eps)
+                <=  rho : delta - a/2 delta : C delta  <=  rho : (a C)^-1 rho / 2,
+
+        which is added. C is psi'' without strain, and a the share of it that is known.
 
         Returns:
             The bound [force/area], shape (n, q), and the strain, shape (n, q, s).
@@ -372,14 +387,17 @@ class PointLaw:
         share = np.zeros(value.shape)
         for _ in range(STEPS_TO_SUPREMUM):
             missed = stress - self.stress(eps, x, cells)
-            if (np.linalg.norm(missed, axis=-1) <= FOUND * np.linalg.norm(stress, axis=-1)).all():
+            of_strain = np.matmul(at_rest, eps[..., None])[..., 0]
+            size = np.linalg.norm(stress, axis=-1) + np.linalg.norm(of_strain, axis=-1)
+            if (np.linalg.norm(missed, axis=-1) <= FOUND * size).all():
                 break
             step = np.linalg.solve(self.tangent(eps, x, cells), missed[..., None])[..., 0]
             share[:] = 1.0
             for _ in range(HALVINGS):
                 tried = eps + share[..., None] * step
                 new = np.einsum("nqi,nqi->nq", stress, tried) - self.energy(tried, x, cells)
-                falls = new < value - AT_MINIMUM * abs(value)
+                # What is no number falls, too.
+                falls = ~(new >= value - AT_MINIMUM * abs(value))
                 if not falls.any():
                     break
                 share[falls] *= 0.5
@@ -390,25 +408,25 @@ class PointLaw:
         left = np.einsum("nqi,nqi->nq", missed, of_missed) / (2 * self.convexity(x, cells))
         return value + left, eps
 
-    def _conjugate_of(self, rows: np.ndarray) -> np.ndarray:
-        """Return the compiled conjugate of rows of numbers."""
-        return self._code.conjugate({self._code.row: rows}, len(rows))
+    def _conjugate_of(self, numbers: np.ndarray) -> np.ndarray:
+        """Return the compiled conjugate for the numbers of points."""
+        return self._code.conjugate({self._code.row: numbers}, len(numbers))
 
     def _at(
         self, part: OfNumbers, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray
     ) -> np.ndarray:
         """Evaluate a compiled part of the law, shape (n, q, size)."""
-        rows = self._rows(tensor, x, cells)
-        values = part({self._code.row: rows}, len(rows))
+        numbers = self._numbers_at(tensor, x, cells)
+        values = part({self._code.row: numbers}, len(numbers))
         return values.reshape(*tensor.shape[:2], values.shape[-1])
 
-    def _rows(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    def _numbers_at(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return all numbers of points, shape (n q, size), as the law is compiled."""
         n, q = tensor.shape[:2]
-        rows = np.zeros((n, q, self._code.row.ufl_shape[0]))
-        rows[..., self.rows] = tensor
+        numbers = np.zeros((n, q, self._code.row.ufl_shape[0]))
+        numbers[..., self.rows] = tensor
         for i, value in enumerate(self._parameters):
-            rows[..., 6 + i] = value(x, cells)
+            numbers[..., 6 + i] = value(x, cells)
         if self.state is not None:
-            rows[..., self._code.place_of_state :] = self.state.at(x, cells)
-        return rows.reshape(n * q, rows.shape[-1])
+            numbers[..., self._code.place_of_state :] = self.state.at(x, cells)
+        return numbers.reshape(n * q, numbers.shape[-1])

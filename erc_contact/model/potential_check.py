@@ -47,9 +47,12 @@ def check_potential(model: Model) -> None:
     psi = law.energy(eps, x, cells)
     stress = law.whole_stress(eps, x, cells)
     tangent = law.tangent(eps, x, cells)
+    modulus = abs(tangent).max(axis=(-2, -1))
+    if law.has_convexity:
+        share = law.convexity(x, cells)[..., None, None]
+        _check_convexity(model, name, tangent, share, modulus)
     in_body = stress[..., : len(law.rows)]
     psi_star, _ = law.complementary(in_body, stress[..., -1], x, cells)
-    modulus = abs(tangent).max(axis=(-2, -1))
     # Pairs of a strain and the stress of the next one are on no law.
     other = np.roll(in_body, 1, axis=1)
     other_star = np.roll(psi_star, 1, axis=1)
@@ -94,11 +97,6 @@ def check_potential(model: Model) -> None:
             f"{name}: the potential is not convex, or has no curvature, at some strain: its second"
             " derivative must be positive definite. Add a small share of an elastic energy."
         )
-    if law.has_convexity:
-        share = law.convexity(x, cells)[..., None, None]
-        # The first sample has no strain.
-        least = np.linalg.eigvalsh(tangent - share * tangent[:, :1]).min(axis=-1)
-        _check_convexity(model, name, float((-least / modulus).max(initial=0.0)))
     if gap > PROMISE:
         raise InputError(
             f"{name}: the conjugate does not belong to the potential: psi(eps) + psi*(sigma) -"
@@ -113,16 +111,33 @@ def check_potential(model: Model) -> None:
         )
 
 
-def _check_convexity(model: Model, name: str, excess: float) -> None:
+def _check_convexity(
+    model: Model, name: str, tangent: np.ndarray, share: np.ndarray, modulus: np.ndarray
+) -> None:
     """Check that a potential is as convex as it tells; collective.
+
+    Args:
+        model: The scene on a mesh.
+        name: The law.
+        tangent: psi'' at samples, the first one without strain [force/area], shape (n,
+            q, s, s).
+        share: Shares of the elasticity [-], shape (n, q, 1, 1).
+        modulus: Sizes of the tangents [force/area], shape (n, q).
 
     Raises:
         InputError: If it is not.
     """
+    least = model.comm.allreduce(float(share.min(initial=1.0)), MPI.MIN)
+    if not least > 0.0:
+        raise InputError(f"{name}: the convexity is {least:g}; it must be > 0, or be left out.")
+    # What is not finite is told later.
+    tangent = np.nan_to_num(tangent)
+    beyond = np.linalg.eigvalsh(tangent - share * tangent[:, :1]).min(axis=-1)
+    excess = float((-beyond / np.where(modulus > 0, modulus, 1.0)).max(initial=0.0))
     if model.comm.allreduce(excess, MPI.MAX) > FLAT:
         raise InputError(
             f"{name}: the convexity is too large: psi'' - a C is not positive semidefinite at some"
-            " strain, with the elasticity C = psi''(0) at rest. Return a smaller share."
+            " strain, with the elasticity C = psi''(0). Return a smaller share."
         )
 
 

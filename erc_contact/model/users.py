@@ -26,7 +26,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, tensor_basis
-from erc_contact.scene.potential import Potential, entries, size_of
+from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) or np.sin(x[0]) instead of"
@@ -145,13 +145,14 @@ def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, 
     """
     what = f"The material {type(material).__name__}"
     tensor = ufl.as_tensor(np.zeros((3, 3)).tolist())
-    shapes = getattr(material, "state", {})
     values = dict(parameters)
-    values |= entries(shapes, [ufl.as_ufl(0.0)] * size_of(shapes))
+    if remembers(material):
+        for entry, shape in material.state.items():
+            values[entry] = ufl.zero(shape)
     calls = [("potential", (tensor,), values), ("modulus", (), parameters)]
-    if hasattr(material, "conjugate"):
+    if gives_conjugate(material):
         calls.append(("conjugate", (tensor,), values))
-    if hasattr(material, "convexity"):
+    if tells_convexity(material):
         calls.append(("convexity", (), parameters))
     for name, arguments, numbers in calls:
 
@@ -164,6 +165,15 @@ def try_potential(comm: MPI.Comm, material: Potential, parameters: Mapping[str, 
             return scalar(f"{what}: {name}", returned)
 
         call_of_user(comm, f"{what}: {name}", attempt)
+    if remembers(material):
+
+        def new_state() -> None:
+            new = material.new_state(tensor, **values)
+            shapes = {entry: ufl.as_ufl(value).ufl_shape for entry, value in new.items()}
+            if shapes != dict(material.state):
+                raise InputError(f"{what}: new_state has {shapes}, and state {material.state}.")
+
+        call_of_user(comm, f"{what}: new_state", new_state)
 
 
 def try_material(

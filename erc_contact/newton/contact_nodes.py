@@ -129,8 +129,8 @@ class RowsOfAll:
         here: Global number of the node on this side of each row, shape (n,).
         there: Global number of the node of the other body, or ``NOBODY``, shape (n,).
         places: The rows of the nodes of each contact.
-        areas: Areas of the rows in each contact, zero elsewhere [length^(d-1)], shape
-            (n,).
+        areas: For each contact the areas of all rows, zero off the contact
+            [length^(d-1)], shape (n,). A contact has no pair of nodes twice.
     """
 
     def __init__(self, d: int, degree: int, contacts: list[ContactNodes]) -> None:
@@ -141,11 +141,12 @@ class RowsOfAll:
         unique, places = np.unique(pairs, axis=0, return_inverse=True)
         self.here, self.there = unique.T
         ends = np.cumsum([len(contact.here) for contact in contacts])
+        # numpy 2 gives the places another shape.
         self.places = np.split(places.ravel(), ends[:-1])
         self.areas = []
-        for contact, of_contact in zip(contacts, self.places, strict=True):
+        for contact, rows in zip(contacts, self.places, strict=True):
             area = np.zeros(len(self.here))
-            area[of_contact] = contact.area
+            area[rows] = contact.area
             self.areas.append(area)
 
     def change_of_basis(

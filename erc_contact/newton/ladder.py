@@ -331,20 +331,22 @@ def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[A
 def _lowered_problems() -> Generator[Shares, float | None, None]:
     """Generate problems with less and less friction, the last one with the scene's.
 
-    After a problem without solution the next step is half as long. It is sent the pull
-    of the springs, None after a problem without solution.
+    Each problem has the friction of the last one over a factor. After a problem without
+    solution the factor is the root of the last factor, after others its square. The
+    generator is sent None after a problem without solution. It ends without the scene's
+    friction where the factor is below :data:`LEAST_FALL`.
     """
     last = MUCH_FRICTION
     if (yield Shares(friction=last)) is None:
         return
-    fall = FALL
-    while last > 1.0 and fall > LEAST_FALL:
-        share = max(last / fall, 1.0)
+    factor = FALL
+    while last > 1.0 and factor > LEAST_FALL:
+        share = max(last / factor, 1.0)
         if (yield Shares(friction=share)) is None:
-            fall = (last / share) ** 0.5
+            factor = (last / share) ** 0.5
         else:
             last = share
-            fall = min(fall**2, FALL)
+            factor = min(factor**2, FALL)
 
 
 def _proximal_problems() -> Generator[Shares, float | None, None]:

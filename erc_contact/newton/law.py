@@ -91,9 +91,10 @@ def solution_of_law(
         tolerance *= SHARE_OF_TOLERANCE
     steps = 0
     misfits: list[float] = []
-    about = model.function()
-    holds = False
-    if start is not None:
+    # Where multigrid has failed, the direct solver goes on from where it was.
+    about = model.linearised.u.copy()
+    holds = not model.linearised.at_rest
+    if start is not None and not holds:
         about = carried(start.u, model)
         model.linearised.move(about)
     # The forms of all steps are alike.

@@ -15,7 +15,6 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.maximum import Maximum
-from erc_contact.results.states import state_moved, states_of
 from erc_contact.scene.potential import has_potential
 
 BOUND = "bound"
@@ -116,14 +115,15 @@ def _of_the_steps_before(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Say what is left out of the error of a step of a loading history."""
     if not error.model.is_later_step:
         return []
-    remembers = bool(states_of(error.admissible))
-    also = ", and the state of the material that they left" if remembers else ""
+    linearised = error.model.linearised
+    state = None if linearised is None else linearised.law.state
+    also = ", and the state of the material that they left" if state is not None else ""
     words = (
         f"e is the error of this step given the slip of the steps before{also}. Their errors are "
         "in it, and no proof sums them up. What the length of the steps costs is not in e."
     )
     statements = [(NOT_KNOWN, words)]
-    moved = state_moved(error) if remembers else 0.0
+    moved = 0.0 if state is None else state.moved
     if moved > ROUND_OFF:
         words = (
             f"The new mesh moved {percent(moved)} of the state of the material, in the root of the "

@@ -13,7 +13,7 @@ from erc_contact.model.stress import von_mises
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import contact_status, profile
-from erc_contact.results.states import plastic_share, state, state_moved
+from erc_contact.results.states import plastic_share, state
 from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.results.whole import whole_force
@@ -35,7 +35,6 @@ __all__ = [
     "profile",
     "reactions",
     "state",
-    "state_moved",
     "von_mises",
     "whole_force",
 ]

@@ -9,9 +9,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
+from erc_contact.model.law_entries import place_of
 from erc_contact.model.space import circumferences
 from erc_contact.scene.material import mandel_basis
-from erc_contact.scene.potential import Shapes, place_of
+from erc_contact.scene.potential import Shapes
 
 ACCUMULATED = "accumulated"
 """Name of the entry that is > 0 where a body has yielded."""
@@ -81,31 +82,6 @@ def plastic_share(result: Any) -> float:
     comm = pair.domain.comm
     yielded = comm.allreduce(float(volume @ shares), MPI.SUM)
     return yielded / comm.allreduce(float(volume.sum()), MPI.SUM)
-
-
-def state_moved(result: Any) -> float:
-    """Return what the mesh of a step moved of the state before it [-]; collective.
-
-    It is the root of the mean square of the difference over the root of the mean square
-    of the state. A mesh that refines the mesh of the last step moves round-off.
-
-    Args:
-        result: An admissible pair, an error, or a history.
-
-    Raises:
-        InputError: If the law has no state.
-
-    Example:
-        >>> ec.results.state_moved(yielded)  # from rest
-        0.0
-    """
-    pair = pair_of(result)
-    if not states_of(pair):
-        raise InputError(f"state_moved: {type(pair.model.scene.material).__name__} has no state.")
-    assert pair.model.linearised is not None
-    before = pair.model.linearised.law.state
-    assert before is not None
-    return before.moved
 
 
 def states_of(pair: Admissible) -> Shapes:

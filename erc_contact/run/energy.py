@@ -58,7 +58,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
-from erc_contact.error.works import friction_work, strain_energy
+from erc_contact.error.works import friction_work, spring_energy, strain_energy
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
@@ -118,7 +118,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         stored = strain_energy(pair, pair.displacement).value
     else:
         work_of_yielding = plastic.work
-        stored = plastic.stored
+        stored = plastic.stored + spring_energy(pair.model, pair.displacement).value
     if pair.model.linearised is None:
         work += work_of_strains(pair, before)
     floor = ROUND_OFF * stored

@@ -163,13 +163,13 @@ class Evolution(RunResult):
     def reactions(self) -> dict[str, Force]:
         """Compute the forces on the body at the end of each step; collective.
 
-        Supports, contacts and loads exert them; their balance is among them. See
-        :func:`erc_contact.results.reactions`. A cause that is missing at a time has the
-        force zero.
+        Supports, contacts and loads exert them. See
+        :func:`erc_contact.results.reactions`. What exerts no force at a time has the
+        force zero there.
 
         Returns:
-            Forces by their causes, with one axis more, the steps: force (steps, d),
-            moment (steps, 1 or 3).
+            Forces [force], shape (steps, d), and moments [force length], shape (steps,
+            1 or 3), by the name of what exerts them; "balance" has their sum.
         """
         of_steps = [error.reactions() for error in self.errors]
         causes: dict[str, None] = {}  # an ordered set

@@ -24,21 +24,24 @@ def new_mesh(
     """Make the next mesh, and tell the wall time of making it [s]; collective.
 
     Args:
-        strategy: What makes it.
-        error: The error, as the strategy sees it.
-        accuracy: What the run is asked for [-].
+        strategy: Makes the mesh.
+        error: The error on the last mesh.
+        accuracy: Prescribed relative error [-].
         max_cells: Greatest number of cells.
         interrupts: The signals of the run.
 
+    Returns:
+        The mesh, and the seconds.
+
     Raises:
-        InputError: If the strategy gives none.
+        InputError: If the strategy returns no Domain on some rank.
     """
     comm = error.model.comm
     started = perf_counter()
     domain = together(comm, strategy.next, error, accuracy, max_cells)
     interrupts.check()
     seconds = comm.allreduce(perf_counter() - started, MPI.MAX)
-    if not isinstance(domain, Domain):
+    if not comm.allreduce(isinstance(domain, Domain), MPI.LAND):
         raise InputError(
             f"The strategy gave {checks.description(domain)}; its next() must return a Domain."
         )

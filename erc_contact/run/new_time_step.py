@@ -32,6 +32,9 @@ def new_time_step(
     # without stress both energies of the step are round-off
     if error.scale > 0:
         greatest_energy = max(greatest_energy, energy.stored, dissipated, plastic_work)
+    linearised = error.model.linearised
+    state = None if linearised is None else linearised.law.state
+    moved = 0.0 if state is None else state.moved
     forces = {}
     moments = {}
     for joint in (*error.model.contacts, *error.model.ties):
@@ -60,4 +63,5 @@ def new_time_step(
         seconds=0.0,
         greatest_energy=greatest_energy,
         plastic_work=plastic_work,
+        moved=moved,
     )

@@ -1,13 +1,13 @@
 """Compute the elastic energy and the plastic work of a step of a history.
 
-A body with a plastic strain p stores ``int sigma : (eps - p)/2``, and a plastic strain
-that grows takes
+A linear elastic body with a plastic strain p stores ``int sigma : (eps - p)/2``, and a
+plastic strain that grows takes
 
     int (sigma_n + sigma_(n-1))/2 : (p_n - p_(n-1))
 
-from it, of second order in the length of the step. Part of this is heat, and part is
-stored by hardening. Stress and plastic strain are the fields of the solution, at the
-points where the body remembers its state.
+from it, by the trapezoidal rule. Part of this is heat, and part is stored by hardening.
+Stress and plastic strain are the fields of the solution, interpolated at the points
+where the body remembers its state.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.mesh.simplex import barycentric, rule
-from erc_contact.model.law_state import LawState
+from erc_contact.model.law_entries import place_of
+from erc_contact.model.law_state import LawState, ValuesAt
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
 from erc_contact.newton.solution import Solution
 
 PLASTIC_STRAIN = "plastic_strain"
-"""Name of the entry of a state whose growth takes work."""
+"""Name of the entry of a state, a tensor, whose growth takes work."""
 
 
 @dataclass(frozen=True)
@@ -48,37 +49,43 @@ def plastic_energies(solution: Solution, last: Solution | None) -> PlasticEnergi
         last: The solution at its begin; None from rest.
     """
     model = solution.model
-    if PLASTIC_STRAIN not in getattr(solution.scene.material, "state", {}):
+    shapes = getattr(solution.scene.material, "state", {})
+    if shapes.get(PLASTIC_STRAIN) != (3, 3) or model.linearised is None:
         return None
-    stress, elastic, plastic = _fields(solution)
-    stored = 0.5 * _product(model, stress, elastic)
-    work = 0.5 * _product(model, stress, plastic)
-    if last is not None:
-        old_stress, _, old_plastic = (field.on(model) for field in _fields(last))
-        work -= 0.5 * _product(model, stress, old_plastic)
-        work += 0.5 * _product(model, old_stress, plastic)
-        work -= 0.5 * _product(model, old_stress, old_plastic)
-    return PlasticEnergies(stored, work)
+    before = model.linearised.law.state
+    assert before is not None
+    stress, elastic, plastic = model.linearised.stress_and_strains(solution.u, PLASTIC_STRAIN)
+    stored = 0.5 * _work(model, stress.at, elastic.at)
+    place = place_of(shapes, PLASTIC_STRAIN)
+    old_stress = None if last is None else _stress_of(last).on(model)
+
+    def mean_stress(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        of_begin = 0.0 if old_stress is None else old_stress.at(x, cells)
+        return 0.5 * (stress.at(x, cells) + of_begin)
+
+    def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        return plastic.at(x, cells) - before.at(x, cells)[..., place]
+
+    return PlasticEnergies(stored, _work(model, mean_stress, growth))
 
 
-def _fields(solution: Solution) -> tuple[LawState, LawState, LawState]:
-    """Return stress, elastic and plastic strain in Mandel components of space."""
-    model = solution.model
-    assert model.linearised is not None
-    return model.linearised.stress_and_strains(solution.u, PLASTIC_STRAIN)
+def _stress_of(solution: Solution) -> LawState:
+    """Return the stress of a solution in Mandel components of space."""
+    linearised = solution.model.linearised
+    assert linearised is not None
+    return linearised.stress_and_strains(solution.u, PLASTIC_STRAIN)[0]
 
 
-def _product(model: Model, first: LawState, second: LawState) -> float:
+def _work(model: Model, stress_at: ValuesAt, strain_at: ValuesAt) -> float:
     """Integrate the product of two fields over the bodies; collective."""
     points, weights = rule(model.d, 2 * model.degree - 1)
     cells = model.owned_cells
     corners = model.cell_corners()[cells]
     x = np.matmul(barycentric(points), corners)
-    density = (first.at(x, cells) * second.at(x, cells)).sum(axis=-1)
+    density = (stress_at(x, cells) * strain_at(x, cells)).sum(axis=-1)
     if model.axisymmetric:
         density = density * circumferences(x)
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
-    # The weights sum up to the volume of the reference cell, or to one.
-    volume = volume / (2, 6)[model.d - 2]
-    local = float(volume @ (density @ weights)) / weights.sum()
+    # The weights of the rule have the sum 1.
+    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2, 6)[model.d - 2]
+    local = float(volume @ (density @ weights))
     return float(model.comm.allreduce(local, MPI.SUM))

@@ -30,7 +30,17 @@ SHOWN = (
     "seconds",
 )
 """The same columns in notebooks and reports."""
-ROW_NUMBERS = ("time", "cells", "meshes", "newton_steps", "eps", "eps_contact", "total", "reached")
+ROW_NUMBERS = (
+    "time",
+    "cells",
+    "meshes",
+    "newton_steps",
+    "eps",
+    "eps_contact",
+    "total",
+    "reached",
+    "moved",
+)
 """Columns of the CSV file before forces and moments."""
 SUMS = ("work", "contact_work", "friction_work", "dissipated", "plastic_work")
 """Energies of all steps so far."""
@@ -75,6 +85,8 @@ class TimeStep:
             length], without those that are round-off.
         plastic_work: What plastic strains took [force length], heat and the energy of
             hardening, of second order in the length of the steps.
+        moved: What a new mesh changed of the plastic strain and the hardening from
+            which the step begins [-], 0 on the same mesh and where cells are refined.
 
     Example:
         >>> step = evolution.steps[-1]
@@ -103,6 +115,7 @@ class TimeStep:
     seconds: float
     greatest_energy: float = 0.0
     plastic_work: float = 0.0
+    moved: float = 0.0
 
     @property
     def imbalance(self) -> float:

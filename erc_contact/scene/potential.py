@@ -23,14 +23,11 @@ Symbols: eps strain [-], sigma stress [force/area].
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Protocol, TypeGuard
-
-import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.material import in_tensor, mandel_basis
 
 
 class Potential(Protocol):
@@ -41,7 +38,8 @@ class Potential(Protocol):
     checkers only. The package differentiates the potential twice.
 
     A further method ``convexity``, like ``modulus``, may return a share a [-] for which
-    ``psi(eps) - a/2 eps : C eps`` is convex, with ``C = psi''(0)`` at rest. Then e
+    ``psi(eps) - a/2 eps : C eps`` is convex, with ``C = psi''(0)`` for the state that
+    the body has. Then e
     bounds the error of the displacement, too
     (:attr:`erc_contact.ConstitutiveError.displacement_error`), and ``conjugate`` can be
     left out: Newton's method looks for the supremum at each point, and the convexity
@@ -127,6 +125,12 @@ class Convex(Potential, Protocol):
         """Return a share a [-] with ``psi - a/2 eps : psi''(0) eps`` convex, UFL."""
 
 
+def gives_conjugate(material: Any) -> bool:
+    """Tell whether a law has a conjugate of its own, not the one of the protocol."""
+    method = getattr(type(material), "conjugate", None)
+    return method is not None and method is not Potential.conjugate
+
+
 def tells_convexity(material: Any) -> TypeGuard[Convex]:
     """Tell whether a law tells how convex it is."""
     return hasattr(material, "convexity")
@@ -135,49 +139,6 @@ def tells_convexity(material: Any) -> TypeGuard[Convex]:
 def remembers(material: Any) -> TypeGuard[Remembering]:
     """Tell whether a law has a state."""
     return bool(getattr(material, "state", None))
-
-
-def size_of(shapes: Shapes) -> int:
-    """Return the number of components of a state."""
-    return sum(6 if shape else 1 for shape in shapes.values())
-
-
-def place_of(shapes: Shapes, name: str) -> slice:
-    """Return the place of an entry among the components of a state."""
-    names = list(shapes)
-    before = {one: shapes[one] for one in names[: names.index(name)]}
-    begin = size_of(before)
-    return slice(begin, begin + size_of({name: shapes[name]}))
-
-
-def state_after(potential: Remembering, strain: Ufl, values: Mapping[str, Ufl]) -> Ufl:
-    """Return the components of the state after a load step, UFL (size,).
-
-    Args:
-        potential: The law.
-        strain: The strain at its end, UFL (3, 3).
-        values: Parameters, and the state before it.
-    """
-    new = potential.new_state(strain, **values)
-    basis = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(3)]
-    components: list[Ufl] = []
-    for name, shape in potential.state.items():
-        components += [ufl.inner(tensor, new[name]) for tensor in basis] if shape else [new[name]]
-    return ufl.as_vector(components)
-
-
-def entries(shapes: Shapes, components: Sequence[Ufl]) -> dict[str, Ufl]:
-    """Return the entries of a state by their names from its components, UFL."""
-    values = {}
-    place = 0
-    for name, shape in shapes.items():
-        if shape:
-            values[name] = in_tensor(components[place : place + 6])
-            place += 6
-        else:
-            values[name] = components[place]
-            place += 1
-    return values
 
 
 def has_potential(material: Any) -> TypeGuard[Potential]:

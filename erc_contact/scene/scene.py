@@ -24,8 +24,10 @@ from erc_contact.scene.potential import (
     FROM_REST,
     POTENTIAL_MEMBERS,
     Potential,
+    gives_conjugate,
     has_potential,
     refuse_potential,
+    tells_convexity,
 )
 from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.spring import Spring
@@ -85,9 +87,8 @@ class Scene:
             object.__setattr__(self, "material", of_regions(self.material))
         needed = POTENTIAL_MEMBERS if has_potential(self.material) else MATERIAL_MEMBERS
         missing = [name for name in needed if not hasattr(self.material, name)]
-        if has_potential(self.material) and not any(
-            hasattr(self.material, name) for name in DUAL_MEMBERS
-        ):
+        is_bounded = gives_conjugate(self.material) or tells_convexity(self.material)
+        if has_potential(self.material) and not is_bounded:
             needed = (*needed, " or ".join(DUAL_MEMBERS))
             missing.append(needed[-1])
         if missing or isinstance(self.material, type):

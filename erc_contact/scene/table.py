@@ -176,7 +176,11 @@ def _is_vector(value: Any, count: int) -> bool:
 
 
 def _numbers(what: str, values: Any) -> np.ndarray:
-    """Return values as an array of finite numbers."""
+    """Return values as an array of finite numbers, a copy that nobody can change.
+
+    Raises:
+        InputError: If they are none.
+    """
     try:
         array = np.array(values, dtype=float)
     except (TypeError, ValueError):

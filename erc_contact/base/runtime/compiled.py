@@ -188,7 +188,7 @@ def _structure(roots: Sequence[Ufl], integrals: Sequence[Ufl]) -> Any:
             continue
         places[id(node)] = len(places)
         operands = node.ufl_operands
-        nodes += node._ufl_typecode_, len(operands) or numbers.signed(node)
+        nodes += node._ufl_typecode_, len(operands) or numbers.signature_of(node)
         todo += operands
     measures = [_measure(integral, numbers) for integral in integrals]
     return tuple(nodes), repr(measures), numbers.in_order()
@@ -214,8 +214,12 @@ class _Numbers(dict[Any, int]):
         self[key] = len(self)
         return self[key]
 
-    def signed(self, terminal: Ufl) -> tuple[Any, ...] | str:
-        """Return what UFL signs of a terminal, nothing of an empty operator."""
+    def signature_of(self, terminal: Ufl) -> tuple[Any, ...] | str:
+        """Return what UFL's signature has of a node without operands.
+
+        It is () of an operator. Of indices, a free one is a tuple with its number, a
+        fixed one its value.
+        """
         if isinstance(terminal, ufl.classes.MultiIndex):
             indices: list[Any] = []
             for index in terminal:

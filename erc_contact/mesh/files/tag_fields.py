@@ -20,7 +20,15 @@ TAG_KEYS = (
     "subdomain",
 )
 """Names of fields that hold tags, the preferred name first."""
-NUMBERS = ("vtkOriginalCellIds", "vtkGhostType", "GlobalElementId", "ElementId", "GlobalCellId")
+CAD_ENTITIES = "gmsh:geometrical"
+"""Name of gmsh's numbers of curves and surfaces of a drawing, which are no sets."""
+CELL_NUMBERS = (
+    "vtkOriginalCellIds",
+    "vtkGhostType",
+    "GlobalElementId",
+    "ElementId",
+    "GlobalCellId",
+)
 """Names of fields that number cells and name nothing."""
 MOST_TAGS = 2000
 """Number of different tags beyond which a field is none of tags."""
@@ -54,21 +62,21 @@ def tagged_sets(
 
 
 def _chosen(fields: Mapping[str, list[np.ndarray]]) -> list[np.ndarray] | None:
-    """Return the tags of a field: whole numbers, in integers before floats.
+    """Return the tags of a field, None if no field has tags.
 
-    Of several fields the preferred name is taken, else the first.
+    Fields that are stored as integers come before fields of whole floats. Of several
+    such fields the first name of :data:`TAG_KEYS` is taken, else the first field.
     """
     integers: dict[str, list[np.ndarray]] = {}
     floats: dict[str, list[np.ndarray]] = {}
     for name, blocks in fields.items():
-        if name in NUMBERS or name == "gmsh:geometrical":
+        if name in CELL_NUMBERS or name == CAD_ENTITIES:
             continue
         flat = [_flat(values) for values in blocks]
         if any(values is None for values in flat):
             continue
         tags = [values for values in flat if values is not None]
-        every = np.concatenate([np.empty(0), *tags])
-        if not _are_tags(every):
+        if not _are_tags(np.concatenate([np.empty(0), *tags])):
             continue
         whole = all(values.dtype.kind in "iub" for values in blocks)
         (integers if whole else floats)[name] = [values.astype(np.int64) for values in tags]

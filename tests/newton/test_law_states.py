@@ -1,0 +1,156 @@
+"""What a body remembers, and laws that tell how convex they are.
+
+- A law without conjugate has the same numbers as with it; the bound of the displacement holds.
+- The balance of energies has the springs in it.
+- A step may follow one of another degree on the same mesh.
+- Ranks without cells take part.
+- States and convexities that are no such thing are refused.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from laws import Hencky, Quadratic
+from mpi4py import MPI
+from test_bad_input import refused
+
+import erc_contact as ec
+from erc_contact.error.load_work import assembled
+from erc_contact.model.law_state import carried
+
+COMM = MPI.COMM_WORLD
+STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.02, kinematic=0.03)
+
+
+def slab(cells=(6, 3)):
+    """A slab (0, 2) x (0, 1)."""
+    return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells)
+
+
+def pressed(material, down=0.03, **entries):
+    """A slab that is pressed on its foundation and pushed along it."""
+    top = ec.Displacement("top", (0.004, -down))
+    return ec.Scene(
+        material, top, contacts=ec.Contact("bottom", gap=lambda x: 0.005 * x[0] ** 2), **entries
+    )
+
+
+def certified(scene, domain, **options):
+    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
+
+
+@dataclasses.dataclass(frozen=True)
+class OnlyEnergy:
+    """A law of which only the energy of another one is known, and how convex it is."""
+
+    law: object
+    share: object
+
+    @property
+    def parameters(self):
+        return self.law.parameters
+
+    def __getattr__(self, name):
+        if name in ("E", "nu", "K", "G", "limit", "rest"):
+            return getattr(self.law, name)
+        raise AttributeError(name)
+
+    def check(self, name, low, high):
+        pass
+
+    def potential(self, strain, **parameters):
+        return self.law.potential(strain, **parameters)
+
+    def convexity(self, **parameters):
+        return self.share(**parameters)
+
+    def modulus(self, **parameters):
+        return self.law.modulus(**parameters)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_supremum_by_newton_is_the_conjugate(degree):
+    known = certified(pressed(Quadratic(1.0, 0.3)), slab(), degree=degree)
+    found = certified(
+        pressed(OnlyEnergy(Quadratic(1.0, 0.3), lambda E, nu: 1)), slab(), degree=degree
+    )
+    assert found.relative == pytest.approx(known.relative, rel=1e-9)
+    assert found.displacement_error == pytest.approx(found.absolute)
+
+
+def test_the_error_of_the_displacement_is_bounded():
+    """In the elastic norm, against a solution three levels finer."""
+    for material in (STEEL, Hencky(1.0, 0.4, 0.01, 0.1)):
+        error = certified(pressed(material), slab())
+        fine = ec.solve(pressed(material), slab((48, 24)))
+        model = fine.model
+        elastic = dataclasses.replace(fine.scene, material=ec.Elastic(1.0, 0.3))
+        if isinstance(material, Hencky):
+            elastic = dataclasses.replace(fine.scene, material=Quadratic(*material.elastic))
+        difference = carried(error.admissible.displacement, model)
+        difference.x.array[:] -= fine.u.x.array
+        norm = ec.solve(elastic, fine.domain).model
+        square = assembled(norm, norm.stiffness(difference, difference))
+        assert 0.3 * error.absolute < np.sqrt(square) < error.displacement_error
+
+
+def test_springs_are_in_the_balance_of_energies():
+    spring = ec.Spring("right", normal=0.2)
+
+    def scene_at(t):
+        return pressed(STEEL, 0.03 * t, springs=spring)
+
+    evolution = ec.evolve(scene_at, slab(), [0.5, 1.0], 0.5)
+    last = evolution.steps[-1]
+    assert last.plastic_work > 0.1 * last.work
+    assert abs(last.imbalance) < 0.05 * last.work
+
+
+def test_another_degree_on_the_same_mesh():
+    domain = slab()
+    first = ec.solve(pressed(STEEL), domain)
+    straight = ec.solve(pressed(STEEL), domain, degree=2)
+    started = ec.solve(pressed(STEEL), domain, degree=2, start=first)
+    assert started.force("bottom").force == pytest.approx(straight.force("bottom").force, rel=1e-8)
+    again = ec.solve(pressed(STEEL), domain, degree=2, after=first)
+    assert again.force("bottom").force[1] == pytest.approx(
+        straight.force("bottom").force[1], rel=0.2
+    )
+
+
+@pytest.mark.ranks
+def test_ranks_without_cells():
+    domain = slab((1, 1))
+    error = certified(pressed(STEEL), domain)
+    later = ec.solve(pressed(STEEL, 0.02), domain, after=error.solution)
+    known = COMM.allgather(later.force("bottom").force)
+    assert np.ptp(known, axis=0).max() == 0.0
+    assert 0.0 < ec.results.plastic_share(error) <= 1.0
+
+
+# -- what is refused
+# -------------------------------------------------------------------------------------
+
+
+class Forgetful(ec.Plastic):
+    """Plasticity that forgets its plastic strain."""
+
+    def new_state(self, strain, **values):
+        return {"accumulated": super().new_state(strain, **values)["accumulated"]}
+
+
+def test_states_that_are_none():
+    refused(lambda: ec.solve(pressed(Forgetful(1.0, 0.3, 0.01, 0.05)), slab()), "new_state has")
+    first = ec.solve(pressed(STEEL), slab())
+    refused(
+        lambda: ec.solve(pressed(Quadratic(1.0, 0.3)), slab(), after=first), "has the state none"
+    )
+    error = certified(pressed(Quadratic(1.0, 0.3)), slab())
+    refused(lambda: ec.results.state(error, "accumulated"), "has no state 'accumulated'")
+
+
+@pytest.mark.parametrize(("share", "words"), [(1.1, "too large"), (0.0, "must be > 0")])
+def test_convexities_that_are_none(share, words):
+    law = OnlyEnergy(Quadratic(1.0, 0.3), lambda E, nu: share)
+    refused(lambda: ec.solve(pressed(law), slab()), words)
