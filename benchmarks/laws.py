@@ -1,4 +1,4 @@
-"""Materials with a potential that several tests share, as a user would write them."""
+"""Declare materials with a potential, as a user would write them."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ class Quadratic:
 
     E: object
     nu: object
+    hypothesis: str = "plane strain"
 
     parameters: ClassVar = ("E", "nu")
 
     def check(self, name, low, high):
-        pass
+        """Allow all values."""
 
     def potential(self, strain, E, nu):
+        """Return psi of a strain (3, 3) [force/area]."""
         shear, lam = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
         return shear * ufl.inner(strain, strain) + lam / 2 * ufl.tr(strain) ** 2
 
     def conjugate(self, stress, E, nu):
+        """Return psi* of a stress (3, 3) [force/area]."""
         return (1 + nu) / (2 * E) * ufl.inner(stress, stress) - nu / (2 * E) * ufl.tr(stress) ** 2
 
     def modulus(self, E, nu):
+        """Return the modulus that scales contact parameters [force/area]."""
         return E
 
 
@@ -38,22 +42,26 @@ class TwoModuli:
     K: float
     G: float
     share: float
+    hypothesis: str = "plane strain"
 
     parameters: ClassVar = ("K", "G", "share")
 
     def check(self, name, low, high):
-        pass
+        """Allow all values."""
 
     def potential(self, strain, K, G, share):
+        """Return psi of a strain (3, 3) [force/area]."""
         e, volume = ufl.dev(strain), ufl.tr(strain)
         return G * ufl.inner(e, e) + K / 2 * ufl.conditional(volume > 0, share, 1) * volume**2
 
     def conjugate(self, stress, K, G, share):
+        """Return psi* of a stress (3, 3) [force/area]."""
         s, trace = ufl.dev(stress), ufl.tr(stress)
         bulk = K * ufl.conditional(trace > 0, share, 1)
         return ufl.inner(s, s) / (4 * G) + trace**2 / (18 * bulk)
 
     def modulus(self, K, G, share):
+        """Return the modulus that scales contact parameters [force/area]."""
         return 9 * K * G / (3 * K + G)
 
 
@@ -63,21 +71,25 @@ class Fibres:
 
     E: float
     fibre: float
+    hypothesis: str = "plane strain"
 
     parameters: ClassVar = ("E", "fibre")
 
     def check(self, name, low, high):
-        pass
+        """Allow all values."""
 
     def potential(self, strain, E, fibre):
+        """Return psi of a strain (3, 3) [force/area]."""
         stretch = strain[0, 0]
         of_fibres = ufl.conditional(stretch > 0, fibre, 0) * stretch**2
         return E / 2 * ufl.inner(strain, strain) + of_fibres / 2
 
     def conjugate(self, stress, E, fibre):
+        """Return psi* of a stress (3, 3) [force/area]."""
         pull = stress[0, 0]
         of_fibres = ufl.conditional(pull > 0, fibre / (E * (E + fibre)), 0) * pull**2
         return ufl.inner(stress, stress) / (2 * E) - of_fibres / 2
 
     def modulus(self, E, fibre):
+        """Return the modulus that scales contact parameters [force/area]."""
         return E
