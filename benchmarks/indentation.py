@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from typing import Any
 
 import erc_contact as ec
 
@@ -75,14 +76,14 @@ def jackson_green(depth: float) -> float:
     return float(hertz(JACKSON_GREEN) * (elastic + plastic))
 
 
-def loads(material: ec.Material, accuracy: float) -> ec.Evolution:
+def loads(material: Any, accuracy: float) -> ec.Evolution:
     """Press the body; the times of the steps are the depths."""
 
     def scene_at(depth: float) -> ec.Scene:
         return ec.Scene(
             material,
-            ec.Displacement("top", (None, -depth * JACKSON_GREEN)),
-            contacts=ec.Contact("bottom", gap=lambda x: x[0] ** 2 / (2 * RADIUS)),
+            [ec.Displacement("top", (None, -depth * JACKSON_GREEN))],
+            contacts=[ec.Contact("bottom", gap=lambda x: x[0] ** 2 / (2 * RADIUS))],
         )
 
     body = ec.rectangle((0.0, 0.0), (EXTENT, EXTENT), cells=(6, 6))

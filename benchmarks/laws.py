@@ -3,34 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import ufl
+
+from erc_contact.base.ufl_types import Ufl
 
 
 @dataclass(frozen=True)
 class Quadratic:
     """Linear elasticity by its energy."""
 
-    E: object
-    nu: object
+    E: Any
+    nu: Any
     hypothesis: str = "plane strain"
 
-    parameters: ClassVar = ("E", "nu")
+    parameters: ClassVar[tuple[str, ...]] = ("E", "nu")
 
-    def check(self, name, low, high):
+    def check(self, name: str, low: float, high: float) -> None:
         """Allow all values."""
 
-    def potential(self, strain, E, nu):
+    def potential(self, strain: Ufl, E: Ufl, nu: Ufl) -> Ufl:
         """Return psi of a strain (3, 3) [force/area]."""
         shear, lam = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
         return shear * ufl.inner(strain, strain) + lam / 2 * ufl.tr(strain) ** 2
 
-    def conjugate(self, stress, E, nu):
+    def conjugate(self, stress: Ufl, E: Ufl, nu: Ufl) -> Ufl:
         """Return psi* of a stress (3, 3) [force/area]."""
         return (1 + nu) / (2 * E) * ufl.inner(stress, stress) - nu / (2 * E) * ufl.tr(stress) ** 2
 
-    def modulus(self, E, nu):
+    def modulus(self, E: Ufl, nu: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]."""
         return E
 
@@ -44,23 +46,23 @@ class TwoModuli:
     share: float
     hypothesis: str = "plane strain"
 
-    parameters: ClassVar = ("K", "G", "share")
+    parameters: ClassVar[tuple[str, ...]] = ("K", "G", "share")
 
-    def check(self, name, low, high):
+    def check(self, name: str, low: float, high: float) -> None:
         """Allow all values."""
 
-    def potential(self, strain, K, G, share):
+    def potential(self, strain: Ufl, K: Ufl, G: Ufl, share: Ufl) -> Ufl:
         """Return psi of a strain (3, 3) [force/area]."""
         e, volume = ufl.dev(strain), ufl.tr(strain)
         return G * ufl.inner(e, e) + K / 2 * ufl.conditional(volume > 0, share, 1) * volume**2
 
-    def conjugate(self, stress, K, G, share):
+    def conjugate(self, stress: Ufl, K: Ufl, G: Ufl, share: Ufl) -> Ufl:
         """Return psi* of a stress (3, 3) [force/area]."""
         s, trace = ufl.dev(stress), ufl.tr(stress)
         bulk = K * ufl.conditional(trace > 0, share, 1)
         return ufl.inner(s, s) / (4 * G) + trace**2 / (18 * bulk)
 
-    def modulus(self, K, G, share):
+    def modulus(self, K: Ufl, G: Ufl, share: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]."""
         return 9 * K * G / (3 * K + G)
 
@@ -73,23 +75,23 @@ class Fibres:
     fibre: float
     hypothesis: str = "plane strain"
 
-    parameters: ClassVar = ("E", "fibre")
+    parameters: ClassVar[tuple[str, ...]] = ("E", "fibre")
 
-    def check(self, name, low, high):
+    def check(self, name: str, low: float, high: float) -> None:
         """Allow all values."""
 
-    def potential(self, strain, E, fibre):
+    def potential(self, strain: Ufl, E: Ufl, fibre: Ufl) -> Ufl:
         """Return psi of a strain (3, 3) [force/area]."""
         stretch = strain[0, 0]
         of_fibres = ufl.conditional(stretch > 0, fibre, 0) * stretch**2
         return E / 2 * ufl.inner(strain, strain) + of_fibres / 2
 
-    def conjugate(self, stress, E, fibre):
+    def conjugate(self, stress: Ufl, E: Ufl, fibre: Ufl) -> Ufl:
         """Return psi* of a stress (3, 3) [force/area]."""
         pull = stress[0, 0]
         of_fibres = ufl.conditional(pull > 0, fibre / (E * (E + fibre)), 0) * pull**2
         return ufl.inner(stress, stress) / (2 * E) - of_fibres / 2
 
-    def modulus(self, E, fibre):
+    def modulus(self, E: Ufl, fibre: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]."""
         return E

@@ -82,16 +82,6 @@ FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and 
 """What there is of a potential where a hypothesis or a given strain is refused."""
 type Shapes = Mapping[str, tuple[int, ...]]
 """Names of the entries of a state with their shapes: () or (3, 3)."""
-POTENTIAL_MEMBERS = ("parameters", "check", "potential", "conjugate", "modulus")
-"""Names of the members of a material with a potential."""
-
-
-BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
-"""What there is of a potential where a number has no interval."""
-FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in space."
-"""What there is of a potential where a hypothesis or a given strain is refused."""
-ONE_STEP = "A potential is loaded in one step from rest: solve() or adapt()."
-"""What there is of a potential where a history is refused."""
 
 
 class Remembering(Potential, Protocol):
