@@ -140,7 +140,6 @@ class _LinearLaws:
         self._stress = whole_stress[..., :size]
         self._tangent = whole_tangent[:, :size, :size]
         self._metric = np.linalg.inv(self._tangent)
-        self._factor = circumferences(x) if model.axisymmetric else np.ones(x.shape[:2])
         self._rest = law.strain_at_rest(x, owned)
         if law.is_plane:
             self._normal = whole_stress[:, 0, -1:]
@@ -168,19 +167,24 @@ class _LinearLaws:
         change = np.matmul(sigma - self._stress[cell], self._slope[cell])[..., 0]
         return np.asarray(self._normal[cell] + change)
 
-    def squares(self, cell: np.ndarray, eps: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    def squares(
+        self,
+        cell: np.ndarray,
+        eps: np.ndarray,
+        sigma: np.ndarray,
+        around: np.ndarray | float = 1.0,
+    ) -> np.ndarray:
         """Return ``|sigma -+ S(eps)|^2`` in the metrics of cells, shape (n, q, 2).
 
-        On rings they are about these, with the circumference of the middle.
+        ``around`` are the circumferences of rings [length], shape (n, q, 1).
         """
         change = np.matmul(eps - self._strain[cell], self._tangent[cell])
-        factor = self._factor[cell, :, None]
-        of_law = factor * (self._stress[cell] + change)
+        of_law = around * (self._stress[cell] + change)
         squares = []
         for tensor in (sigma - of_law, sigma + of_law):
             strain = np.matmul(tensor, self._metric[cell])
             squares.append(np.einsum("nqi,nqi->nq", strain, tensor))
-        return np.stack(squares, axis=-1) / factor
+        return np.stack(squares, axis=-1) / around
 
     def integrals(self, volume: np.ndarray) -> np.ndarray:
         """Integrate :meth:`squares` by the rule of the sub-simplices, (owned, 2)."""
@@ -191,5 +195,10 @@ class _LinearLaws:
         sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[-1])
         x = np.matmul(barycentric(points), pair.cell_geometry.corners[:owned])
         eps = self._of_displacement.at_points(slice(owned), points, x)
-        squares = self.squares(np.arange(owned), eps, sigma)
+        around: np.ndarray | float = 1.0
+        if model.axisymmetric:
+            around = circumferences(x)[..., None]
+        if model.hoop_load is not None:
+            sigma[..., -1] += model.hoop_load(x, model.owned_cells)
+        squares = self.squares(np.arange(owned), eps, sigma, around)
         return np.asarray(volume[:, None] * np.einsum("nqi,q->ni", squares, weights))

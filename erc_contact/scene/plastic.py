@@ -131,7 +131,7 @@ class Plastic:
         bulk = E / (3 * (1 - 2 * nu))
         deviator = ufl.dev(strain) - plastic_strain
         trial = 2 * shear * deviator - _back_stress(kinematic, plastic_strain)
-        beyond = _excess(trial, yield_stress + hardening * accumulated)
+        beyond = _excess(trial, _limit(yield_stress, hardening, accumulated))
         elastic = bulk / 2 * ufl.tr(strain) ** 2 + shear * ufl.inner(deviator, deviator)
         return elastic - beyond**2 / (2 * (3 * shear + hardening + kinematic))
 
@@ -151,7 +151,7 @@ class Plastic:
         of_shear = (1 + nu) / (2 * E) * ufl.inner(deviator, deviator)
         elastic = (1 - 2 * nu) / (6 * E) * ufl.tr(stress) ** 2 + of_shear
         relative = deviator - _back_stress(kinematic, plastic_strain)
-        beyond = _excess(relative, yield_stress + hardening * accumulated)
+        beyond = _excess(relative, _limit(yield_stress, hardening, accumulated))
         of_step = beyond**2 / (2 * (hardening + kinematic))
         return elastic + ufl.inner(deviator, plastic_strain) + of_step
 
@@ -170,13 +170,13 @@ class Plastic:
         shear = E / (2 * (1 + nu))
         deviator = ufl.dev(strain) - plastic_strain
         trial = 2 * shear * deviator - _back_stress(kinematic, plastic_strain)
-        limit = yield_stress + hardening * accumulated
+        limit = _limit(yield_stress, hardening, accumulated)
         flow = _excess(trial, limit) / (3 * shear + hardening + kinematic)
         # Where nothing flows, the direction does not matter.
         direction = 1.5 * trial / (_excess(trial, limit) + limit)
         return {
             "plastic_strain": plastic_strain + flow * direction,
-            "accumulated": accumulated + flow,
+            "accumulated": _positive(accumulated) + flow,
         }
 
     def convexity(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
@@ -192,6 +192,20 @@ class Plastic:
 def _back_stress(kinematic: Ufl, plastic_strain: Ufl) -> Ufl:
     """Return X, the middle of the yield surface [force/area], shape (3, 3)."""
     return 2 * kinematic / 3 * plastic_strain
+
+
+def _limit(yield_stress: Ufl, hardening: Ufl, accumulated: Ufl) -> Ufl:
+    """Return the yield stress of a body that has yielded before, ``y + H a``."""
+    return yield_stress + hardening * _positive(accumulated)
+
+
+def _positive(accumulated: Ufl) -> Ufl:
+    """Return an accumulated plastic strain that is not below zero.
+
+    The polynomial of a cell that has yielded in part is below zero beside its nodes,
+    and ``y + H a`` < 0 would have no convex potential.
+    """
+    return ufl.max_value(accumulated, 0)
 
 
 def _excess(deviator: Ufl, limit: Ufl) -> Ufl:

@@ -13,17 +13,14 @@ import dataclasses
 import gmsh
 import numpy as np
 import pytest
+from energies import energies_of_law
 from laws import Fibres, Quadratic, TwoModuli
 from mpi4py import MPI
 from test_bad_input import refused
 
 import erc_contact as ec
-from erc_contact.admissible.elastic import CellStrains
-from erc_contact.admissible.macro import macro_values
 from erc_contact.error.load_work import load_work
 from erc_contact.error.works import friction_work, stress_work
-from erc_contact.mesh.quadrature import cell_pieces
-from erc_contact.mesh.simplex import barycentric, rule
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)
@@ -105,20 +102,7 @@ def test_energies_add_up_to_the_error(d, degree, friction):
     load = ec.Traction("right", vector(d, 0.003, 0.001))
     error = certified(pressed(STEEL, d, friction, loads=load), slab(d), degree=degree)
     pair, model = error.admissible, error.model
-    law, cells, of_cells = model.linearised.law, pair.cell_geometry, model.owned_cells
-    points, weights = rule(d, 8)
-    measures = cells.volume[of_cells, None] * weights / (d + 1)
-    strain = CellStrains.of(model, cells, pair.displacement)
-    psi, psi_star = 0.0, 0.0
-    for sub in cell_pieces(d):
-        places = np.broadcast_to(barycentric(points) @ sub, (len(of_cells), len(points), d + 1))
-        x = np.matmul(places, cells.corners[of_cells])
-        sigma = macro_values(pair.stress, degree, of_cells, places)
-        eps = strain.at(of_cells, places, x)
-        energy, stress = law.energy(eps, x, of_cells), law.whole_stress(eps, x, of_cells)
-        complementary, _ = law.complementary(sigma, stress[..., -1], x, of_cells)
-        psi += float((measures * energy).sum())
-        psi_star += float((measures * complementary).sum())
+    psi, psi_star = energies_of_law(error)
     loads = load_work(model, pair.displacement).value
     unknown = 1e-3 * error.contact_error**2
     of_friction = sum(
