@@ -99,7 +99,7 @@ class Fibres:
 
 @dataclass(frozen=True)
 class Hencky:
-    """A shear modulus that falls with the strain, to a share of it; no conjugate is known."""
+    """A shear modulus that falls with the strain to a share, without conjugate."""
 
     K: Any
     G: Any
