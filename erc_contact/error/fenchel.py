@@ -100,14 +100,14 @@ def _is_linear(
     of_piece = barycentric(lattice(d, degree))
     # They do not lie on the boundary, as data may jump there.
     of_piece = (1 - INSET) * of_piece + INSET / (d + 1)
-    points = np.concatenate([of_piece @ piece for piece in cell_pieces(d)])
-    result = np.empty(len(corners), dtype=bool)
+    result = np.ones(len(corners), dtype=bool)
     for start in range(0, len(corners), CHUNK):
         cell = np.arange(start, min(start + CHUNK, len(corners)))
-        places = np.broadcast_to(points, (len(cell), *points.shape))
-        x = np.matmul(places, corners[cell])
-        left = abs(difference(cell, places, x)).max(axis=(1, 2))
-        result[cell] = left <= SAME * near.energies(cell)
+        allowed = SAME * near.energies(cell)
+        for piece in cell_pieces(d):
+            places = np.broadcast_to(of_piece @ piece, (len(cell), *of_piece.shape))
+            x = np.matmul(places, corners[cell])
+            result[cell] &= abs(difference(cell, places, x)).max(axis=(1, 2)) <= allowed
     return result
 
 

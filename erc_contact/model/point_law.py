@@ -46,7 +46,7 @@ HALVINGS = 20
 """Limit of halvings of such a step."""
 FOUND = 1e-13
 """The steps end where they miss this share of the stress [-]."""
-SHARE_OF_GAP = 1e-6
+SHARE_OF_GAP = 1e-10
 """Share of Fenchel's gap that a last such step may gain [-]."""
 
 
