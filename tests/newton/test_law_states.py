@@ -16,6 +16,7 @@ from mpi4py import MPI
 from test_bad_input import refused
 
 import erc_contact as ec
+from erc_contact.error import fenchel
 from erc_contact.error.load_work import assembled
 from erc_contact.model.law_state import carried
 
@@ -93,6 +94,22 @@ def test_the_error_of_the_displacement_is_bounded():
         norm = ec.solve(elastic, fine.domain).model
         square = assembled(norm, norm.stiffness(difference, difference))
         assert 0.3 * error.absolute < np.sqrt(square) < error.displacement_error
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_cells_that_yield_in_part_are_integrated(degree, monkeypatch):
+    """A cell that counts as linear has the same gap by integrals adapted to the law."""
+    first = ec.solve(pressed(STEEL, 0.012), slab((4, 2)), degree=degree)
+    solution = ec.solve(pressed(STEEL, 0.012), slab((8, 4)), degree=degree, start=first)
+    pair = ec.equilibrate(solution)
+    gap = fenchel.fenchel_error(pair).gap
+    monkeypatch.setattr(
+        fenchel, "_is_linear", lambda difference, near, corners, k: np.zeros(len(corners), bool)
+    )
+    adapted = fenchel.fenchel_error(pair).gap
+    share = ec.results.plastic_share(pair)
+    assert 0.05 < share < 0.95
+    assert abs(gap - adapted).max(initial=0.0) < 1e-5 * gap.sum()
 
 
 def test_springs_are_in_the_balance_of_energies():
