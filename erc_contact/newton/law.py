@@ -50,6 +50,8 @@ SOLVED = 1e-11
 """Misfit over the energy norm of the stress that counts as none [-]."""
 STALLED = 1e-8
 """Misfit that is round-off if it does not fall any more, over the same [-]."""
+CANCELLED = 1e-3
+"""Share of ``C eps`` that the stress is compared with at least [-]."""
 LAW_STEPS = 60
 """Limit of the steps."""
 TOO_FAR = 0.5
@@ -176,8 +178,13 @@ class _Change:
         self._metric = np.linalg.inv(tangent)
 
     def misfit(self) -> tuple[float, float]:
-        """Return the misfit and the norm of the stress [sqrt(force length)]."""
-        return self._norm(self._beyond(1.0)), self._norm(self._stress)
+        """Return the misfit and the size of the stress [sqrt(force length)].
+
+        A body that is let go has a stress that is round-off of stresses that cancel.
+        """
+        of_strain = np.linalg.solve(self._metric, (self._strain + self._step)[..., None])
+        cancelled = CANCELLED * self._norm(of_strain[..., 0])
+        return self._norm(self._beyond(1.0)), max(self._norm(self._stress), cancelled)
 
     def share(self) -> float:
         """Return the share of the step to take, in (0, 1]."""
