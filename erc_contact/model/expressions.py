@@ -164,10 +164,7 @@ def function_at(function: fem.Function, x: np.ndarray, cells: np.ndarray) -> np.
 def is_polynomial(function: fem.Function) -> bool:
     """Tell whether a function has nodal values of polynomials in cells."""
     space = function.function_space
-    element = space.element.basix_element
-    is_nodal = (
-        element.map_type == basix.MapType.identity and element.family == basix.ElementFamily.P
-    )
+    is_nodal = space.ufl_element().element_family == basix.ElementFamily.P
     return is_nodal and space.num_sub_spaces in (0, space.dofmap.bs)
 
 

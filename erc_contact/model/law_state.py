@@ -102,10 +102,15 @@ class LawState:
         new = _function(space, self.size)
         if old.mesh is space.mesh and old.ufl_element() == new.function_space.ufl_element():
             return self
-        _interpolate(self.values, new, space)
         # A degree more tells what the new mesh does not carry.
         finer = _function(space, self.size, more=1)
-        _interpolate(self.values, finer, space)
+        for function in (new, finer):
+            if not _interpolate(self.values, function, space):
+                raise InputError(
+                    "after: the mesh of that solution does not cover the body, so plastic strain "
+                    "and hardening are not known everywhere. Give a solution on a mesh of the same "
+                    "body."
+                )
         cells = space.owned_cells
         corners = space.cell_corners()[cells]
         of_old = LawState(finer).in_cells(cells)
@@ -132,16 +137,16 @@ def state_of(space: Space, potential: Potential, before: StateField | None) -> S
     return LawState.at_rest(space, potential) if before is None else before.on(space)
 
 
-def carried(u: fem.Function, space: Space) -> fem.Function:
-    """Return a displacement of another mesh of the body on a mesh; collective.
+def carried(u: fem.Function, space: Space) -> fem.Function | None:
+    """Return a displacement of another mesh on a mesh; collective.
 
-    Where parts of the body touch, it may be the displacement of either part.
+    Where parts of the body touch, it may be the displacement of either part. It is None
+    where the other mesh does not cover the mesh.
     """
     result = space.function()
     if u.function_space.mesh is not space.mesh:
-        _interpolate(u, result, space)
-    else:
-        result.interpolate(u)
+        return result if _interpolate(u, result, space) else None
+    result.interpolate(u)
     return result
 
 
@@ -150,19 +155,19 @@ def _function(space: Space, size: int, more: int = 0) -> fem.Function:
     return space.domain.function(INSIDE_CELLS, space.degree - 1 + more, (size,))
 
 
-def _interpolate(old: fem.Function, new: fem.Function, space: Space) -> None:
-    """Interpolate a function of another mesh at the nodes of a function; collective."""
+def _interpolate(old: fem.Function, new: fem.Function, space: Space) -> bool:
+    """Interpolate a function of another mesh at the nodes of a function; collective.
+
+    Returns:
+        Whether the other mesh covers these nodes.
+    """
     cells = space.owned_cells
     spaces = new.function_space, old.function_space
     for padding in PADDINGS:
         data = fem.create_interpolation_data(*spaces, cells, padding=padding * space.domain.extent)
         is_found = bool((data.src_owner >= 0).all())
         if space.comm.allreduce(is_found, MPI.LAND):
-            break
-    else:
-        raise InputError(
-            "after: the mesh of that solution does not cover the body, so plastic strain and "
-            "hardening are not known everywhere. Give a solution on a mesh of the same body."
-        )
-    new.interpolate_nonmatching(old, cells, interpolation_data=data)
-    new.x.scatter_forward()
+            new.interpolate_nonmatching(old, cells, interpolation_data=data)
+            new.x.scatter_forward()
+            return True
+    return False

@@ -97,8 +97,10 @@ def solution_of_law(
     about = model.linearised.u.copy()
     holds = not model.linearised.at_rest
     if start is not None and not holds:
-        about = carried(start.u, model)
-        model.linearised.move(about)
+        before = carried(start.u, model)
+        if before is not None:
+            about = before
+            model.linearised.move(about)
     # The forms of all steps are alike.
     kind = partial(kind, forms={})
     while len(misfits) < LAW_STEPS:
@@ -172,18 +174,16 @@ class _Change:
         places = self._x, self._cells
         self._strain = linearised.strain_at(*places)
         self._step = StrainOf(model, u)(*places) - self._strain
-        tangent = linearised.tangent_at(*places)
-        self._stress = self._law.stress(self._strain, *places)
-        self._stress += np.matmul(tangent, self._step[..., None])[..., 0]
-        self._metric = np.linalg.inv(tangent)
+        self._tangent = linearised.tangent_at(*places)
+        self._metric = np.linalg.inv(self._tangent)
+        self._stress = self._law.stress(self._strain, *places) + self._of_tangent(self._step)
 
     def misfit(self) -> tuple[float, float]:
         """Return the misfit and the size of the stress [sqrt(force length)].
 
         A body that is let go has a stress that is round-off of stresses that cancel.
         """
-        of_strain = np.linalg.solve(self._metric, (self._strain + self._step)[..., None])
-        cancelled = CANCELLED * self._norm(of_strain[..., 0])
+        cancelled = CANCELLED * self._norm(self._of_tangent(self._strain + self._step))
         return self._norm(self._beyond(1.0)), max(self._norm(self._stress), cancelled)
 
     def share(self) -> float:
@@ -194,6 +194,10 @@ class _Change:
         from scipy.optimize import brentq  # type: ignore[import-untyped]  # noqa: PLC0415 - for steps that go too far only
 
         return float(brentq(self._slope, 0.0, 1.0, xtol=NEAR))
+
+    def _of_tangent(self, strain: np.ndarray) -> np.ndarray:
+        """Return ``C eps`` of strains (n, q, s)."""
+        return np.asarray(np.matmul(self._tangent, strain[..., None])[..., 0])
 
     def _beyond(self, share: float) -> np.ndarray:
         """Return the stress of the law at a share of a step, less the linear one."""

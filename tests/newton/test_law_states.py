@@ -90,6 +90,7 @@ def test_the_error_of_the_displacement_is_bounded():
         if isinstance(material, Hencky):
             elastic = dataclasses.replace(fine.scene, material=Quadratic(*material.elastic))
         difference = carried(error.admissible.displacement, model)
+        assert difference is not None
         difference.x.array[:] -= fine.u.x.array
         norm = ec.solve(elastic, fine.domain).model
         square = assembled(norm, norm.stiffness(difference, difference))
@@ -152,6 +153,13 @@ def test_a_ring_that_is_let_go():
     again = certified(scene(0.07), domain, after=free)
     assert 0.0 < again.force("bottom").force[1] < press.force("bottom").force[1]
     assert again.relative < 1e-3
+
+
+def test_a_start_on_another_body():
+    """It gives the contact only; a state cannot be known there."""
+    other = ec.solve(pressed(STEEL), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)))
+    alone, started = (ec.solve(pressed(STEEL), slab(), start=start) for start in (None, other))
+    assert started.force("bottom").force == pytest.approx(alone.force("bottom").force, rel=1e-8)
 
 
 @pytest.mark.ranks

@@ -1,0 +1,38 @@
+"""Functions of the user's at points of cells: nodal polynomials, and elements that have no nodes."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import erc_contact as ec
+from erc_contact.base.releases import cell_nodes
+from erc_contact.model.expressions import function_at
+
+import basix.ufl  # isort: skip - MPI first
+from dolfinx import fem, mesh  # isort: skip
+
+assert ec  # loads MPI
+
+LINEAR = basix.ufl.element("P", "triangle", 1)
+ELEMENTS = {
+    "linear": LINEAR,
+    "vector": basix.ufl.element("P", "triangle", 2, shape=(2,)),
+    "discontinuous": basix.ufl.element("DG", "triangle", 2),
+    "enriched": basix.ufl.enriched_element([LINEAR, basix.ufl.element("bubble", "triangle", 3)]),
+    "Raviart-Thomas": basix.ufl.element("RT", "triangle", 1),
+}
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_values_are_those_of_dolfinx(name):
+    body = mesh.create_rectangle(MPI.COMM_SELF, ((0.0, 0.0), (2.0, 1.0)), (3, 2))
+    function = fem.Function(fem.functionspace(body, ELEMENTS[name]))
+    rng = np.random.default_rng(0)
+    function.x.array[:] = rng.normal(size=len(function.x.array))
+    cells = np.arange(12, dtype=np.int32)
+    shares = rng.dirichlet((1.0, 1.0, 1.0), size=(12, 4))
+    x = shares @ body.geometry.x[cell_nodes(body.geometry), :2]
+    places = np.zeros((48, 3))
+    places[:, :2] = x.reshape(48, 2)
+    known = function.eval(places, np.repeat(cells, 4)).reshape(48, -1)
+    assert function_at(function, x, cells) == pytest.approx(known, abs=1e-12)
