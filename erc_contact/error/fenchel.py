@@ -12,6 +12,8 @@ is zero.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from mpi4py import MPI
 
@@ -19,8 +21,8 @@ from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.laws import LawError
-from erc_contact.mesh.quadrature import INSET, Integrand, cell_pieces, integrate
-from erc_contact.mesh.simplex import barycentric, lattice
+from erc_contact.mesh.quadrature import INSET, cell_pieces, integrate
+from erc_contact.mesh.simplex import barycentric, nodes
 from erc_contact.model.potential import ConvexConstitution
 from erc_contact.model.space import circumferences
 
@@ -57,15 +59,20 @@ def fenchel_error(admissible: Admissible) -> LawError:
     law = model.linearised.law
     is_constant = k == 1 and not model.axisymmetric and not law.varies_in_cells
 
-    def difference(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        sigma = macro_values(admissible.stress, k, cell, places)
-        if model.hoop_load is not None:
-            sigma[..., -1] += model.hoop_load(x, of_cells[cell])
+    def beyond(
+        cell: np.ndarray, sigma: np.ndarray, places: np.ndarray, x: np.ndarray
+    ) -> np.ndarray:
         eps = near.strain_of(cell) if is_constant else strain.at(cell, places, x)
         out_of_plane = near.out_of_plane(cell, sigma)
         of_law = constitution.fenchel(eps, sigma, out_of_plane, x, of_cells[cell])
         of_law[..., 1] -= 4 * near.work_at_rest(cell, sigma)
         return of_law - near.squares(cell, eps, sigma) if near.taken else of_law
+
+    def difference(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        sigma = macro_values(admissible.stress, k, cell, places)
+        if model.hoop_load is not None:
+            sigma[..., -1] += model.hoop_load(x, of_cells[cell])
+        return beyond(cell, sigma, places, x)
 
     of_linear = near.integrals(volume)
     # The round-off of both energies is known, and need not be resolved.
@@ -75,7 +82,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
     pieces = cell_pieces(model.d)
     left = volume
     if near.taken:
-        left = np.where(_is_linear(difference, near, corners, k), 0.0, volume)
+        left = np.where(_is_linear(beyond, near, admissible), 0.0, volume)
     total = integrate(comm, difference, corners, left, pieces, share=UNKNOWN_SHARE, floor=floor)
     unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)
@@ -83,31 +90,34 @@ def fenchel_error(admissible: Admissible) -> LawError:
 
 
 def _is_linear(
-    difference: Integrand, near: _LinearLaws, corners: np.ndarray, degree: int
+    beyond: Callable[..., np.ndarray], near: _LinearLaws, admissible: Admissible
 ) -> np.ndarray:
-    """Tell in which cells the law is its linear law, at the nodes of all pieces.
+    """Tell in which owned cells the law is its linear law, for all coefficients.
 
     So it is in elastic cells of plastic bodies: stresses below the yield stress are a
-    convex set, which contains a piece with its corners.
+    convex set. A polynomial stays in the convex hull of its Bernstein coefficients, and
+    a strain, of less degree, in the hull of its values at the nodes.
 
     Args:
-        difference: The gaps of the law less the gaps of the linear law.
+        beyond: Gets cells, stresses, places and points, and returns the gaps of the law
+            less the gaps of the linear law.
         near: The linear laws.
-        corners: Corners of the cells [length], shape (n, d+1, d).
-        degree: Degree of the stress.
+        admissible: The pair.
     """
-    d = corners.shape[2]
-    of_piece = barycentric(lattice(d, degree))
+    cells, stress = admissible.cell_geometry, admissible.stress
+    d = cells.d
+    of_piece = barycentric(nodes(d, cells.degree))
     # They do not lie on the boundary, as data may jump there.
     of_piece = (1 - INSET) * of_piece + INSET / (d + 1)
-    result = np.ones(len(corners), dtype=bool)
-    for start in range(0, len(corners), CHUNK):
-        cell = np.arange(start, min(start + CHUNK, len(corners)))
+    result = np.ones(len(stress), dtype=bool)
+    for start in range(0, len(stress), CHUNK):
+        cell = np.arange(start, min(start + CHUNK, len(stress)))
         allowed = SAME * near.energies(cell)
-        for piece in cell_pieces(d):
+        for number, piece in enumerate(cell_pieces(d)):
             places = np.broadcast_to(of_piece @ piece, (len(cell), *of_piece.shape))
-            x = np.matmul(places, corners[cell])
-            result[cell] &= abs(difference(cell, places, x)).max(axis=(1, 2)) <= allowed
+            x = np.matmul(places, cells.corners[cell])
+            left = abs(beyond(cell, stress[cell, number], places, x)).max(axis=(1, 2))
+            result[cell] &= left <= allowed
     return result
 
 
