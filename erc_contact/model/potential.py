@@ -7,8 +7,8 @@ E of a displacement,
     C = psi''(E),    eps_0 = E - C^-1 psi'(E),
 
 so that Newton's method for the body is a sequence of contact problems of linear bodies
-(:mod:`erc_contact.newton.law`), and the last one has the pair. Only the gap of the law
-knows psi and psi* themselves.
+(:mod:`erc_contact.newton.law`). The admissible pair is made from the last of them. Only
+the gap of the law knows psi and psi* themselves.
 
 Of axisymmetric bodies C and stresses are times the circumference, as everywhere
 (:mod:`erc_contact.model.meridian`); :class:`.point_law.PointLaw` knows no
@@ -30,7 +30,6 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.constitution import Constitution, ElasticMatrix, StrainField
 from erc_contact.model.expressions import Everywhere
-from erc_contact.model.law_entries import place_of
 from erc_contact.model.law_state import LawState
 from erc_contact.model.meridian import in_space, strain_of
 from erc_contact.model.point_law import Derivatives, PointLaw
@@ -88,8 +87,9 @@ class Linearised:
 
     Attributes:
         law: As given.
+        on_rings: Whether the body is axisymmetric.
         u: The displacement [length].
-        at_rest: Whether it is zero.
+        at_rest: Whether it has not been moved: C is psi'' without strain.
     """
 
     def __init__(
@@ -99,6 +99,7 @@ class Linearised:
         self._potential = potential
         self._parameters = parameters
         self.law = law
+        self.on_rings = space.axisymmetric
         self.u = space.function()
         self.at_rest = True
         self._strain = StrainOf(space, self.u)
@@ -129,35 +130,15 @@ class Linearised:
 
         return LawState.of(self._space, state.size, values_at)
 
-    def stress_and_strains(
-        self, u: fem.Function, plastic: str
-    ) -> tuple[LawState, LawState, LawState]:
-        """Return stress, elastic and plastic strain after a load step; collective.
+    def stress_at_end(self, u: fem.Function) -> LawState:
+        """Return the stress of a displacement, six Mandel components; collective."""
+        law = self.law
+        strain_at = StrainOf(self._space, u)
 
-        They have six Mandel components of space each.
-
-        Args:
-            u: The displacement at its end [length].
-            plastic: Name of the plastic strain in the state.
-        """
-        law, space = self.law, self._space
-        strain_at = StrainOf(space, u)
-        assert remembers(self._potential)
-        place = place_of(self._potential.state, plastic)
-
-        def stress_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        def values_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
             return law.in_space(law.whole_stress(strain_at(x, cells), x, cells))
 
-        def plastic_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-            return law.new_state(strain_at(x, cells), x, cells)[..., place]
-
-        def elastic_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-            return law.in_space(strain_at(x, cells)) - plastic_at(x, cells)
-
-        stress, elastic, of_plastic = (
-            LawState.of(space, 6, field) for field in (stress_at, elastic_at, plastic_at)
-        )
-        return stress, elastic, of_plastic
+        return LawState.of(self._space, 6, values_at)
 
     # -- UFL, as a material has it
 
@@ -230,7 +211,7 @@ class TangentMatrix(ElasticMatrix):
 
     def __init__(self, linearised: Linearised, *, inverse: bool = False) -> None:
         self.size = len(linearised.law.rows)
-        self.on_rings = not linearised.law.is_plane and self.size == 4
+        self.on_rings = linearised.on_rings
         self._exponent = -1 if inverse else 1
         self._constant = None
         self._linearised = linearised

@@ -19,8 +19,9 @@ from mpi4py import MPI
 
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.law_entries import place_of
-from erc_contact.model.law_state import LawState, ValuesAt
+from erc_contact.model.law_state import ValuesAt
 from erc_contact.model.model import Model
+from erc_contact.model.potential import StrainOf
 from erc_contact.model.space import circumferences
 from erc_contact.newton.solution import Solution
 
@@ -54,26 +55,28 @@ def plastic_energies(solution: Solution, last: Solution | None) -> PlasticEnergi
         return None
     before = model.linearised.law.state
     assert before is not None
-    stress, elastic, plastic = model.linearised.stress_and_strains(solution.u, PLASTIC_STRAIN)
-    stored = 0.5 * _work(model, stress.at, elastic.at)
+    after = model.linearised.state_at_end(solution.u)
+    assert after is not None
+    stress = model.linearised.stress_at_end(solution.u)
+    old_stress = None
+    if last is not None and last.model.linearised is not None:
+        old_stress = last.model.linearised.stress_at_end(last.u).on(model)
+    strain_at = StrainOf(model, solution.u)
+    in_space = model.linearised.law.in_space
     place = place_of(shapes, PLASTIC_STRAIN)
-    old_stress = None if last is None else _stress_of(last).on(model)
 
     def mean_stress(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         of_begin = 0.0 if old_stress is None else old_stress.at(x, cells)
         return 0.5 * (stress.at(x, cells) + of_begin)
 
+    def elastic(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        return in_space(strain_at(x, cells)) - after.at(x, cells)[..., place]
+
     def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        return plastic.at(x, cells) - before.at(x, cells)[..., place]
+        return (after.at(x, cells) - before.at(x, cells))[..., place]
 
+    stored = 0.5 * _work(model, stress.at, elastic)
     return PlasticEnergies(stored, _work(model, mean_stress, growth))
-
-
-def _stress_of(solution: Solution) -> LawState:
-    """Return the stress of a solution in Mandel components of space."""
-    linearised = solution.model.linearised
-    assert linearised is not None
-    return linearised.stress_and_strains(solution.u, PLASTIC_STRAIN)[0]
 
 
 def _work(model: Model, stress_at: ValuesAt, strain_at: ValuesAt) -> float:

@@ -115,68 +115,35 @@ class Plastic:
                 "e.g., 1% of E."
             )
 
-    def potential(
-        self,
-        strain: Ufl,
-        E: Ufl,
-        nu: Ufl,
-        yield_stress: Ufl,
-        hardening: Ufl,
-        kinematic: Ufl,
-        plastic_strain: Ufl,
-        accumulated: Ufl,
-    ) -> Ufl:
+    def potential(self, strain: Ufl, **values: Ufl) -> Ufl:
         """Return psi of a strain (3, 3) [force/area]."""
-        shear = E / (2 * (1 + nu))
-        bulk = E / (3 * (1 - 2 * nu))
-        deviator = ufl.dev(strain) - plastic_strain
-        trial = 2 * shear * deviator - _back_stress(kinematic, plastic_strain)
-        beyond = _excess(trial, _limit(yield_stress, hardening, accumulated))
-        elastic = bulk / 2 * ufl.tr(strain) ** 2 + shear * ufl.inner(deviator, deviator)
-        return elastic - beyond**2 / (2 * (3 * shear + hardening + kinematic))
+        here = _AtPoint(**values)
+        elastic_strain = here.elastic_strain(strain)
+        beyond = here.beyond(here.trial(strain))
+        of_shear = here.shear * ufl.inner(elastic_strain, elastic_strain)
+        elastic = here.bulk / 2 * ufl.tr(strain) ** 2 + of_shear
+        return elastic - beyond**2 / (2 * (3 * here.shear + here.slope))
 
-    def conjugate(
-        self,
-        stress: Ufl,
-        E: Ufl,
-        nu: Ufl,
-        yield_stress: Ufl,
-        hardening: Ufl,
-        kinematic: Ufl,
-        plastic_strain: Ufl,
-        accumulated: Ufl,
-    ) -> Ufl:
+    def conjugate(self, stress: Ufl, **values: Ufl) -> Ufl:
         """Return psi* of a stress (3, 3) [force/area]."""
+        here = _AtPoint(**values)
         deviator = ufl.dev(stress)
-        of_shear = (1 + nu) / (2 * E) * ufl.inner(deviator, deviator)
-        elastic = (1 - 2 * nu) / (6 * E) * ufl.tr(stress) ** 2 + of_shear
-        relative = deviator - _back_stress(kinematic, plastic_strain)
-        beyond = _excess(relative, _limit(yield_stress, hardening, accumulated))
-        of_step = beyond**2 / (2 * (hardening + kinematic))
-        return elastic + ufl.inner(deviator, plastic_strain) + of_step
+        of_shear = ufl.inner(deviator, deviator) / (4 * here.shear)
+        elastic = (1 - 2 * here.nu) / (6 * here.E) * ufl.tr(stress) ** 2 + of_shear
+        beyond = here.beyond(deviator - here.back_stress)
+        return elastic + ufl.inner(deviator, here.plastic_strain) + beyond**2 / (2 * here.slope)
 
-    def new_state(
-        self,
-        strain: Ufl,
-        E: Ufl,
-        nu: Ufl,
-        yield_stress: Ufl,
-        hardening: Ufl,
-        kinematic: Ufl,
-        plastic_strain: Ufl,
-        accumulated: Ufl,
-    ) -> dict[str, Ufl]:
+    def new_state(self, strain: Ufl, **values: Ufl) -> dict[str, Ufl]:
         """Return plastic strain and accumulated plastic strain after a step [-]."""
-        shear = E / (2 * (1 + nu))
-        deviator = ufl.dev(strain) - plastic_strain
-        trial = 2 * shear * deviator - _back_stress(kinematic, plastic_strain)
-        limit = _limit(yield_stress, hardening, accumulated)
-        flow = _excess(trial, limit) / (3 * shear + hardening + kinematic)
+        here = _AtPoint(**values)
+        trial = here.trial(strain)
+        beyond = here.beyond(trial)
+        flow = beyond / (3 * here.shear + here.slope)
         # Where nothing flows, the direction does not matter.
-        direction = 1.5 * trial / (_excess(trial, limit) + limit)
+        direction = 1.5 * trial / (beyond + here.limit)
         return {
-            "plastic_strain": plastic_strain + flow * direction,
-            "accumulated": _positive(accumulated) + flow,
+            "plastic_strain": here.plastic_strain + flow * direction,
+            "accumulated": here.positive_accumulated + flow,
         }
 
     def convexity(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
@@ -189,26 +156,61 @@ class Plastic:
         return E
 
 
-def _back_stress(kinematic: Ufl, plastic_strain: Ufl) -> Ufl:
-    """Return X, the middle of the yield surface [force/area], shape (3, 3)."""
-    return 2 * kinematic / 3 * plastic_strain
+@dataclass(frozen=True, eq=False)
+class _AtPoint:
+    """Hold parameters and state of a point, UFL; see :class:`Plastic`."""
 
+    E: Ufl
+    nu: Ufl
+    yield_stress: Ufl
+    hardening: Ufl
+    kinematic: Ufl
+    plastic_strain: Ufl
+    accumulated: Ufl
 
-def _limit(yield_stress: Ufl, hardening: Ufl, accumulated: Ufl) -> Ufl:
-    """Return the yield stress of a body that has yielded before, ``y + H a``."""
-    return yield_stress + hardening * _positive(accumulated)
+    @property
+    def shear(self) -> Ufl:
+        """Return G [force/area]."""
+        return self.E / (2 * (1 + self.nu))
 
+    @property
+    def bulk(self) -> Ufl:
+        """Return K [force/area]."""
+        return self.E / (3 * (1 - 2 * self.nu))
 
-def _positive(accumulated: Ufl) -> Ufl:
-    """Return an accumulated plastic strain that is not below zero.
+    @property
+    def slope(self) -> Ufl:
+        """Return ``H + H_k`` [force/area]."""
+        return self.hardening + self.kinematic
 
-    The polynomial of a cell that has yielded in part is below zero beside its nodes,
-    and ``y + H a`` < 0 would have no convex potential.
-    """
-    return ufl.max_value(accumulated, 0)
+    @property
+    def back_stress(self) -> Ufl:
+        """Return X, the middle of the yield surface [force/area], shape (3, 3)."""
+        return 2 * self.kinematic / 3 * self.plastic_strain
 
+    @property
+    def positive_accumulated(self) -> Ufl:
+        """Return a, not below zero [-].
 
-def _excess(deviator: Ufl, limit: Ufl) -> Ufl:
-    """Return ``[q - limit]_+`` of a deviator, with derivatives at q = 0, too."""
-    square = 1.5 * ufl.inner(deviator, deviator)
-    return ufl.sqrt(ufl.max_value(square, limit**2)) - limit
+        The polynomial of a cell that has yielded in part is below zero beside its
+        nodes, and ``y + H a`` < 0 would have no convex potential.
+        """
+        return ufl.max_value(self.accumulated, 0)
+
+    @property
+    def limit(self) -> Ufl:
+        """Return ``y + H a``, the yield stress of a body that has yielded before."""
+        return self.yield_stress + self.hardening * self.positive_accumulated
+
+    def elastic_strain(self, strain: Ufl) -> Ufl:
+        """Return e, the deviator of a strain less the plastic strain [-], (3, 3)."""
+        return ufl.dev(strain) - self.plastic_strain
+
+    def trial(self, strain: Ufl) -> Ufl:
+        """Return s, the stress without flow less the back stress, shape (3, 3)."""
+        return 2 * self.shear * self.elastic_strain(strain) - self.back_stress
+
+    def beyond(self, deviator: Ufl) -> Ufl:
+        """Return ``[q - y_a]_+`` of a deviator, with derivatives at q = 0, too."""
+        square = 1.5 * ufl.inner(deviator, deviator)
+        return ufl.sqrt(ufl.max_value(square, self.limit**2)) - self.limit

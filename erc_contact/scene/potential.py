@@ -39,8 +39,7 @@ class Potential(Protocol):
 
     A further method ``convexity``, like ``modulus``, may return a share a [-] for which
     ``psi(eps) - a/2 eps : C eps`` is convex, with ``C = psi''(0)`` for the state that
-    the body has. Then e
-    bounds the error of the displacement, too
+    the body has. Then e bounds the error of the displacement, too
     (:attr:`erc_contact.ConstitutiveError.displacement_error`), and ``conjugate`` can be
     left out: Newton's method looks for the supremum at each point, and the convexity
     bounds what it leaves, ``rho : (a C)^-1 rho / 2`` for the stress rho that it misses.
