@@ -14,10 +14,12 @@ Symbols: k degree of the displacement, n cells, q points of a cell.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 from dolfinx import fem
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
@@ -163,11 +165,29 @@ def _interpolate(old: fem.Function, new: fem.Function, space: Space) -> bool:
     """
     cells = space.owned_cells
     spaces = new.function_space, old.function_space
-    for padding in PADDINGS:
-        data = fem.create_interpolation_data(*spaces, cells, padding=padding * space.domain.extent)
-        is_found = bool((data.src_owner >= 0).all())
-        if space.comm.allreduce(is_found, MPI.LAND):
-            new.interpolate_nonmatching(old, cells, interpolation_data=data)
-            new.x.scatter_forward()
-            return True
+    meshes = list(dict.fromkeys(V.mesh for V in spaces))
+    with _in_units_of(space.domain.extent, meshes):
+        for padding in PADDINGS:
+            data = fem.create_interpolation_data(*spaces, cells, padding=padding)
+            is_found = bool((data.src_owner >= 0).all())
+            if space.comm.allreduce(is_found, MPI.LAND):
+                new.interpolate_nonmatching(old, cells, interpolation_data=data)
+                new.x.scatter_forward()
+                return True
     return False
+
+
+@contextmanager
+def _in_units_of(length: float, meshes: Sequence[dmesh.Mesh]) -> Iterator[None]:
+    """Measure meshes by a length while DOLFINx looks for points in them.
+
+    It compares distances with fixed numbers: in a body of 1e-9 all cells are near.
+    """
+    places = [mesh.geometry.x.copy() for mesh in meshes]
+    try:
+        for mesh in meshes:
+            mesh.geometry.x[:] /= length
+        yield
+    finally:
+        for mesh, x in zip(meshes, places, strict=True):
+            mesh.geometry.x[:] = x

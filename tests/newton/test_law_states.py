@@ -18,7 +18,8 @@ from test_bad_input import refused
 import erc_contact as ec
 from erc_contact.error import fenchel
 from erc_contact.error.load_work import assembled
-from erc_contact.model.law_state import carried
+from erc_contact.model.law_state import LawState, carried
+from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.02, kinematic=0.03)
@@ -27,6 +28,11 @@ STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.02, kinematic=0
 def slab(cells=(6, 3)):
     """A slab (0, 2) x (0, 1)."""
     return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells)
+
+
+def scaled(unit, n):
+    """A square of n x n cells, each cut in two."""
+    return ec.rectangle((0.0, 0.0), (unit, unit), cells=(n, n))
 
 
 def pressed(material, down=0.03, **entries):
@@ -153,6 +159,26 @@ def test_a_ring_that_is_let_go():
     again = certified(scene(0.07), domain, after=free)
     assert 0.0 < again.force("bottom").force[1] < press.force("bottom").force[1]
     assert again.relative < 1e-3
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_state_on_a_refined_mesh_in_any_unit(unit):
+    """Children inherit it, however small the body is."""
+    coarse, fine = (Model(pressed(STEEL), scaled(unit, n), 1) for n in (2, 8))
+    field = LawState.of(
+        coarse, 1, lambda x, cells: np.sin(3 * x[..., :1] / unit) + cells[:, None, None]
+    )
+    carried_over = field.on(fine)
+    middles = fine.cell_corners()[fine.owned_cells].mean(axis=1)
+    columns, rows = (np.floor(2 * middles[:, axis] / unit) for axis in (0, 1))
+    # A cell of the coarse mesh is left or right of the diagonal of its square.
+    within = 2 * middles / unit - np.column_stack([columns, rows])
+    key = 4 * columns + 2 * rows + (within[:, 0] > within[:, 1])
+    values = carried_over.in_cells(fine.owned_cells)[:, 0, 0]
+    assert carried_over.moved < 1e-14
+    for number in np.unique(key):
+        assert np.ptp(values[key == number]) == 0.0
+    assert len(np.unique(values)) == 8
 
 
 def test_a_start_on_another_body():
