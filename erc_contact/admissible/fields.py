@@ -97,7 +97,9 @@ def stress_function(
         components /= circumferences(x)[..., None]
     at_points = np.tensordot(components, basis, axes=1)
     nodal = function.x.array.reshape(-1, rows * rows)
-    nodal[function.function_space.dofmap.list[:owned]] = at_points.reshape(owned, -1, rows * rows)
+    nodal[function.function_space.dofmap.list[:owned]] = at_points.reshape(
+        *components.shape[:2], rows * rows
+    )
     function.x.scatter_forward()
     return function
 

@@ -186,7 +186,7 @@ def polynomial_at(function: fem.Function, x: np.ndarray, cells: np.ndarray) -> n
     local = np.matmul(x - corners[:, :1], np.linalg.inv(edges))
     shape = space.element.basix_element.tabulate(0, local.reshape(n * q, d))[0, :, :, 0]
     blocks = function.x.array.reshape(-1, space.dofmap.bs)
-    return np.matmul(shape.reshape(n, q, -1), blocks[space.dofmap.list[cells]])
+    return np.matmul(shape.reshape(n, q, shape.shape[1]), blocks[space.dofmap.list[cells]])
 
 
 class OfNumbers:

@@ -84,8 +84,9 @@ def _admissible_means(admissible: Admissible) -> np.ndarray:
         return weights @ _at_points(admissible)
     stress = admissible.stress
     # All Bernstein polynomials and all sub-simplices of a cell have the same integral.
-    coefficients = stress.reshape(len(stress), -1, stress.shape[-1])
-    count = coefficients.shape[1]
+    owned, pieces, of_piece, components = stress.shape
+    count = pieces * of_piece
+    coefficients = stress.reshape(owned, count, components)
     # A product is faster than numpy's mean of short rows.
     return np.full(count, 1 / count) @ coefficients
 
@@ -173,8 +174,8 @@ def _at_points(admissible: Admissible) -> np.ndarray:
     model = admissible.model
     near, _, _ = macro_points(2, model.degree)
     sigma = np.matmul(near, admissible.stress)
-    owned = len(sigma)
-    sigma = sigma.reshape(owned, -1, sigma.shape[-1])
+    owned, pieces, of_piece, components = sigma.shape
+    sigma = sigma.reshape(owned, pieces * of_piece, components)
     if model.hoop_load is not None:
         places = macro_places(model, admissible.cell_geometry, owned)
         sigma[..., -1] += model.hoop_load(places, model.owned_cells)

@@ -131,6 +131,35 @@ def test_ranks_without_cells_or_contact(degree):
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
 
 
+@pytest.mark.parametrize(
+    "material",
+    [
+        ec.Elastic(1.0, 0.3),
+        ec.Elastic(1.0, 0.3, hypothesis="axisymmetric"),
+        ec.Plastic(1.0, 0.3, yield_stress=0.005, hardening=0.05),
+        ec.Plastic(1.0, 0.3, 0.005, 0.05, hypothesis="axisymmetric"),
+    ],
+    ids=["plane", "rings", "plastic", "plastic rings"],
+)
+def test_a_run_on_ranks_without_cells(material):
+    """From two cells on, with all that a run tells: some ranks have none at first."""
+    top = ec.Displacement("top", (None, -0.02))
+    scene = ec.Scene(material, [*held_along(material), top], contacts=ec.Contact("bottom"))
+    runs = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
+        history = ec.adapt(scene, domain, 1e-3, max_steps=2)
+        history.error.admissible.stress_function()  # hangs where a rank fails
+        runs.append([(step.cells, step.eps) for step in history.steps])
+    for alone, together in zip(*runs, strict=True):
+        assert together == pytest.approx(alone, rel=1e-8, abs=1e-12)
+
+
+def held_along(material):
+    """What holds a body of a material along the contact: nothing on rings."""
+    return [] if material.hypothesis == "axisymmetric" else [ec.Symmetry("left")]
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_friction_that_vanishes_at_an_edge(degree):
     """Friction that varies in space, zero on one edge, where both the bound and the traction are round-off."""
