@@ -93,9 +93,7 @@ def proved_imbalance(
         model: The scene on a mesh.
         cells: Geometry, n cells.
         u: The displacement [length].
-        of_cells: Greatest missing force in each owned cell, and greatest force [force],
-            from
-            :func:`.unbalanced.unbalanced_cells`.
+        of_cells: Greatest missing force in each owned cell, and greatest force [force].
         moment: Moments of the facet tractions [force], shape (facets, m, d).
         given: What they balance.
 

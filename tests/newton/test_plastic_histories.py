@@ -11,7 +11,6 @@
 
 import dataclasses
 
-import gmsh
 import numpy as np
 import pytest
 from energies import energies_of_law
@@ -19,7 +18,7 @@ from laws import Quadratic
 from mpi4py import MPI
 from scipy.optimize import brentq
 from test_bad_input import refused
-from test_potential import INNER, OUTER, tube_displacement
+from test_potential import INNER, OUTER, quarter_tube, tube_displacement
 
 import erc_contact as ec
 from erc_contact.error.load_work import load_work
@@ -366,26 +365,6 @@ def thick_sphere(law, pressure):
     return Sphere(law, brentq(lambda c: Sphere(law, c).pressure - pressure, 0.0, 1.0, xtol=1e-15))
 
 
-def half_ring(size):
-    """A quarter of a disc with a hole, whose left side is on the axis."""
-    gmsh.initialize()
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-    occ = gmsh.model.occ
-    outer, inner = ([(2, occ.addDisk(0, 0, 0, r, r))] for r in (OUTER, INNER))
-    whole, _ = occ.cut(outer, inner)
-    occ.intersect(whole, [(2, occ.addRectangle(0, 0, 0, OUTER, OUTER))])
-    occ.synchronize()
-    parts = {
-        "outside": lambda x: np.hypot(x[0], x[1]) > 0.99 * OUTER,
-        "inside": lambda x: np.hypot(x[0], x[1]) < 1.01 * INNER,
-        "bottom": lambda x: x[1] < 1e-9,
-    }
-    domain = ec.from_gmsh(gmsh.model, parts=parts)
-    gmsh.finalize()
-    return domain
-
-
 WALL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05, hypothesis="axisymmetric")
 MOVING = dataclasses.replace(WALL, hardening=0.01, kinematic=0.04)
 
@@ -407,7 +386,7 @@ def test_a_thick_sphere_under_pressure_that_is_let_go(law):
         load = ec.Traction("inside", pressure=loads[time])
         return ec.Scene(law, ec.Symmetry("bottom"), load)
 
-    evolution = ec.evolve(scene_at, half_ring(0.4), sorted(loads), 0.01, degree=2)
+    evolution = ec.evolve(scene_at, quarter_tube(0.4), sorted(loads), 0.01, degree=2)
     assert evolution.reached
     bore = [[INNER, 0.0]]
     moved = [error.solution.at(bore).displacement[0, 0] for error in evolution.errors]
