@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from erc_contact.admissible.cells import force_coefficients, signed
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.complementary import relaxed
-from erc_contact.admissible.tighten.iteration import tightened
+from erc_contact.admissible.tighten.iteration import Ending, tightened
+from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
 from erc_contact.admissible.unbalanced import unbalanced_cells
 
 
@@ -15,27 +20,35 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
     """Reconstruct the stress of a body in the plane or in space."""
     model, cells, force = given.model, given.cells, given.force
     owned = model.domain.owned_cells
-    moment = given.first_moments(given.fixed)
+    first = given.first_moments(given.fixed)
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
     has_bubbles = model.degree > 1
-    iterations = 0
-    correction = None
-    square = None
+    law = None
     if given.tighten > 0 or has_bubbles:
         elastic = elastic_coefficients(model, cells, given.displacement, owned)
-        compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
-    if given.tighten > 0:
-        free = cells.has_second[:, None] | given.fixed
-        untightened = moment.copy()
-        if given.correction is not None:
-            moment += given.correction
-        moment, iterations, square = tightened(
-            model, cells, moment, force, free, elastic, compliance, given.tighten
-        )
-        correction = moment - untightened
-    forces = force_coefficients(signed(cells, moment)[:owned], model.degree)
-    stress = macro_stress(cells, owned, given.balanced.in_plane, forces, force)
-    if has_bubbles:
-        stress = relaxed(cells, stress, elastic, compliance)
-    missing = unbalanced_cells(cells, stress, forces, force)
-    return BulkStress(stress, moment, iterations, correction, square, missing)
+        law = CellLaw(elastic, macro_moduli(model, cells, len(cells.nodes), inverse=True))
+
+    def balanced(moment: np.ndarray, law: CellLaw | None) -> Tight:
+        forces = force_coefficients(signed(cells, moment)[:owned], model.degree)
+        stress = macro_stress(cells, owned, given.balanced.in_plane, forces, force)
+        if has_bubbles and law is not None:
+            stress = relaxed(cells, stress, *law)
+        return Tight(moment, forces, stress)
+
+    free = cells.has_second[:, None] | given.fixed
+
+    def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
+        moment, done, square = tightened(model, cells, moment, force, free, *law, ending)
+        return replace(balanced(moment, law), iterations=done, square=square)
+
+    correction = None
+    if given.tighten > 0 and law is not None:
+        moment = first.copy() if given.correction is None else first + given.correction
+        tight = tightened_in_rounds(given, moment, law, tighten)
+        correction = tight.moment - first
+    else:
+        tight = balanced(first, law)
+    missing = unbalanced_cells(cells, tight.stress, tight.forces, force)
+    return BulkStress(
+        tight.stress, tight.moment, tight.iterations, correction, tight.square, missing
+    )

@@ -58,7 +58,8 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
         tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end
             when as many again, at the present pace, would lower e by less than 8%; 4 to
             8 are usual, 10 to 30 near incompressibility, 150 to 500 where edges of a
-            cell differ by a factor of a thousand.
+            cell differ by a factor of a thousand. Plastic bodies take further rounds,
+            20 to 500 iterations.
 
     Returns:
         The admissible pair.

@@ -290,14 +290,27 @@ class PointLaw:
         nothing = np.zeros((*x.shape[:2], size))
         if self.state is None:
             return nothing
+        return self.dual(nothing, nothing[..., 0], x, cells)[1]
+
+    def dual(
+        self, stress: np.ndarray, near: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return psi* of stresses and the strain ``psi*'``.
+
+        See :meth:`complementary` for the arguments.
+
+        Returns:
+            psi* [force/area], shape (n, q), and the strain, shape (n, q, s).
+        """
         if not self._code.has_conjugate:
-            return self._supremum(nothing, x, cells)[1]
-        numbers = self._numbers_at(nothing, x, cells)
+            return self._supremum(stress, x, cells)
+        energy, out = self.complementary(stress, near, x, cells)
+        numbers = self._numbers_at(stress, x, cells)
         if self.is_plane:
-            _, out = self.complementary(nothing, nothing[..., 0], x, cells)
             numbers[:, HOOP_ROWS[-1]] = out.ravel()
         values = self._code.dual({self._code.row: numbers}, len(numbers))
-        return values.reshape(*x.shape[:2], len(self._code.known))[..., :size]
+        strain = values.reshape(*stress.shape[:2], len(self._code.known))
+        return energy, strain[..., : stress.shape[-1]]
 
     def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the state after a load step that ends at strains, (n, q, size)."""

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from erc_contact.admissible.axisymmetric.elements import Elements
+from erc_contact.admissible.axisymmetric.elements import Elements, Energies, law_of_cells
 from erc_contact.admissible.axisymmetric.missing import missing_forces
 from erc_contact.admissible.axisymmetric.tighten import tightened
 from erc_contact.admissible.cells import CellGeometry, signed
 from erc_contact.admissible.elastic import elastic_coefficients, macro_places
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
+from erc_contact.admissible.tighten.iteration import Ending
+from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
 from erc_contact.mesh.simplex import mass
 from erc_contact.model.meridian import nodes_on_axis, off_axis, without_axis
 from erc_contact.model.model import Model
@@ -27,36 +32,51 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     # Nodes on the axis have no radial equilibrium: whatever is left there is free.
     with_axis = given.fixed.copy()
     with_axis[:, 0] |= ~off.any(axis=1)
-    forces = without_axis(given.first_moments(with_axis), off)
+    first = without_axis(given.first_moments(with_axis), off)
     elements = Elements(model, cells, given.force)
+    law = _law(given)
+
+    def balanced(forces: np.ndarray, energies: Energies) -> Tight:
+        of_cells = signed(cells, forces)[:owned]
+        return Tight(forces, of_cells, elements.stresses(of_cells, energies))
+
+    free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
+
+    def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
+        energies = elements.energies(*law)
+        forces, done, square = tightened(model, elements, energies, forces, free, ending)
+        return replace(balanced(forces, energies), iterations=done, square=square)
+
+    to_moments = mass(1, cells.degree, cells.degree)
+    correction = None
+    if given.tighten > 0:
+        forces = first
+        if given.correction is not None:
+            forces = first + np.linalg.solve(to_moments, given.correction)
+        tight = tightened_in_rounds(given, forces, law, tighten)
+        correction = np.matmul(to_moments, tight.moment - first)
+    else:
+        tight = balanced(first, elements.energies(*law))
+    return BulkStress(
+        stress=tight.stress,
+        moment=np.matmul(to_moments, tight.moment),
+        iterations=tight.iterations,
+        correction=correction,
+        square=tight.square,
+        missing=missing_forces(elements, tight.stress, tight.forces),
+    )
+
+
+def _law(given: Reconstruction) -> CellLaw:
+    """Return the linear law of a body of revolution, less its hoop load."""
+    model, cells = given.model, given.cells
+    owned = model.domain.owned_cells
     elastic = elastic_coefficients(model, cells, given.displacement, owned)
     if model.hoop_load is not None:
         places = macro_places(model, cells, owned)
         elastic[..., -1] -= model.hoop_load(places, model.owned_cells)
-    energies = elements.energies(elastic)
-    to_moments = mass(1, cells.degree, cells.degree)
-    iterations = 0
-    correction = None
-    square = None
-    if given.tighten > 0:
-        first = forces
-        if given.correction is not None:
-            forces = forces + np.linalg.solve(to_moments, given.correction)
-        free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
-        forces, iterations, square = tightened(
-            model, elements, energies, forces, free, given.tighten
-        )
-        correction = np.matmul(to_moments, forces - first)
-    of_cells = signed(cells, forces)[:owned]
-    stress = elements.stresses(of_cells, energies)
-    return BulkStress(
-        stress=stress,
-        moment=np.matmul(to_moments, forces),
-        iterations=iterations,
-        correction=correction,
-        square=square,
-        missing=missing_forces(elements, stress, of_cells),
-    )
+    _, points, _ = macro_points(2, cells.degree)
+    return CellLaw(elastic, law_of_cells(model.constitution.metric, cells.corners, points))
 
 
 def boundary_off_axis(model: Model, cells: CellGeometry, boundary: np.ndarray) -> np.ndarray:

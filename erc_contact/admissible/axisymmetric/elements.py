@@ -93,12 +93,14 @@ class Elements:
         axial = np.zeros((len(self.corners), b)) if force is None else force[..., 1]
         self.force = np.ascontiguousarray(axial)
 
-    def energies(self, elastic: np.ndarray) -> Energies:
+    def energies(self, elastic: np.ndarray, compliance: np.ndarray) -> Energies:
         """Compute the energies of cells.
 
         Args:
             elastic: S_0 of the owned cells at the points of
                 :func:`.macro.macro_points`, shape (owned, P, 4).
+            compliance: C^-1 without circumference at these points [area/force], shape
+                (n or 1, P or 1, 4, 4).
         """
         k = self.cells.degree
         count, owned = len(self.corners), len(elastic)
@@ -112,7 +114,6 @@ class Elements:
         # Radial force and moment take two amounts.
         upper = np.empty((owned, inner - 2, inner + forces + 1))
         _, points, weights = macro_points(2, k)
-        compliance = law_of_cells(self.model.constitution.metric, self.corners, points)
         ring_kernels()(
             "ring_energies",
             *(k, count, owned, self.corners, self.on_axis, tables.at_middles),

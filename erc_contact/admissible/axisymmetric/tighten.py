@@ -27,7 +27,7 @@ from mpi4py import MPI
 from erc_contact.admissible.axisymmetric.elements import Elements, Energies
 from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
-from erc_contact.admissible.tighten.iteration import SharedMoments, minimise
+from erc_contact.admissible.tighten.iteration import Ending, SharedMoments, minimise
 from erc_contact.admissible.tighten.rings import rings
 from erc_contact.model.space import Space
 
@@ -38,7 +38,7 @@ def tightened(
     energies: Energies,
     forces: np.ndarray,
     free: np.ndarray,
-    iterations: int,
+    ending: Ending,
 ) -> tuple[np.ndarray, int, float]:
     """Tighten facet forces that are in axial equilibrium; collective.
 
@@ -49,7 +49,7 @@ def tightened(
         forces: Coefficients of ``|F| t`` on the first side of each facet [force], shape
             (F, m, 2).
         free: Coefficients that are not given, shape (F, m, 2).
-        iterations: Limit of the iterations.
+        ending: When the iterations end.
 
     Returns:
         The coefficients, the number of iterations, and the square of the bulk part of
@@ -63,9 +63,11 @@ def tightened(
     residual = shared.total(-slope)
     patches = _Patches(space, cells, energies.matrix, free)
     x = np.zeros_like(forces)
-    done, square = minimise(
-        shared, energy, lambda r: shared.total(patches(r)), x, residual, square, iterations
-    )
+
+    def precondition(r: np.ndarray) -> np.ndarray:
+        return shared.total(patches(r))
+
+    done, square = minimise(shared, energy, precondition, x, residual, square, ending)
     return forces + x, done, square
 
 
