@@ -45,17 +45,15 @@ def gap(x: np.ndarray) -> np.ndarray:
 def main(degree: str = "2", accuracy: str = "0.04") -> None:
     """Print forces and errors of the meshes."""
     quarter = ec.box((0.5, 0.5, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 4))
-    walls = [ec.Displacement(wall, (0.0, 0.0, None)) for wall in ("right", "back")]
-    scene = ec.Scene(
-        LAW,
-        [
-            ec.Displacement("bottom", (0.0, 0.0, 0.0)),
-            *walls,
-            ec.Symmetry("left"),
-            ec.Symmetry("front"),
-        ],
-        contacts=ec.Contact("top", gap=gap),
-    )
+    supports = [
+        ec.Displacement("bottom", (0.0, 0.0, 0.0)),
+        ec.Displacement("right", (0.0, 0.0, None)),
+        ec.Displacement("back", (0.0, 0.0, None)),
+        # Planes of symmetry.
+        ec.Displacement("left", (0.0, None, None)),
+        ec.Displacement("front", (None, 0.0, None)),
+    ]
+    scene = ec.Scene(LAW, supports, contacts=[ec.Contact("top", gap=gap)])
     print("tutorial:", ", ".join(f"{f:.1f} at {n} unknowns" for n, f in TUTORIAL.items()))
     print("  cells  unknowns     eps  force  seconds")
 

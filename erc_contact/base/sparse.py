@@ -91,6 +91,26 @@ def sparse_like(like: PETSc.Mat, rows: np.ndarray, columns: np.ndarray) -> PETSc
     return matrix
 
 
+def summed(parts: Sequence[PETSc.Mat], total: PETSc.Mat | None) -> PETSc.Mat:
+    """Add matrices; collective.
+
+    Args:
+        parts: The matrices.
+        total: Their sum of an earlier call, whose places they have; None at first.
+
+    Returns:
+        The sum, at first a new matrix, later the given one.
+    """
+    structure = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+    if total is None:
+        structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        total = parts[0].duplicate()
+    total.zeroEntries()
+    for part in parts:
+        total.axpy(1.0, part, structure)
+    return total
+
+
 def times(matrix: PETSc.Mat, dense: np.ndarray) -> np.ndarray:
     """Return the product of a sparse matrix of this rank and a dense matrix (n, k)."""
     right = PETSc.Mat().createDense(

@@ -120,14 +120,14 @@ class Connections:
 
     @cached_property
     def couplings(self) -> PETSc.Mat:
-        """Return a matrix with entries between all nodes of a group, else I."""
+        """Return a matrix with entries between all nodes of each group."""
         blocks = np.matmul(abs(self.groups.whole).swapaxes(2, 3), abs(self.groups.whole))
         # Two nodes may be connected by a third one.
         for _ in range(blocks.shape[-1] - 2):
             blocks = np.matmul(blocks, blocks)
         d = self._space.d
         blocks = np.repeat(np.sign(blocks), d, axis=1)
-        return self._matrix(self.groups.between_nodes(blocks), self.groups.numbers)
+        return self._matrix(self.groups.between_nodes(blocks), None)
 
     def jump(self, number: int) -> PETSc.Mat:
         """Return the map from u to the jump of a contact at its nodes on this side.

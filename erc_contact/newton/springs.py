@@ -59,6 +59,7 @@ class Springs:
         cols = np.broadcast_to(dofs[:, None, :], blocks).ravel()
         self._nodal = sparse_like(like, rows, cols)
         self._read = reactions.reading(reader.contact)
+        self._product: PETSc.Mat | None = None
         self._forces: PETSc.Mat | None = None
         if model.connections.any:
             self._forces = distributed(like, reactions.map.forces_on(numbers))
@@ -86,8 +87,11 @@ class Springs:
         self._nodal.setValuesCOO(springs.ravel())
 
     def by_nodes(self) -> PETSc.Mat:
-        """Return G [force/length], a new matrix."""
-        return self._nodal.copy() if self._read is None else self._nodal.ptap(self._read)
+        """Return G [force/length], which the next call overwrites."""
+        if self._read is None:
+            return self._nodal
+        self._product = self._nodal.ptap(self._read, result=self._product)
+        return self._product
 
     def add_forces(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Add ``B^T H e`` to nodal forces y [force], for residuals ``x = B^T e``."""
@@ -110,7 +114,7 @@ class Springs:
     def free(self) -> None:
         """Free PETSc's objects."""
         self._nodal.destroy()
-        for made in (*self._work, self._read, self._forces):
+        for made in (*self._work, self._read, self._forces, self._product):
             if made is not None:
                 made.destroy()
 

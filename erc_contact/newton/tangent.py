@@ -16,9 +16,8 @@ import numpy as np
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import matrix_of
+from erc_contact.base.sparse import matrix_of, summed
 from erc_contact.newton.forms import ContactForms, Reader
-from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.krylov import set_up
 from erc_contact.newton.linear.motion_springs import MotionSprings
 from erc_contact.newton.linear.multigrid import Multigrid
@@ -79,13 +78,8 @@ class Tangent:
             terms.assemble()
         for terms, springs in zip(self._terms, self._springs, strict=False):
             springs.update(terms.by_displacements, terms.by_multipliers)
-        if self._change is not None:
-            self._change.destroy()
         makers: Sequence[_Terms | Springs] = self._springs or self._terms
-        self._change, *others = [maker.by_nodes() for maker in makers]
-        for other in others:
-            self._change.axpy(1.0, other, DIFFERENT)
-            other.destroy()
+        self._change = summed([maker.by_nodes() for maker in makers], self._change)
         self._change.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self._change.zeroRowsColumns(self._fixed, diag=0.0)
 
@@ -196,6 +190,9 @@ class _Terms:
         self._reader = reader
         self._connections = forms.model.connections
         self.by_fields: dict[int, PETSc.Mat] = {}
+        self._products: dict[int, PETSc.Mat] = {}
+        self._total: PETSc.Mat | None = None
+        self._nodal: PETSc.Mat | None = None
         for number, tangents in enumerate(reader.tangents):
             if tangents:
                 self.by_fields[number] = matrix_of(tangents)
@@ -221,27 +218,27 @@ class _Terms:
             term.assemble()
 
     def by_nodes(self) -> PETSc.Mat:
-        """Return the derivative of nodal forces by the displacement, a new matrix."""
+        """Return the derivative of nodal forces by the displacement.
+
+        The next call overwrites it.
+        """
         jumps = list(self._forms.jumps)
-        total: PETSc.Mat | None = None
+        parts = []
         for number, term in self.by_fields.items():
             field = self._forms.displacements[number]
             part = term
             if field in jumps:
                 contact = self._forms.model.contacts.index(self._forms.jumps[field])
-                part = term.matMult(self._connections.jump(contact))
-            if total is None:
-                total = part.copy() if part is term else part
-            else:
-                total.axpy(1.0, part, DIFFERENT)
-                if part is not term:
-                    part.destroy()
-        assert total is not None
+                jump = self._connections.jump(contact)
+                part = term.matMult(jump, result=self._products.get(number))
+                self._products[number] = part
+            parts.append(part)
+        self._total = summed(parts, self._total)
         if self._reader.contact is None:
-            return total
-        result = self._connections.jump(self._reader.contact).transposeMatMult(total)
-        total.destroy()
-        return result
+            return self._total
+        jump = self._connections.jump(self._reader.contact)
+        self._nodal = jump.transposeMatMult(self._total, result=self._nodal)
+        return self._nodal
 
     def add_to_nodes(self, forces: PETSc.Vec, nodal: PETSc.Vec) -> None:
         """Add forces on what is read to nodal forces, in place."""
@@ -253,5 +250,6 @@ class _Terms:
 
     def free(self) -> None:
         """Free PETSc's objects."""
-        for term in self.by_fields.values():
-            term.destroy()
+        for made in (*self.by_fields.values(), *self._products.values(), self._total, self._nodal):
+            if made is not None:
+                made.destroy()

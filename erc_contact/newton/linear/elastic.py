@@ -233,8 +233,15 @@ class AssembledElastic(Elastic):
         """
         if not self.model.connections.any:
             return matrix
-        result = matrix.ptap(self.model.connections.couplings)
-        result.zeroEntries()
-        result.axpy(1.0, matrix, SUBSET)
-        matrix.destroy()
-        return result
+        # They are few, so that only a few rows of K are multiplied.
+        couplings = self.model.connections.couplings
+        places = matrix.matMult(couplings)
+        transposed = places.transpose(PETSc.Mat())
+        both = couplings.transposeMatMult(places)
+        for more in (transposed, both):
+            places.axpy(1.0, more, DIFFERENT)
+            more.destroy()
+        places.zeroEntries()
+        matrix.axpy(1.0, places, DIFFERENT)
+        places.destroy()
+        return matrix
