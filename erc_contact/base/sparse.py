@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from dolfinx import cpp, fem
 from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 
 def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], diagonal: float) -> PETSc.Mat:
@@ -113,15 +114,9 @@ def summed(parts: Sequence[PETSc.Mat], total: PETSc.Mat | None) -> PETSc.Mat:
 
 def times(matrix: PETSc.Mat, dense: np.ndarray) -> np.ndarray:
     """Return the product of a sparse matrix of this rank and a dense matrix (n, k)."""
-    right = PETSc.Mat().createDense(
-        dense.shape, array=np.asfortranarray(dense), comm=PETSc.COMM_SELF
-    )
-    right.assemble()
-    product = matrix.matMult(right)
-    result = product.getDenseArray().copy()
-    product.destroy()
-    right.destroy()
-    return result
+    begin, columns, values = matrix.getValuesCSR()
+    by_rows = csr_array((values, columns, begin), shape=matrix.getSize())
+    return np.asarray(by_rows @ dense)
 
 
 def diagonal(values: np.ndarray) -> PETSc.Mat:

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from petsc4py import PETSc
+from scipy.sparse import coo_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.ranks import from_first
@@ -114,7 +114,6 @@ class Condensed:
         fields = FieldMap(self.forms, stiffness, self.size, glued_A, self.matrix, self.loads)
         self._fields = fields
         self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size, path)
-        together(model.comm, self._allocate)
 
     def run(self, work: Callable[[], Any]) -> Any:
         """Do work on rank 0 with the help of the other ranks; return its result.
@@ -149,11 +148,11 @@ class Condensed:
         return equations
 
     def tangent(self, u_A: np.ndarray) -> np.ndarray:
-        """Return dR/du_A at u_A [force/length], (A, A) in Fortran order, on rank 0."""
+        """Return dR/du_A at u_A [force/length], shape (A, A), on rank 0."""
         self.move(u_A)
-        self._sparse.setValuesCOO(self._on_all_ranks("tangent"))
-        self._sparse.matMult(self._derivative, self._product)
-        dense = self._product.getDenseArray(readonly=True).copy(order="F")
+        entries = self._on_all_ranks("tangent")
+        by_fields = coo_array((entries, self.assembly.positions), (self.size, self._fields.size))
+        dense = np.asarray(by_fields.tocsr() @ self._fields.derivative)
         if not self.multipliers:
             dense += self.matrix
         return dense
@@ -202,7 +201,6 @@ class Condensed:
         if self.multipliers:
             # Multipliers are reactions, of the springs, too.
             self._fields.set_reactions(self.matrix, self.loads)
-            self._derivative.getDenseArray()[:] = self._fields.affine[:, :-1]
             self._last_u_A = None
 
     def imbalance(self, u_A: np.ndarray) -> float:
@@ -243,7 +241,7 @@ class Condensed:
 
     def _fields_at(self, u_A: np.ndarray) -> np.ndarray:
         """Return z for u_A, on rank 0."""
-        return self._fields.affine[:, :-1] @ u_A + self._fields.affine[:, -1]
+        return self._fields.derivative @ u_A + self._fields.constant
 
     def move(self, u_A: np.ndarray) -> None:
         """Set the fields of all ranks to u_A, on rank 0; nothing if they are there."""
@@ -269,22 +267,6 @@ class Condensed:
         self.loads = self.matrix @ glued_A + glue_forces
         forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(slip_A))
         self.force = float(forces.max()) or 1.0
-
-    def _allocate(self) -> None:
-        """Make the matrices whose product is the tangent, on rank 0."""
-        if self.assembly.positions is None:
-            return
-        rows, cols = self.assembly.positions
-        a = self.size
-        self._sparse = PETSc.Mat().createAIJ((a, self._fields.size), comm=PETSc.COMM_SELF)
-        self._sparse.setPreallocationCOO(rows.astype(PETSc.IntType), cols.astype(PETSc.IntType))
-        # PETSc keeps this array, and wants it column by column.
-        derivative = np.asfortranarray(self._fields.affine[:, :-1])
-        self._derivative = PETSc.Mat().createDense(
-            (self._fields.size, a), array=derivative, comm=PETSc.COMM_SELF
-        )
-        self._product = PETSc.Mat().createDense((a, a), comm=PETSc.COMM_SELF)
-        self._product.setUp()
 
 
 def _slip_before(model: Model) -> fem.Function:

@@ -22,7 +22,13 @@ from erc_contact.newton.ladder import Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import CRAWLS, ROUND_OFF_HIDES, DiscreteSolution, Outcome
+from erc_contact.newton.snes import (
+    CRAWLS,
+    ENDLESS,
+    ROUND_OFF_HIDES,
+    DiscreteSolution,
+    Outcome,
+)
 from erc_contact.newton.solution import SINGULAR, Solution
 
 SLOW_ATTEMPTS = 5
@@ -201,12 +207,16 @@ class ContactSolve:
             "lists them)"
         )
         has_pairs = any(contact.against is not None for contact in self.model.contacts)
-        # Interior point steps tell no status.
-        of_newton = [outcome for outcome in self.outcomes if any(outcome.status)]
-        if all(outcome.open for outcome in of_newton):
+        # Interior point steps tell no status, steps without end the status of round-off.
+        telling = [
+            outcome
+            for outcome in self.outcomes
+            if any(outcome.status) and outcome.reason != ENDLESS
+        ]
+        if telling and all(outcome.open for outcome in telling):
             apart = "the bodies apart" if has_pairs else "the body from its foundation"
             return (
-                f"{failed}. The contact ends all open in each of them: the loads take {apart}, "
+                f"{failed}. The contact ends all open: the loads take {apart}, "
                 "and nothing else may hold the body. Look at the signs of loads and gap, or add a "
                 "Displacement."
             )

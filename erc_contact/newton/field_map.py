@@ -44,7 +44,9 @@ class FieldMap:
 
     Attributes:
         size: Size of z.
-        affine: Z, shape (size, A + 1), on rank 0; without rows elsewhere.
+        derivative: The columns of Z for u_A, shape (size, A), on rank 0; without rows
+            elsewhere.
+        constant: The last column of Z, shape (size,).
         columns: For each field that the forms are derived by, the place in z of each
             degree of freedom of this rank, -1 where it has none.
         readings: What the forces of each reader of the forms are.
@@ -69,12 +71,12 @@ class FieldMap:
         self.multipliers = MultiplierMap(self._model) if forms.multipliers else None
         self.size = 0
         self.columns: list[np.ndarray] = []
-        parts = [np.zeros((0, unknowns + 1))]
+        parts = [(np.zeros((0, unknowns)), np.zeros(0))]
         numbers = {jump: self._model.contacts.index(c) for jump, c in forms.jumps.items()}
         for field in forms.displacements:
             parts.append(self._displacement(field, numbers.get(field)))
         self.readings = [self._reading(reader.contact) for reader in forms.readers]
-        self.affine = np.concatenate(parts)
+        self._set_rows(parts)
         if self.multipliers is not None:
             self._first_multiplier = self.size
             for contact, nodes in zip(self._model.contacts, self.multipliers.contacts, strict=True):
@@ -85,7 +87,15 @@ class FieldMap:
                 )
             together(self._model.comm, self.set_reactions, matrix, loads)
 
-    def _displacement(self, field: fem.Function, contact: int | None) -> np.ndarray:
+    def _set_rows(self, parts: list[tuple[np.ndarray, np.ndarray]]) -> None:
+        """Set Z to some rows below each other, each with the constants."""
+        derivatives, constants = zip(*parts, strict=True)
+        self.derivative = np.concatenate(derivatives)
+        self.constant = np.concatenate(constants)
+
+    def _displacement(
+        self, field: fem.Function, contact: int | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the rows of Z for u or a jump, and add it to z; collective.
 
         Args:
@@ -100,9 +110,9 @@ class FieldMap:
             local = dofs_of(visible, model.d)
         parts = gathered(model.comm, (self._add_column(local, rows), field.x.array[local]))
 
-        def affine() -> np.ndarray:
+        def affine() -> tuple[np.ndarray, np.ndarray]:
             if parts is None:
-                return np.zeros((0, self._unknowns + 1))
+                return np.zeros((0, self._unknowns)), np.zeros(0)
             values = np.zeros(len(rows))
             for place, part in parts:
                 values[place] = part
@@ -112,8 +122,7 @@ class FieldMap:
             read = self._read(contact, rows, change)
             _, lift = self._stiffness.reduced(self._unknowns)
             derivative = times(read, lift)
-            constant = values - derivative @ self._w_A
-            return np.column_stack([derivative, constant])
+            return derivative, values - derivative @ self._w_A
 
         return together(model.comm, affine)
 
@@ -186,8 +195,8 @@ class FieldMap:
         if not self._on_first or self.multipliers is None:
             return
         basis = self._stiffness.basis
-        reaction = np.hstack([matrix, -loads[:, None]])
-        rows = [self.affine[: self._first_multiplier]]
+        first = self._first_multiplier
+        parts = [(self.derivative[:first], self.constant[:first])]
         for nodes, entries in zip(
             self.multipliers.contacts, self.multipliers.multipliers, strict=True
         ):
@@ -195,5 +204,6 @@ class FieldMap:
             order = np.argsort(dofs)
             places = order[np.searchsorted(dofs, entries.rows, sorter=order)]
             by_forces = basis.read(len(dofs), places, entries.columns, entries.values)
-            rows.append(times(basis.first(by_forces, self._unknowns), reaction))
-        self.affine = np.vstack(rows)
+            of_reactions = basis.first(by_forces, self._unknowns)
+            parts.append((times(of_reactions, matrix), -times(of_reactions, loads)))
+        self._set_rows(parts)

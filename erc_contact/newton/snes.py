@@ -55,6 +55,8 @@ FEW = 3
 """Changes in a step that are no crawl: so many points soon know their states."""
 CRAWLS = "states keep changing"
 """Reason of an attempt that crawls."""
+ENDLESS = "residual grows without end"
+"""Why an attempt ends whose steps go far away: which way, round-off may say."""
 ASTRAY = 1e8
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
@@ -299,7 +301,7 @@ class _StoppingTest:
         if step == 0:
             self._first = norm
         if norm > ASTRAY * self._first:
-            return "residual grows without end"
+            return ENDLESS
         status = self.problem.status(x)
         if self._hurried:
             self._count_changes(status, lasting(x.comm.tompi4py()))

@@ -33,6 +33,7 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.linalg import cho_factor, cho_solve  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
@@ -189,7 +190,8 @@ class Stiffness(Elastic):
         if count == len(full):
             return full, np.eye(count)
         if self._reduced is None:
-            lift = np.vstack([np.eye(a), -np.linalg.solve(full[a:, a:], full[a:, :a])])
+            inside = cho_factor(full[a:, a:], check_finite=False)
+            lift = np.vstack([np.eye(a), -cho_solve(inside, full[a:, :a], check_finite=False)])
             schur = full[:a, :a] + full[:a, a:] @ lift[a:]
             self._reduced = 0.5 * (schur + schur.T), lift
         return self._reduced
