@@ -207,7 +207,7 @@ class ContactSolve:
             "lists them)"
         )
         has_pairs = any(contact.against is not None for contact in self.model.contacts)
-        # Interior point steps tell no status, steps without end the status of round-off.
+        # Interior point steps tell no status, and round-off chose an endless way.
         telling = [
             outcome
             for outcome in self.outcomes
