@@ -44,8 +44,6 @@ STEPS_TO_SUPREMUM = 50
 """Limit of Newton steps to a conjugate that is not given."""
 HALVINGS = 20
 """Limit of halvings of such a step."""
-FOUND = 1e-13
-"""The steps end where they miss this share of the stress [-]."""
 SHARE_OF_GAP = 1e-10
 """Share of Fenchel's gap that a last such step may gain [-]."""
 
@@ -293,7 +291,13 @@ class PointLaw:
         return self.dual(nothing, nothing[..., 0], x, cells)[1]
 
     def dual(
-        self, stress: np.ndarray, near: np.ndarray, x: np.ndarray, cells: np.ndarray
+        self,
+        stress: np.ndarray,
+        near: np.ndarray,
+        x: np.ndarray,
+        cells: np.ndarray,
+        beside: np.ndarray | float = np.inf,
+        strain: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return psi* of stresses and the strain ``psi*'``.
 
@@ -303,14 +307,14 @@ class PointLaw:
             psi* [force/area], shape (n, q), and the strain, shape (n, q, s).
         """
         if not self._code.has_conjugate:
-            return self._supremum(stress, x, cells)
-        energy, out = self.complementary(stress, near, x, cells)
+            return self._supremum(stress, x, cells, beside, strain)
+        energy, out = self.complementary(stress, near, x, cells, beside)
         numbers = self._numbers_at(stress, x, cells)
         if self.is_plane:
             numbers[:, HOOP_ROWS[-1]] = out.ravel()
         values = self._code.dual({self._code.row: numbers}, len(numbers))
-        strain = values.reshape(*stress.shape[:2], len(self._code.known))
-        return energy, strain[..., : stress.shape[-1]]
+        found = values.reshape(*stress.shape[:2], len(self._code.known))
+        return energy, found[..., : stress.shape[-1]]
 
     def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the state after a load step that ends at strains, (n, q, size)."""
@@ -323,6 +327,7 @@ class PointLaw:
         x: np.ndarray,
         cells: np.ndarray,
         beside: np.ndarray | float = np.inf,
+        strain: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return psi* of stresses, in plane strain its minimum over sigma_zz.
 
@@ -337,13 +342,15 @@ class PointLaw:
             beside: ``psi - sigma : eps`` [force/area], shape (n, q), which makes
                 Fenchel's gap with psi*. The minimum is found to a small share of the
                 gap; by default to round-off.
+            strain: Where the search for a conjugate that is not given starts, (n, q or
+                1, s).
 
         Returns:
             psi* [force/area] and sigma_zz [force/area], each (n, q).
         """
         shape = stress.shape[:2]
         if not self._code.has_conjugate:
-            energy, eps = self._supremum(stress, x, cells)
+            energy, eps = self._supremum(stress, x, cells, beside, strain)
             out = self.whole_stress(eps, x, cells)[..., -1] if self.is_plane else np.zeros(shape)
             return energy, out
         numbers = self._numbers_at(stress, x, cells)
@@ -359,10 +366,7 @@ class PointLaw:
             energy, slope, curvature = values.T
             step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
             gain = 0.5 * abs(slope * step)
-            allowed = AT_MINIMUM * abs(energy)
-            if np.isfinite(beside).all():
-                allowed = np.maximum(allowed, SHARE_OF_GAP * (beside[left] + energy))
-            goes_on = gain > allowed
+            goes_on = gain > _allowed(energy, beside[left])
             if not goes_on.any():
                 break
             left = left[goes_on]
@@ -379,7 +383,12 @@ class PointLaw:
         return self._convexity(x, cells)
 
     def _supremum(
-        self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+        self,
+        stress: np.ndarray,
+        x: np.ndarray,
+        cells: np.ndarray,
+        beside: np.ndarray | float = np.inf,
+        strain: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return a bound of ``sup sigma : eps - psi(eps)``, and its strain.
 
@@ -390,36 +399,64 @@ class PointLaw:
                 <=  rho : delta - a/2 delta : C delta  <=  rho : (a C)^-1 rho / 2,
 
         which is added. C is psi'' without strain, and a the share of it that is known.
+        The steps of a point end where this is small, see :meth:`complementary`.
 
         Returns:
             The bound [force/area], shape (n, q), and the strain, shape (n, q, s).
         """
-        eps = np.zeros_like(stress)
-        at_rest = self.tangent(eps, x, cells)
-        value = -self.energy(eps, x, cells)
-        share = np.zeros(value.shape)
+        numbers = self._numbers_at(np.zeros_like(stress), x, cells)
+        sigma = stress.reshape(len(numbers), len(self.rows))
+        metric = np.linalg.inv(self._tangents(numbers))
+        twice_share = 2 * np.broadcast_to(self.convexity(x, cells), stress.shape[:2]).ravel()
+        beside = np.broadcast_to(beside, stress.shape[:2]).ravel()
+        numbers[:, self.rows] = np.broadcast_to(strain, stress.shape).reshape(sigma.shape)
+        value = self._value(sigma, numbers)
+        rest = np.zeros(len(numbers))
+        left = np.arange(len(numbers))
         for _ in range(STEPS_TO_SUPREMUM):
-            missed = stress - self.stress(eps, x, cells)
-            of_strain = np.matmul(at_rest, eps[..., None])[..., 0]
-            size = np.linalg.norm(stress, axis=-1) + np.linalg.norm(of_strain, axis=-1)
-            if (np.linalg.norm(missed, axis=-1) <= FOUND * size).all():
+            missed = sigma[left] - self._stresses(numbers[left])
+            of_missed = np.matmul(metric[left], missed[..., None])[..., 0]
+            rest[left] = (missed * of_missed).sum(axis=1) / twice_share[left]
+            goes_on = rest[left] > _allowed(value[left], beside[left])
+            left, missed = left[goes_on], missed[goes_on]
+            if not len(left):
                 break
-            step = np.linalg.solve(self.tangent(eps, x, cells), missed[..., None])[..., 0]
-            share[:] = 1.0
-            for _ in range(HALVINGS):
-                tried = eps + share[..., None] * step
-                new = np.einsum("nqi,nqi->nq", stress, tried) - self.energy(tried, x, cells)
+            step = np.linalg.solve(self._tangents(numbers[left]), missed[..., None])[..., 0]
+            # Where no share of a step is a gain, round-off is all that is left.
+            gains = np.zeros(len(left), dtype=bool)
+            falls = np.arange(len(left))
+            for halvings in range(HALVINGS):
+                tried = numbers[left[falls]]
+                tried[:, self.rows] += 0.5**halvings * step[falls]
+                new = self._value(sigma[left[falls]], tried)
+                old = value[left[falls]]
                 # What is no number falls, too.
-                falls = ~(new >= value - AT_MINIMUM * abs(value))
-                if not falls.any():
+                is_gain = new >= old - AT_MINIMUM * abs(old)
+                taken = left[falls[is_gain]]
+                numbers[taken] = tried[is_gain]
+                value[taken] = new[is_gain]
+                gains[falls[is_gain]] = True
+                falls = falls[~is_gain]
+                if not len(falls):
                     break
-                share[falls] *= 0.5
-            eps = np.where(falls[..., None], eps, tried)
-            value = np.where(falls, value, new)
-        missed = stress - self.stress(eps, x, cells)
-        of_missed = np.linalg.solve(at_rest, missed[..., None])[..., 0]
-        left = np.einsum("nqi,nqi->nq", missed, of_missed) / (2 * self.convexity(x, cells))
-        return value + left, eps
+            left = left[gains]
+        return (value + rest).reshape(stress.shape[:2]), numbers[:, self.rows].reshape(stress.shape)
+
+    def _value(self, sigma: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Return ``sigma : eps - psi(eps)`` for strains among numbers, shape (n,)."""
+        energy = self._code.energy({self._code.row: numbers}, len(numbers))[:, 0]
+        return np.asarray((sigma * numbers[:, self.rows]).sum(axis=1) - energy)
+
+    def _stresses(self, numbers: np.ndarray) -> np.ndarray:
+        """Return psi' that the body has for strains among numbers, shape (n, s)."""
+        values = self._code.stress({self._code.row: numbers}, len(numbers))
+        return np.asarray(values[:, : len(self.rows)])
+
+    def _tangents(self, numbers: np.ndarray) -> np.ndarray:
+        """Return psi'' for strains among numbers, shape (n, s, s)."""
+        values = self._code.tangent({self._code.row: numbers}, len(numbers))
+        known, size = len(self._code.known), len(self.rows)
+        return np.asarray(values.reshape(len(values), known, known)[:, :size, :size])
 
     def _conjugate_of(self, numbers: np.ndarray) -> np.ndarray:
         """Return the compiled conjugate for the numbers of points."""
@@ -443,3 +480,14 @@ class PointLaw:
         if self.state is not None:
             numbers[..., self._code.place_of_state :] = self.state.at(x, cells)
         return numbers.reshape(n * q, numbers.shape[-1])
+
+
+def _allowed(energy: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """Return what a conjugate may be off [force/area].
+
+    See :meth:`PointLaw.complementary` for ``beside``.
+    """
+    allowed = AT_MINIMUM * abs(energy)
+    if np.isfinite(beside).all():
+        allowed = np.maximum(allowed, SHARE_OF_GAP * (beside + energy))
+    return allowed

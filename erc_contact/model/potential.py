@@ -278,7 +278,7 @@ class ConvexConstitution(Constitution):
         sigma = stress / factor
         psi = law.energy(strain, x[:, : strain.shape[1]], cells)
         work = np.einsum("nqi,nqi->nq", sigma, np.broadcast_to(strain, sigma.shape))
-        psi_star, _ = law.complementary(sigma, out_of_plane, x, cells, psi - work)
+        psi_star, _ = law.complementary(sigma, out_of_plane, x, cells, psi - work, strain)
         both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
         # A gap below zero is round-off.
         both[..., 0] = np.maximum(both[..., 0], 0.0)

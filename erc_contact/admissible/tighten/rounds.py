@@ -155,9 +155,10 @@ class _AboutStress:
             load = model.hoop_load(*places)
             sigma[..., -1] += load
         sigma = sigma / around
-        energy, strain = law.dual(sigma, self._out, *places)
         work = np.einsum("nqi,nqi->nq", sigma, self._strain)
-        gap = law.energy(self._strain, *places) + energy - work
+        beside = law.energy(self._strain, *places) - work
+        energy, strain = law.dual(sigma, self._out, *places, beside, self._strain)
+        gap = beside + energy
         total = model.comm.allreduce(float(2 * (self._weights * gap).sum()), MPI.SUM)
         compliance = np.linalg.inv(law.tangent(strain, *places)).mean(axis=1)
         beyond = np.matmul(self._strain - strain, np.linalg.inv(compliance))
