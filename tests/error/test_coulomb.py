@@ -404,6 +404,23 @@ def test_bodies_that_only_contact_holds_vertically():
     assert "rigidly" in str(loose)
 
 
+@pytest.mark.parametrize("amount", [1e-6, 1.0, 1e6])
+def test_a_body_that_can_move_up_has_its_norm_from_any_start(amount):
+    """A motion off the contact costs nothing, and must not grow from step to step."""
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(greco(0.3), square(8), degree=2)))
+    pair = pair_on_surface(error.admissible)
+    elastic = error.solution.stiffness
+    with elastic.in_memory():
+        traces = elastic.traces(pair.surface.numbers)
+        t = slip_fields(pair)[0]
+        x = pair.surface.positions()
+        start = np.sin(7 * x[:, 0])
+        norms = [
+            coupling(pair.surface.normal, traces, t, x, start + extra)[0] for extra in (0.0, amount)
+        ]
+    assert norms[1] == pytest.approx(norms[0], rel=1e-5)
+
+
 def test_other_laws():
     def scene(law):
         return ec.Scene(

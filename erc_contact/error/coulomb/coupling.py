@@ -60,6 +60,8 @@ def coupling(
     resisted = _resisted_motion(n, traces, t, x)
     if resisted is not None:
         return np.inf, 0.0, resisted
+    # N does not see them. They would grow from step to step, till round-off is all.
+    unseen = _normal_motions(n, traces.motions)
     phi = _waves(x) if start is None else start
     basis: list[np.ndarray] = []
     forces: list[np.ndarray] = []
@@ -67,6 +69,7 @@ def coupling(
     beside: list[float] = []
     q = before = 0.0
     for _ in range(min(LANCZOS_STEPS, len(n))):
+        phi = phi - unseen @ (phi @ unseen)
         p = _normal_forces(n, traces, phi)
         square = float(phi @ p)
         # The space is exhausted: the next vector is round-off.
@@ -92,6 +95,28 @@ def coupling(
     if not basis:
         return q, q - before, phi
     return q, q - before, vectors[:, -1] @ basis[: len(vectors)]
+
+
+def _normal_motions(n: np.ndarray, motions: np.ndarray) -> np.ndarray:
+    """Return the free rigid motions that are normal to the contacts everywhere.
+
+    So is a translation off a flat foundation.
+
+    Args:
+        n: Normals, shape (M, d).
+        motions: The free motions at the nodes, shape (K, M, d).
+
+    Returns:
+        Orthonormal normal displacements, shape (M, r).
+    """
+    if not len(motions):
+        return np.zeros((len(n), 0))
+    along = np.einsum("kmi,mi->km", motions, n)
+    beside = (motions - along[:, :, None] * n).reshape(len(motions), -1)
+    rows, sizes, _ = np.linalg.svd(beside, full_matrices=False)
+    is_normal = sizes <= RIGID_FORCE * np.linalg.norm(motions)
+    vectors, amounts, _ = np.linalg.svd(along.T @ rows[:, is_normal], full_matrices=False)
+    return np.asarray(vectors[:, amounts > RIGID_FORCE * np.linalg.norm(motions)])
 
 
 def _normal_forces(n: np.ndarray, traces: Traces, phi: np.ndarray) -> np.ndarray:
