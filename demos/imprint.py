@@ -56,7 +56,7 @@ def scene_at(t):
 ec.log_to_console()
 layer = ec.rectangle((0.0, 0.0), (WIDTH, THICK), size=2.5)
 evolution = ec.evolve(
-    scene_at, layer, TIMES, accuracy=0.08, degree=2, strategy=ec.Mark()
+    scene_at, layer, TIMES, accuracy=0.06, degree=2, strategy=ec.Mark()
 )
 evolution.save(FOLDER, pictures=True)
 

@@ -78,7 +78,7 @@ def test_the_slope_is_of_fenchels_gap(kind, law, degree):
 @pytest.mark.parametrize("kind", ["2", "3", "rings"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_rounds_lower_e(kind, degree, monkeypatch):
-    solution = body(kind, STEEL, 4, degree=degree)
+    solution = body(kind, STEEL, 3 if kind == "3" else 4, degree=degree)
     in_rounds = ec.constitutive_error(ec.equilibrate(solution))
     monkeypatch.setattr(rounds, "ROUNDS", 0)
     once = ec.constitutive_error(ec.equilibrate(solution))
@@ -99,7 +99,8 @@ def test_a_linear_body_is_tightened_once(monkeypatch):
 def test_ranks_find_the_same_stress(kind, degree):
     values = []
     for comm in (MPI.COMM_SELF, COMM):
-        solution = body(kind, dataclasses.replace(STEEL, hardening=0.05), 3, comm, degree)
+        law = dataclasses.replace(STEEL, hardening=0.05)
+        solution = body(kind, law, 2 if kind == "3" else 3, comm, degree)
         error = ec.constitutive_error(ec.equilibrate(solution))
         values.append(error.relative)
     # Iterations of a nearly incompressible body let round-off grow, and end differently.
