@@ -8,6 +8,7 @@ from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
 from erc_contact.mesh.quadrature import cell_pieces
 from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.model.point_law import Search
 from erc_contact.model.space import circumferences
 
 RULE = 8
@@ -36,7 +37,7 @@ def energies_of_law(error):
         eps = strain.at(of_cells, places, x)
         energy, stress = law.energy(eps, x, of_cells), law.whole_stress(eps, x, of_cells)
         of_law = sigma / around[..., None]
-        complementary, _ = law.complementary(of_law, stress[..., -1], x, of_cells)
+        complementary, _ = law.complementary(of_law, Search(stress[..., -1]), x, of_cells)
         psi += float((measures * around * energy).sum())
         psi_star += float((measures * around * complementary).sum())
     return psi, psi_star

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -46,6 +47,23 @@ HALVINGS = 20
 """Limit of halvings of such a step."""
 SHARE_OF_GAP = 1e-10
 """Share of Fenchel's gap that a last such step may gain [-]."""
+
+
+class Search(NamedTuple):
+    """Say where the search for psi* at points starts, and when it ends.
+
+    Attributes:
+        near: Stress out of plane from which it starts [force/area], shape (n, q).
+        beside: ``psi - sigma : eps`` [force/area], shape (n, q), which makes Fenchel's
+            gap with psi*. The search ends at a small share of the gap; by default at
+            round-off.
+        strain: Strain from which the search for a conjugate that is not given starts
+            [-], shape (n, q or 1, s).
+    """
+
+    near: np.ndarray
+    beside: np.ndarray | float = np.inf
+    strain: np.ndarray | float = 0.0
 
 
 class Derivatives:
@@ -288,16 +306,10 @@ class PointLaw:
         nothing = np.zeros((*x.shape[:2], size))
         if self.state is None:
             return nothing
-        return self.dual(nothing, nothing[..., 0], x, cells)[1]
+        return self.dual(nothing, Search(nothing[..., 0]), x, cells)[1]
 
     def dual(
-        self,
-        stress: np.ndarray,
-        near: np.ndarray,
-        x: np.ndarray,
-        cells: np.ndarray,
-        beside: np.ndarray | float = np.inf,
-        strain: np.ndarray | float = 0.0,
+        self, stress: np.ndarray, search: Search, x: np.ndarray, cells: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return psi* of stresses and the strain ``psi*'``.
 
@@ -307,27 +319,18 @@ class PointLaw:
             psi* [force/area], shape (n, q), and the strain, shape (n, q, s).
         """
         if not self._code.has_conjugate:
-            return self._supremum(stress, x, cells, beside, strain)
-        energy, out = self.complementary(stress, near, x, cells, beside)
-        numbers = self._numbers_at(stress, x, cells)
-        if self.is_plane:
-            numbers[:, HOOP_ROWS[-1]] = out.ravel()
+            return self._supremum(stress, search, x, cells)
+        energy, numbers = self._minimum(stress, search, x, cells)
         values = self._code.dual({self._code.row: numbers}, len(numbers))
-        found = values.reshape(*stress.shape[:2], len(self._code.known))
-        return energy, found[..., : stress.shape[-1]]
+        strain = values.reshape(*stress.shape[:2], len(self._code.known))
+        return energy, strain[..., : stress.shape[-1]]
 
     def new_state(self, eps: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the state after a load step that ends at strains, (n, q, size)."""
         return self._at(self._code.new_state, eps, x, cells)
 
     def complementary(
-        self,
-        stress: np.ndarray,
-        near: np.ndarray,
-        x: np.ndarray,
-        cells: np.ndarray,
-        beside: np.ndarray | float = np.inf,
-        strain: np.ndarray | float = 0.0,
+        self, stress: np.ndarray, search: Search, x: np.ndarray, cells: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return psi* of stresses, in plane strain its minimum over sigma_zz.
 
@@ -336,29 +339,36 @@ class PointLaw:
 
         Args:
             stress: Stresses that the body has [force/area], shape (n, q, s).
-            near: Stress out of plane from which it starts [force/area], shape (n, q).
+            search: Where the search starts and ends.
             x: Points of each cell [length].
             cells: The cells.
-            beside: ``psi - sigma : eps`` [force/area], shape (n, q), which makes
-                Fenchel's gap with psi*. The minimum is found to a small share of the
-                gap; by default to round-off.
-            strain: Where the search for a conjugate that is not given starts, (n, q or
-                1, s).
 
         Returns:
             psi* [force/area] and sigma_zz [force/area], each (n, q).
         """
         shape = stress.shape[:2]
         if not self._code.has_conjugate:
-            energy, eps = self._supremum(stress, x, cells, beside, strain)
+            energy, eps = self._supremum(stress, search, x, cells)
             out = self.whole_stress(eps, x, cells)[..., -1] if self.is_plane else np.zeros(shape)
             return energy, out
+        energy, numbers = self._minimum(stress, search, x, cells)
+        out = numbers[:, HOOP_ROWS[-1]].reshape(shape) if self.is_plane else np.zeros(shape)
+        return energy, out
+
+    def _minimum(
+        self, stress: np.ndarray, search: Search, x: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return psi* of a conjugate that is given, shape (n, q), and all numbers.
+
+        In plane strain the stress out of plane is among the numbers.
+        """
+        shape = stress.shape[:2]
         numbers = self._numbers_at(stress, x, cells)
         if not self.is_plane:
-            return self._conjugate_of(numbers)[:, 0].reshape(shape), np.zeros(shape)
+            return self._conjugate_of(numbers)[:, 0].reshape(shape), numbers
         zz = HOOP_ROWS[-1]
-        numbers[:, zz] = near.ravel()
-        beside = np.broadcast_to(beside, shape).ravel()
+        numbers[:, zz] = search.near.ravel()
+        beside = np.broadcast_to(search.beside, shape).ravel()
         values = self._conjugate_of(numbers)
         best, best_out = values[:, 0].copy(), numbers[:, zz].copy()
         left = np.arange(len(numbers))
@@ -375,7 +385,8 @@ class PointLaw:
             less = values[:, 0] < best[left]
             best[left[less]] = values[less, 0]
             best_out[left[less]] = numbers[left[less], zz]
-        return best.reshape(shape), best_out.reshape(shape)
+        numbers[:, zz] = best_out
+        return best.reshape(shape), numbers
 
     def convexity(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the share of ``psi''(0)`` that psi is convex by, shape (n, q)."""
@@ -383,12 +394,7 @@ class PointLaw:
         return self._convexity(x, cells)
 
     def _supremum(
-        self,
-        stress: np.ndarray,
-        x: np.ndarray,
-        cells: np.ndarray,
-        beside: np.ndarray | float = np.inf,
-        strain: np.ndarray | float = 0.0,
+        self, stress: np.ndarray, search: Search, x: np.ndarray, cells: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return a bound of ``sup sigma : eps - psi(eps)``, and its strain.
 
@@ -399,7 +405,7 @@ class PointLaw:
                 <=  rho : delta - a/2 delta : C delta  <=  rho : (a C)^-1 rho / 2,
 
         which is added. C is psi'' without strain, and a the share of it that is known.
-        The steps of a point end where this is small, see :meth:`complementary`.
+        The steps of a point end where this is small, see :class:`Search`.
 
         Returns:
             The bound [force/area], shape (n, q), and the strain, shape (n, q, s).
@@ -408,8 +414,8 @@ class PointLaw:
         sigma = stress.reshape(len(numbers), len(self.rows))
         metric = np.linalg.inv(self._tangents(numbers))
         twice_share = 2 * np.broadcast_to(self.convexity(x, cells), stress.shape[:2]).ravel()
-        beside = np.broadcast_to(beside, stress.shape[:2]).ravel()
-        numbers[:, self.rows] = np.broadcast_to(strain, stress.shape).reshape(sigma.shape)
+        beside = np.broadcast_to(search.beside, stress.shape[:2]).ravel()
+        numbers[:, self.rows] = np.broadcast_to(search.strain, stress.shape).reshape(sigma.shape)
         value = self._value(sigma, numbers)
         rest = np.zeros(len(numbers))
         left = np.arange(len(numbers))
@@ -485,7 +491,7 @@ class PointLaw:
 def _allowed(energy: np.ndarray, beside: np.ndarray) -> np.ndarray:
     """Return what a conjugate may be off [force/area].
 
-    See :meth:`PointLaw.complementary` for ``beside``.
+    See :class:`Search` for ``beside``.
     """
     allowed = AT_MINIMUM * abs(energy)
     if np.isfinite(beside).all():

@@ -32,7 +32,7 @@ from erc_contact.model.constitution import Constitution, ElasticMatrix, StrainFi
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.law_state import LawState
 from erc_contact.model.meridian import in_space, strain_of
-from erc_contact.model.point_law import Derivatives, PointLaw
+from erc_contact.model.point_law import Derivatives, PointLaw, Search
 from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import mandel_basis, strain
 from erc_contact.scene.potential import Potential, remembers
@@ -278,7 +278,8 @@ class ConvexConstitution(Constitution):
         sigma = stress / factor
         psi = law.energy(strain, x[:, : strain.shape[1]], cells)
         work = np.einsum("nqi,nqi->nq", sigma, np.broadcast_to(strain, sigma.shape))
-        psi_star, _ = law.complementary(sigma, out_of_plane, x, cells, psi - work, strain)
+        search = Search(out_of_plane, psi - work, strain)
+        psi_star, _ = law.complementary(sigma, search, x, cells)
         both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
         # A gap below zero is round-off.
         both[..., 0] = np.maximum(both[..., 0], 0.0)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.model import Model
+from erc_contact.model.point_law import Search
 
 SIZES = 10.0 ** np.arange(-6, 1)
 """Sizes of the strains at which a law is tried [-]."""
@@ -52,7 +53,7 @@ def check_potential(model: Model) -> None:
         share = law.convexity(x, cells)[..., None, None]
         _check_convexity(model, name, tangent, share, modulus)
     in_body = stress[..., : len(law.rows)]
-    psi_star, _ = law.complementary(in_body, stress[..., -1], x, cells)
+    psi_star, _ = law.complementary(in_body, Search(stress[..., -1]), x, cells)
     # Pairs of a strain and the stress of the next one are on no law.
     other = np.roll(in_body, 1, axis=1)
     other_star = np.roll(psi_star, 1, axis=1)

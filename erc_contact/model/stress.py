@@ -10,6 +10,7 @@ import ufl
 from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
+from erc_contact.model.point_law import Search
 from erc_contact.model.strains import Strains
 from erc_contact.scene.material import mandel_basis
 
@@ -38,7 +39,7 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
         middles = model.cell_corners()[model.owned_cells].mean(axis=1, keepdims=True)
         near = 0.5 * (stress[:, None, 0] + stress[:, None, 1])
         at_middles = (middles, model.owned_cells)
-        _, out = model.linearised.law.complementary(stress[:, None], near, *at_middles)
+        _, out = model.linearised.law.complementary(stress[:, None], Search(near), *at_middles)
         full[:, 2, 2] = out[:, 0]
     elif not tells_out_of_plane(model):
         full[:, 2, 2] = np.nan

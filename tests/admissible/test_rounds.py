@@ -68,7 +68,7 @@ def test_the_slope_is_of_fenchels_gap(kind, law, degree):
     ]
     weights = cells.volume[:, None] * weights
     if kind == "rings":
-        weights = weights / circumferences(about._places[0])
+        weights = weights / circumferences(about._at.places[0])
     beyond = values[0] - of_law.elastic
     density = 2 * np.einsum("nqi,nij,nqj->nq", beyond, of_law.compliance[:, 0], values[1])
     assert (weights * density).sum() == pytest.approx(slope, rel=1e-4, abs=1e-6 * gap)

@@ -24,6 +24,7 @@ import erc_contact as ec
 from erc_contact.error.load_work import load_work
 from erc_contact.error.works import friction_work, stress_work
 from erc_contact.model.model import Model
+from erc_contact.model.point_law import Search
 from erc_contact.newton.after import last_step
 
 COMM = MPI.COMM_WORLD
@@ -190,7 +191,7 @@ def test_the_law_is_convex_where_the_polynomial_of_the_state_is_below_zero():
     assert limit.min() < -0.5 * hard.yield_stress
     strain = 0.02 * np.random.default_rng(0).normal(size=(*x.shape[:2], 3))
     psi, stress = law.energy(strain, x, cells), law.whole_stress(strain, x, cells)
-    psi_star, _ = law.complementary(stress[..., :3], stress[..., 3], x, cells)
+    psi_star, _ = law.complementary(stress[..., :3], Search(stress[..., 3]), x, cells)
     assert psi + psi_star == pytest.approx((stress[..., :3] * strain).sum(axis=-1), rel=1e-9)
     assert np.linalg.eigvalsh(law.tangent(strain, x, cells)).min() > 0
     after = law.new_state(strain, x, cells)[..., -1]

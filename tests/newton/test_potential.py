@@ -21,6 +21,7 @@ from test_bad_input import refused
 import erc_contact as ec
 from erc_contact.error.load_work import load_work
 from erc_contact.error.works import friction_work, stress_work
+from erc_contact.model.point_law import Search
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)
@@ -333,7 +334,7 @@ def test_the_stress_out_of_plane_is_that_of_the_law():
     places = np.zeros((50, 1, 2)), np.zeros(50, dtype=np.int32)
     psi, stress = law.energy(strains, *places), law.whole_stress(strains, *places)
     in_plane = stress[..., :3]
-    psi_star, out = law.complementary(in_plane, np.zeros((50, 1)), *places)
+    psi_star, out = law.complementary(in_plane, Search(np.zeros((50, 1))), *places)
     assert out == pytest.approx(stress[..., 3], abs=1e-9)
     assert psi + psi_star == pytest.approx((in_plane * strains).sum(axis=-1), rel=1e-12)
 

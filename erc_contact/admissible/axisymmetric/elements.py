@@ -85,7 +85,6 @@ class Elements:
     """
 
     def __init__(self, model: Model, cells: CellGeometry, force: np.ndarray | None) -> None:
-        self.model = model
         self.cells = cells
         self.corners = cells.corners
         self.on_axis = abs(self.corners[..., 0]) <= ON_AXIS * model.domain.extent

@@ -26,11 +26,13 @@ import numpy as np
 from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import CellStrains, macro_places
+from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.tighten import iteration
 from erc_contact.admissible.tighten.iteration import Ending
+from erc_contact.mesh.simplex import barycentric
+from erc_contact.model.point_law import Search
 from erc_contact.model.space import Space, circumferences
 
 ROUNDS = 4
@@ -123,31 +125,74 @@ def _is_linear(given: Reconstruction, stress: np.ndarray) -> bool:
     Both are taken of the mean stress of each cell, in its middle: bodies that do not
     yield pay for no more.
     """
-    model, cells = given.model, given.cells
-    owned = model.domain.owned_cells
-    assert model.linearised is not None
-    law = model.linearised.law
-    middle = np.full((1, model.d), 1 / (model.d + 1))
-    x = cells.corners[:owned].mean(axis=1, keepdims=True)
-    places = x, model.owned_cells
-    strain = CellStrains.of(model, cells, given.displacement).at_points(slice(owned), middle, x)
-    around = circumferences(x) if model.axisymmetric else np.ones((owned, 1))
+    d = given.model.d
+    at = _AtPoints(given, np.full((1, d), 1 / (d + 1)), np.ones(1))
     # The mean of a polynomial is the mean of its Bernstein coefficients.
-    sigma = stress.mean(axis=(1, 2))[:, None]
-    if model.hoop_load is not None:
-        sigma[..., -1] += model.hoop_load(*places)
-    sigma = sigma / around[..., None]
-    at_strain = law.whole_stress(strain, *places)
-    beside = law.energy(strain, *places) - np.einsum("nqi,nqi->nq", sigma, strain)
-    energy, _ = law.complementary(sigma, at_strain[..., -1], *places, beside, strain)
-    beyond = sigma - at_strain[..., : sigma.shape[-1]]
-    of_beyond = np.linalg.solve(law.tangent(strain, *places), beyond[..., None])[..., 0]
-    square = np.einsum("nqi,nqi->nq", beyond, of_beyond)
-    gap = 2 * (beside + energy)
-    weights = cells.volume[:owned, None] * around
-    sums = np.array([(weights * gap).sum(), (weights * abs(gap - square)).sum()])
-    of_body, of_difference = model.comm.allreduce(sums, MPI.SUM)
-    return bool(of_difference <= LINEAR * of_body)
+    sigma = at.stress(stress.mean(axis=(1, 2))[:, None])
+    gap, _ = at.gap(sigma)
+    beyond = sigma - at.of_strain[..., : sigma.shape[-1]]
+    tangent = at.law.tangent(at.strain, *at.places)
+    square = (beyond * np.linalg.solve(tangent, beyond[..., None])[..., 0]).sum(axis=-1)
+    return bool(at.total(abs(gap - square)) <= LINEAR * at.total(gap))
+
+
+class _AtPoints:
+    """Compare stresses with eps(u^) at the same points of the owned cells.
+
+    Args:
+        given: What stresses are reconstructed from.
+        points: Reference points, shape (q, d).
+        weights: Their weights, with sum 1, shape (q,).
+
+    Attributes:
+        law: The law of the body.
+        places: The points [length], shape (owned, q, d), and the cells.
+        strain: eps(u^) [-], shape (owned, q, s).
+        of_strain: psi' of it [force/area], see :meth:`.PointLaw.whole_stress`.
+        around: Circumferences of rings [length], else 1, shape (owned, q, 1).
+        hoop_load: Hoop load of rings [force], shape (owned, q); else 0.
+    """
+
+    def __init__(self, given: Reconstruction, points: np.ndarray, weights: np.ndarray) -> None:
+        model, cells = given.model, given.cells
+        owned = model.owned_cells
+        assert model.linearised is not None
+        self.law = model.linearised.law
+        x = np.matmul(barycentric(points), cells.corners[: len(owned)])
+        self.places = x, owned
+        strain = CellStrains.of(model, cells, given.displacement)
+        self.strain = strain.at_points(slice(len(owned)), points, x)
+        self.of_strain = self.law.whole_stress(self.strain, *self.places)
+        self.around = np.ones((*x.shape[:2], 1))
+        if model.axisymmetric:
+            self.around = circumferences(x)[..., None]
+        self.hoop_load: np.ndarray | float = 0.0
+        if model.hoop_load is not None:
+            self.hoop_load = model.hoop_load(*self.places)
+        self._comm = model.comm
+        self._weights = cells.volume[: len(owned), None] * weights * self.around[..., 0]
+
+    def stress(self, values: np.ndarray) -> np.ndarray:
+        """Return the stress of values of sigma^ at the points [force/area].
+
+        Args:
+            values: Shape (owned, q, s), on rings times the circumference and less the
+                hoop load. They are overwritten.
+        """
+        values[..., -1] += self.hoop_load
+        return values / self.around
+
+    def gap(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return Fenchel's gap of a stress [force/area], and the strain ``psi*'``."""
+        work = (sigma * self.strain).sum(axis=-1)
+        beside = self.law.energy(self.strain, *self.places) - work
+        search = Search(self.of_strain[..., -1], beside, self.strain)
+        energy, strain = self.law.dual(sigma, search, *self.places)
+        return 2 * (beside + energy), strain
+
+    def total(self, density: np.ndarray) -> float:
+        """Integrate a density over the bodies; collective."""
+        return self._comm.allreduce(float((self._weights * density).sum()), MPI.SUM)
 
 
 class _AboutStress:
@@ -158,21 +203,9 @@ class _AboutStress:
     """
 
     def __init__(self, given: Reconstruction) -> None:
-        model, cells = given.model, given.cells
-        owned = model.domain.owned_cells
-        assert model.linearised is not None
-        self._model = model
-        self._law = model.linearised.law
-        self._shape, points, weights = macro_points(model.d, model.degree)
-        self._places = macro_places(model, cells, owned), model.owned_cells
-        strain = CellStrains.of(model, cells, given.displacement)
-        self._strain = strain.at_points(slice(owned), points, self._places[0])
-        self._around = np.ones((owned, len(points)))
-        if model.axisymmetric:
-            self._around = circumferences(self._places[0])
-        self._weights = cells.volume[:owned, None] * weights * self._around
-        # Where the search for the stress out of plane starts.
-        self._out = self._law.whole_stress(self._strain, *self._places)[..., -1]
+        self._space = given.model
+        self._shape, points, weights = macro_points(given.model.d, given.model.degree)
+        self._at = _AtPoints(given, points, weights)
 
     def __call__(self, stress: np.ndarray) -> tuple[CellLaw, float]:
         """Return the linear law, and Fenchel's gap of a stress; collective.
@@ -180,26 +213,15 @@ class _AboutStress:
         Args:
             stress: Coefficients, see :class:`Tight`.
         """
-        model, law, places = self._model, self._law, self._places
-        owned, points, size = self._strain.shape
-        around = self._around[..., None]
-        sigma = np.matmul(self._shape, stress).reshape(owned, points, size)
-        load = None
-        if model.hoop_load is not None:
-            load = model.hoop_load(*places)
-            sigma[..., -1] += load
-        sigma = sigma / around
-        work = np.einsum("nqi,nqi->nq", sigma, self._strain)
-        beside = law.energy(self._strain, *places) - work
-        energy, strain = law.dual(sigma, self._out, *places, beside, self._strain)
-        gap = beside + energy
-        total = model.comm.allreduce(float(2 * (self._weights * gap).sum()), MPI.SUM)
-        compliance = np.linalg.inv(law.tangent(strain, *places)).mean(axis=1)
-        beyond = np.matmul(self._strain - strain, np.linalg.inv(compliance))
-        elastic = around * (sigma + beyond)
-        if load is not None:
-            elastic[..., -1] -= load
-        return CellLaw(elastic, _with_ghosts(model, compliance)[:, None]), total
+        at = self._at
+        sigma = at.stress(np.matmul(self._shape, stress).reshape(at.strain.shape))
+        gap, strain = at.gap(sigma)
+        compliance = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
+        beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
+        elastic = at.around * (sigma + beyond)
+        elastic[..., -1] -= at.hoop_load
+        law = CellLaw(elastic, _with_ghosts(self._space, compliance)[:, None])
+        return law, at.total(gap)
 
 
 def _with_ghosts(space: Space, of_owned: np.ndarray) -> np.ndarray:

@@ -28,6 +28,8 @@ It is also their greatest wave number times the size of the surface, more or les
 """
 LANCZOS_NOISE = 1e-6
 """Size of a next vector, over the eigenvalue, below which it is round-off [-]."""
+NO_MOTION = 1e-6
+"""Share of a rigid motion that is round-off [-]."""
 RIGID_FORCE = 1e-6
 """Force of W v below which a rigid motion v is lifted to a rigid motion [-].
 
@@ -114,9 +116,10 @@ def _normal_motions(n: np.ndarray, motions: np.ndarray) -> np.ndarray:
     along = np.einsum("kmi,mi->km", motions, n)
     beside = (motions - along[:, :, None] * n).reshape(len(motions), -1)
     rows, sizes, _ = np.linalg.svd(beside, full_matrices=False)
-    is_normal = sizes <= RIGID_FORCE * np.linalg.norm(motions)
+    least = NO_MOTION * np.linalg.norm(motions)
+    is_normal = sizes <= least
     vectors, amounts, _ = np.linalg.svd(along.T @ rows[:, is_normal], full_matrices=False)
-    return np.asarray(vectors[:, amounts > RIGID_FORCE * np.linalg.norm(motions)])
+    return np.asarray(vectors[:, amounts > least])
 
 
 def _normal_forces(n: np.ndarray, traces: Traces, phi: np.ndarray) -> np.ndarray:

@@ -227,13 +227,13 @@ class AssembledElastic(Elastic):
             self._matrix = self._with_places(as_entries(self._operator))
 
     def _with_places(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Return K with places for all that contacts add; destroy the given matrix.
+        """Add places for all that contacts add to K, and return it.
 
         Contacts couple the cells of one body with the nodes of another one.
         """
         if not self.model.connections.any:
             return matrix
-        # They are few, so that only a few rows of K are multiplied.
+        # Contacts have few nodes, so that only a few rows of K are multiplied.
         couplings = self.model.connections.couplings
         places = matrix.matMult(couplings)
         transposed = places.transpose(PETSc.Mat())

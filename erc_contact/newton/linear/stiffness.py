@@ -33,7 +33,6 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
-from scipy.linalg import cho_factor, cho_solve  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
@@ -43,7 +42,7 @@ from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.jump_basis import JumpBasis
 from erc_contact.newton.linear.layer import contact_layer
-from erc_contact.newton.linear.mumps import Factor, factorised
+from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorised
 from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
 
@@ -190,8 +189,9 @@ class Stiffness(Elastic):
         if count == len(full):
             return full, np.eye(count)
         if self._reduced is None:
-            inside = cho_factor(full[a:, a:], check_finite=False)
-            lift = np.vstack([np.eye(a), -cho_solve(inside, full[a:, :a], check_finite=False)])
+            inside = dense_factor(full[a:, a:], "cholesky")
+            lift = np.vstack([np.eye(a), -dense_solve(inside, full[a:, :a])])
+            inside.destroy()
             schur = full[:a, :a] + full[:a, a:] @ lift[a:]
             self._reduced = 0.5 * (schur + schur.T), lift
         return self._reduced
