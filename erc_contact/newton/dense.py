@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.interior_point import follow
+from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.one_sided_tangent import PRESSING
 from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, Status, attempt
@@ -65,7 +66,7 @@ def follow_path(problem: Condensed, start: np.ndarray) -> tuple[np.ndarray, int,
         problem.move(solution)
         return solution
 
-    return follow(problem.along_path, solve, start)
+    return follow(problem.along_path, solve, start, corrects=True)
 
 
 class Dense:
@@ -88,19 +89,16 @@ class Dense:
         self.jacobian.setUp()
         self.elastic: PETSc.KSP | None = None
 
-    def solve(
-        self, start: np.ndarray, line_search: str, *, hurried: bool = False
-    ) -> tuple[AttemptState, Outcome]:
+    def solve(self, start: np.ndarray, step: Attempt) -> tuple[AttemptState, Outcome]:
         """Make one attempt; return the last state and how the attempt ended.
 
         Args:
             start: The displacement where Newton's method starts [length].
-            line_search: Name of PETSc's line search.
-            hurried: As in :func:`.snes.attempt`.
+            step: The attempt.
         """
         x = self.vector()
         x.array[:] = start / self.problem.length
-        outcome = attempt(self, x, line_search, self.tolerance, hurried=hurried)
+        outcome = attempt(self, x, step, self.tolerance)
         u = self._displacement(x)
         x.destroy()
         return AttemptState(u, self.problem.residual(u)), outcome

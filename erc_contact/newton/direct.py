@@ -103,7 +103,7 @@ class Direct:
             while shares is not None:
                 problem.set_shares(shares.friction, shares.gap)
                 problem.hold(shares.springs, u_A)
-                last, outcome = dense.solve(u_A, attempt.line_search, hurried=attempt.hurried)
+                last, outcome = dense.solve(u_A, attempt)
                 steps += outcome.steps
                 pull = None
                 if outcome.converged:

@@ -272,7 +272,7 @@ class FullSpace:
             self._set(state)
             return state.array_r.copy()
 
-        result = follow(lambda name: getattr(path, name)(), solve, x)
+        result = follow(lambda name: getattr(path, name)(), solve, x, corrects=False)
         for vector in (state, residual, change):
             vector.destroy()
         return result

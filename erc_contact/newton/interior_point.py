@@ -17,9 +17,11 @@ with equilibrium. Elimination of v and y leaves an affine map ``r = W z + o``,
 
 in place of P (:mod:`erc_contact.newton.interior_forms`). Each step solves twice with
 one tangent (Mehrotra, SIAM J. Optim. 2 (1992)): the first solution tells how far mu can
-fall, the second one goes there. The step is between both where it is longer there
-(Colombo and Gondzio, Comput. Optim. Appl. 41 (2008)). With Coulomb friction, h follows
-the pressure.
+fall, the second one goes there. Where a solve costs little beside a tangent, a third
+solution brings the products v_j y_j that would be far from mu nearer to it (Gondzio,
+Comput. Optim. Appl. 6 (1996)). The step is between the first and the second or third
+one, where it is longest (Colombo and Gondzio, Comput. Optim. Appl. 41 (2008)). With
+Coulomb friction, h follows the pressure.
 
 Symbols: n points of this rank, d dimension, j bounds of a traction.
 """
@@ -65,7 +67,11 @@ Where there is no solution, tractions grow for ever and steps end at their bound
 """
 BACK = 0.995
 """Share of the way to the next bound that a step goes [-]."""
-KNOWN = 1e-4
+CORRECTED = 0.3
+"""How much longer than the second step the third step is to be [-]."""
+FAR = 10.0
+"""Ratio of v_j y_j to the mu of a step that is corrected, or its inverse [-]."""
+KNOWN = 1e-5
 """Sum of all v y over the sum of |r|^2 from which states are known [-]."""
 APART = 1e-12
 """Pressure over opening, times gamma, at all points where nothing touches [-]."""
@@ -89,7 +95,7 @@ class LinearStep(Protocol):
 
 
 def follow(
-    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray
+    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool
 ) -> tuple[np.ndarray, int, bool]:
     """Follow the central path until the states of all points are known; collective.
 
@@ -97,6 +103,7 @@ def follow(
         call: Calls a method of :class:`CentralPath` by its name on all ranks.
         solve: Makes the linear solves.
         u: Unknowns of this rank.
+        corrects: Whether each step has a third solution.
 
     Returns:
         The last unknowns, the number of steps, and whether the states are known.
@@ -112,9 +119,12 @@ def follow(
             call("linearise")
             first = solve(u, renew=True)
             call("predict")
-            second = solve(u, renew=False)
-            between, share, is_known = call("advance")
-            solution = first + between * (second - first)
+            ends = [solve(u, renew=False)]
+            if corrects:
+                call("correct")
+                ends.append(solve(u, renew=False))
+            number, between, share, is_known = call("advance")
+            solution = first + between * (ends[number] - first)
             u = u + share * (solution - u)
             count += 1
     except PETSc.Error as failure:
@@ -152,6 +162,8 @@ class CentralPath:
             self._laws.append((contact, of_owned))
         self._axes = np.concatenate(axes)
         self._opens = np.concatenate(opens)
+        self._solved: list[Directions] = []
+        """Directions of the solutions of this step."""
         self._sides = _sides(model.d)
 
     def soften(self) -> None:
@@ -195,29 +207,40 @@ class CentralPath:
         both = self._free[:, :, None] & self._free[:, None, :]
         self._weights = np.where(both, weights, 0.0)
         self._aim(np.zeros_like(self._y))
+        self._solved = []
 
     def predict(self) -> None:
         """Set the offsets for a step to a smaller mu, after the step to mu = 0."""
-        self._first = self._directions()
-        _, dy, dv = self._first
+        _, dy, dv = self._add_directions()
         share = min(1.0, self._longest(dy, dv))
         mu = self._mean((self._y + share * dy) * (self._v + share * dv))
         # Round-off may say that a solution has mu < 0.
         centring = (max(mu, 0.0) / self._mu) ** 3
-        self._aim(np.where(self._used, centring * self._mu - dy * dv, 0.0))
+        self._next_mu = centring * self._mu
+        self._aim(np.where(self._used, self._next_mu - dy * dv, 0.0))
 
-    def advance(self) -> tuple[float, float, bool]:
+    def correct(self) -> None:
+        """Set the offsets for a longer step to the smaller mu, after a step to it."""
+        _, dy, dv = self._add_directions()
+        share = min(1.0, self._longest(dy, dv) + CORRECTED)
+        products = (self._y + share * dy) * (self._v + share * dv)
+        most = FAR * self._next_mu
+        change = np.clip(products, self._next_mu / FAR, most) - products
+        self._aim(np.where(self._used, self._t + np.maximum(change, -most), 0.0))
+
+    def advance(self) -> tuple[int, float, float, bool]:
         """Take a step.
 
         Returns:
-            Share of the way from the first to the second solution to which it goes [-],
-            its length [-], and whether all states are known.
+            Number of the solution after the first one to which it goes, share of the
+            way there from the first one [-], its length [-], and whether all states are
+            known.
         """
-        second = self._directions()
-        between, (dr, dy, dv) = self._longest_between(second)
+        self._add_directions()
+        number, between, (dr, dy, dv) = self._longest_between()
         share = min(1.0, BACK * self._longest(dy, dv))
         if not np.isfinite(self._sum(dr)):
-            return between, 0.0, False
+            return number, between, 0.0, False
         self._r = self._r + share * dr
         self._y = self._y + share * dy
         self._v = self._v + share * dv
@@ -229,21 +252,23 @@ class CentralPath:
         presses = ~self._used[:, 0] | (self._y[:, 0] > APART * self._v[:, 0])
         touches = self._sum(presses) > 0
         is_known = not touches or products <= KNOWN * self._sum(self._r**2)
-        return between, share, is_known and self._left <= LEFT
+        return number, between, share, is_known and self._left <= LEFT
 
-    def _longest_between(self, second: Directions) -> tuple[float, Directions]:
-        """Return the share of the way to second directions with the longest step."""
+    def _longest_between(self) -> tuple[int, float, Directions]:
+        """Return number, share of the way and directions of the longest step."""
+        start, *ends = self._solved
         best = 0.0
-        chosen: tuple[float, Directions] = (1.0, second)
-        for between in SHARES:
-            dr, dy, dv = (
-                of_first + between * (of_second - of_first)
-                for of_first, of_second in zip(self._first, second, strict=True)
-            )
-            length = min(1.0, self._longest(dy, dv))
-            if length > LONGER * best:
-                best = length
-                chosen = float(between), (dr, dy, dv)
+        chosen = len(ends) - 1, 1.0, ends[-1]
+        for number in reversed(range(len(ends))):
+            for between in SHARES:
+                dr, dy, dv = (
+                    of_first + between * (of_end - of_first)
+                    for of_first, of_end in zip(start, ends[number], strict=True)
+                )
+                length = min(1.0, self._longest(dy, dv))
+                if length > LONGER * best:
+                    best = length
+                    chosen = number, float(between), (dr, dy, dv)
         return chosen
 
     def _aim(self, products: np.ndarray) -> None:
@@ -254,12 +279,13 @@ class CentralPath:
         self._offsets = np.where(self._free, offsets, 0.0)
         self._set_affine(self._weights, self._offsets)
 
-    def _directions(self) -> Directions:
+    def _add_directions(self) -> Directions:
         """Return the directions of r, y and v at the solution that the forms read."""
         r = np.einsum("nab,nb->na", self._weights, self._trials()) + self._offsets
         dr = r - self._r
         dy = np.where(self._used, -dr @ self._sides, 0.0)
         dv = np.where(self._used, (self._t - self._v * dy) / self._y - self._v, 0.0)
+        self._solved.append((dr, dy, dv))
         return dr, dy, dv
 
     def _follow_pressure(self) -> None:

@@ -107,7 +107,7 @@ class Iterative:
             problem.set_shares(shares.friction, shares.gap)
             problem.hold(shares.springs, x)
             before = x.copy()
-            outcome = attempt(problem, x, step.line_search, tolerance, hurried=step.hurried)
+            outcome = attempt(problem, x, step, tolerance)
             steps += outcome.steps
             pull = None
             if outcome.converged:

@@ -29,10 +29,16 @@ MUCH_FRICTION = 8.0
 More friction makes more of the contact stick. So loose bodies that stick at last are
 followed to the friction of the scene, or to the friction at which they begin to slide.
 """
-FALL = 2.0
-"""Factor by which it is lowered at most in a step [-]."""
-LEAST_FALL = 1.02
-"""Factor of a step without solution that ends the attempt [-]."""
+NEAR = 1.02
+"""Ratio of two frictions from which the greater one is a near start [-]."""
+NEWTON_STEPS = 100
+"""Limit of Newton steps of an attempt."""
+STEPS_OF_NEIGHBOURS = 20
+"""Limit of Newton steps of a problem that is near the problem before.
+
+So are problems with softer springs or less friction. Those that are solved mostly take
+1 to 5 steps, and 17 at most.
+"""
 GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
 """Shares of the gaps when they are opened in steps.
 
@@ -60,19 +66,18 @@ They hold each motion where the last problem left it, which is the proximal poin
 else holds a body along it, and the tangent is singular, even if the solution sticks
 somewhere. With springs it is not, and softer springs let the body go where it must.
 """
-SOFTER = 10.0**-0.5
+SOFTER = 0.1
 """Factor of the weight after a problem that was solved [-]."""
 STIFFER_AGAIN = 10.0
 """Factor of the weight after one that was not [-]."""
 PROXIMAL_FAILURES = 5
 """Number of problems without solution that ends an attempt by proximal steps."""
-PULLING = 12
-"""Number of problems in turn after which springs must pull less.
+PULLING = 2
+"""Number of problems in turn over which springs must pull less.
 
 Where no state balances the loads, what is left of them pulls at the springs for ever.
 If the problem is convex, the pull never grows from one problem to the next, and falls
-to zero if there is a solution. So long a pull, over six decades of weights, would mean
-a solution half a million times as far away as the first of these problems moved.
+to zero if there is a solution.
 """
 UNDIMINISHED = 0.9
 """Share of a pull that counts as no less [-]."""
@@ -142,6 +147,11 @@ class Attempt:
         yield Shares()
 
     @property
+    def most_steps(self) -> int:
+        """Return the limit of Newton steps of a problem."""
+        return STEPS_OF_NEIGHBOURS if self.lowers or self.proximal else NEWTON_STEPS
+
+    @property
     def gives(self) -> str:
         """Return the name of the start that its solution is for other attempts."""
         if self.interior:
@@ -204,8 +214,10 @@ def attempts(
     if loose:
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
-            yield from _proximal(method, nodal, first, known)
+            yield Attempt(method, first, proximal=True)
         yield from _lowered(method, nodal, known) if slides else ()
+        if not is_nodal and "nodal" not in known:
+            yield from _by_nodal(method, nodal, first, proximal=True)
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
@@ -257,20 +269,22 @@ def _first(
         yield Attempt(method, "glued")
     else:
         yield Attempt(method, first, hurried=convex)
-        if "crawling" in known:
+        if convex:
             yield from _interior(method, nodal, known)
             yield Attempt(method, first)
         if not is_nodal and "nodal" not in known:
             yield from _by_nodal(method, nodal, first)
-        if "crawling" not in known:
+        if not convex:
             yield from _interior(method, nodal, known)
         if first == "warm":
             yield Attempt(method, "glued")
 
 
-def _by_nodal(method: Method, nodal: Method, first: str) -> Iterator[Attempt]:
+def _by_nodal(
+    method: Method, nodal: Method, first: str, *, proximal: bool = False
+) -> Iterator[Attempt]:
     """Generate the attempts by a solution of the augmented Lagrangian."""
-    yield Attempt(nodal, first, final=False)
+    yield Attempt(nodal, first, proximal=proximal, final=False)
     yield Attempt(method, "nodal")
 
 
@@ -285,26 +299,9 @@ def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[
     if type(method) in OURS:
         yield Attempt(method, "glued", interior=True, final=False)
         yield Attempt(method, "interior")
-    if nodal != method and "nodal" not in known:
+    if nodal != method and "interior" in known and "nodal" not in known:
         yield Attempt(nodal, "glued", interior=True, final=False)
         yield Attempt(nodal, "interior", final=False)
-        yield Attempt(method, "nodal")
-
-
-def _proximal(
-    method: Method, nodal: Method, first: str, known: Container[str]
-) -> Iterator[Attempt]:
-    """Generate the attempts by proximal steps, for a body that is not all held.
-
-    Args:
-        method: The method whose solution is wanted.
-        nodal: The augmented Lagrangian.
-        first: Name of the first start.
-        known: Names of the starts that are known.
-    """
-    yield Attempt(method, first, proximal=True)
-    if nodal != method and "nodal" not in known:
-        yield Attempt(nodal, first, proximal=True, final=False)
         yield Attempt(method, "nodal")
 
 
@@ -331,51 +328,50 @@ def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[A
 def _lowered_problems() -> Generator[Shares, float | None, None]:
     """Generate problems with less and less friction, the last one with the scene's.
 
-    Each problem has the friction of the last one over a factor. After a problem without
-    solution the factor is the root of the last factor, after others its square. The
-    generator is sent None after a problem without solution. It ends without the scene's
-    friction where the factor is below :data:`LEAST_FALL`.
+    Each has the geometric mean of the least friction that was solved and the greatest
+    that was not, which is the scene's before. Where these are near each other, it has
+    the latter, which a near start may solve. The generator is sent None after a problem
+    without solution. It ends after such a near one, or with the scene's friction.
     """
-    last = MUCH_FRICTION
-    if (yield Shares(friction=last)) is None:
+    solved, unsolved = MUCH_FRICTION, 1.0
+    if (yield Shares(friction=solved)) is None:
         return
-    factor = FALL
-    while last > 1.0 and factor > LEAST_FALL:
-        share = max(last / factor, 1.0)
-        if (yield Shares(friction=share)) is None:
-            factor = (last / share) ** 0.5
+    while solved > 1.0:
+        is_near = solved <= NEAR * unsolved
+        share = unsolved if is_near else (solved * unsolved) ** 0.5
+        if (yield Shares(friction=share)) is not None:
+            solved = share
+            unsolved = 1.0 if is_near else unsolved
+        elif solved <= NEAR * share:
+            return
         else:
-            last = share
-            factor = min(factor**2, FALL)
+            unsolved = share
 
 
 def _proximal_problems() -> Generator[Shares, float | None, None]:
     """Generate problems with softer and softer springs, at last without.
 
     After a problem without solution the springs are stiffer again, and the last state
-    comes nearer to the solution. Where they pull for ever, the problem without springs
-    is the last attempt. It is sent the pull of the springs, None after a problem
-    without solution.
+    comes nearer to the solution, unless the softest springs pulled no less than springs
+    before. It is sent the pull of the springs, None after a problem without solution.
     """
     weight = STIFFEST
     failures = 0
     pulls: list[float] = []
     while failures <= PROXIMAL_FAILURES:
         pull = yield Shares(springs=weight)
-        if pull is None:
+        if pull is not None:
+            if weight == 0.0:
+                return
+            pulls.append(pull)
+            softer = SOFTER * weight
+            weight = softer if softer > SOFTEST else 0.0
+        elif weight == 0.0 and _pulls_for_ever(pulls):
+            return
+        else:
             failures += 1
             weight = STIFFER_AGAIN * max(weight, SOFTEST)
             pulls.clear()
-        elif weight == 0.0:
-            return
-        else:
-            pulls.append(pull)
-            if _pulls_for_ever(pulls):
-                yield Shares()
-                return
-            weight = SOFTER * weight
-            if weight < SOFTEST:
-                weight = 0.0
 
 
 def _pulls_for_ever(pulls: list[float]) -> bool:

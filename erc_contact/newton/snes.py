@@ -21,6 +21,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
+from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 SNES_PREFIX = "erc_contact_"
@@ -28,11 +29,9 @@ SNES_PREFIX = "erc_contact_"
 
 They override the settings of the package.
 """
-NEWTON_STEPS = 100
-"""Limit of Newton steps of one attempt."""
 CYCLE = 0.9
 """Fall of the residual below which a status that comes back is a cycle [-]."""
-STILL_STEPS = 10
+STILL_STEPS = 7
 """Steps with one status after which Newton's method must have come nearer.
 
 With one status the equations are linear in the plane and smooth in space. Where the
@@ -49,15 +48,17 @@ CRAWLING = ((3, 0.5, 0.5), (2, 0.8, 0.0))
 In so many steps there are more than this share of the changes in as many steps before,
 and more than this share of the closed points.
 """
-EARLIEST = 6
+EARLIEST = 5
 """Steps that an attempt takes at least, whatever changes [-]."""
+LATEST = 10
+"""Steps after which any change is a crawl [-]."""
 FEW = 3
 """Changes in a step that are no crawl: so many points soon know their states."""
 CRAWLS = "states keep changing"
 """Reason of an attempt that crawls."""
 ENDLESS = "residual grows without end"
 """Why an attempt ends whose steps go far away: which way, round-off may say."""
-ASTRAY = 1e8
+ASTRAY = 1e5
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
 """Fall of the residual in so many steps that counts as nearer [-]."""
@@ -174,30 +175,27 @@ class Equations(Protocol):
 def attempt(
     problem: Equations,
     x: PETSc.Vec,
-    line_search: str,
+    step: Attempt,
     tolerance: float | None = None,
-    *,
-    hurried: bool = False,
 ) -> Outcome:
     """Make one attempt from x, which becomes the last state, in place.
 
     Args:
         problem: The contact problem.
         x: Where Newton's method starts.
-        line_search: Name of PETSc's line search.
+        step: The attempt.
         tolerance: It may stop when :meth:`Equations.accurate` holds for it [sqrt(force
             length)]; None for round-off.
-        hurried: Whether it ends where many points change their status step by step.
     """
     snes = PETSc.SNES().create(x.comm)
     snes.setOptionsPrefix(SNES_PREFIX)
     f = problem.vector()
     snes.setFunction(problem.function, f)
     snes.setType("newtonls")
-    snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=NEWTON_STEPS)
+    snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=step.most_steps)
     problem.prepare(snes)
-    snes.getLineSearch().setType(line_search)
-    test = _StoppingTest(problem, tolerance, hurried=hurried)
+    snes.getLineSearch().setType(step.line_search)
+    test = _StoppingTest(problem, tolerance, hurried=step.hurried)
     snes.setConvergenceTest(test)
     snes.setFromOptions()
     try:
@@ -323,6 +321,8 @@ class _StoppingTest:
         changes = self._changes
         if len(changes) < EARLIEST or changes[-1] == 0:
             return ""
+        if len(changes) >= LATEST:
+            return CRAWLS
         _, *closed = counts
         for steps, fall, share in CRAWLING:
             last = sum(changes[-steps:])

@@ -27,11 +27,11 @@ from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import SOFTEST, Attempt, following
+from erc_contact.newton.ladder import NEWTON_STEPS, SOFTEST, Attempt, following
 from erc_contact.newton.linear.loose_energies import imbalance
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.snes import IMBALANCE, NEWTON_STEPS
+from erc_contact.newton.snes import IMBALANCE
 
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 PRESS = 0.02
@@ -217,7 +217,7 @@ def test_resultants_of_round_off_are_seen():
 @pytest.mark.serial
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 def test_springs_that_pull_for_ever_are_given_up(solver):
-    """The block slides away; springs are softened over six decades, and no more."""
+    """The block slides away; springs are softened once to the end."""
     kind = Direct if solver == "direct" else Iterative
     model = bind(pushed(0.2, 0.1), common_block())
     with pytest.raises(ec.NotConverged) as failure:
@@ -230,19 +230,44 @@ def test_springs_that_pull_for_ever_are_given_up(solver):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("fall", [1.0, 0.98], ids=["for ever", "less and less"])
-def test_the_last_of_proximal_problems_is_the_scene(fall):
-    """Springs that pull less with each problem are softened to the end."""
+@pytest.mark.parametrize("fall", [1.0, 0.8], ids=["for ever", "less and less"])
+def test_proximal_problems_end_without_springs(fall):
+    """The scene is tried from the softest springs, and again only if they pull less."""
     problems = Attempt(METHODS[1], "glued", proximal=True).problems()
     weights = [next(problems).springs]
-    shares = following(problems, 1.0)
-    while shares is not None:
-        weights.append(shares.springs)
-        shares = following(problems, fall ** len(weights))
-    assert weights[-1] == 0.0
-    assert all(weight > 0.0 for weight in weights[:-1])
-    softest = 1e-6 if fall == 1.0 else SOFTEST
-    assert weights[-2] == pytest.approx(softest)
+    while weights[-1] > 0.0:
+        weights.append(following(problems, fall ** len(weights)).springs)
+    assert weights[-2] == pytest.approx(SOFTEST)
+    again = following(problems, None)
+    if fall == 1.0:
+        assert again is None
+    else:
+        assert again.springs > SOFTEST
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("limit", [0.5, 0.99, 1.0, 1.001, 1.3, 4.0, 9.0])
+@pytest.mark.parametrize("reach", [1.03, 1.5, 100.0])
+def test_friction_is_lowered_to_its_limit(limit, reach):
+    """A problem is solved above the limit, from a start whose friction is within reach."""
+    problems = Attempt(METHODS[1], "glued", lowers=True).problems()
+    share = next(problems).friction
+    solved = np.inf
+    count = 0
+    while share is not None:
+        count += 1
+        is_solved = share >= limit and (solved == np.inf or solved <= reach * share)
+        solved = share if is_solved else solved
+        shares = following(problems, 0.0 if is_solved else None)
+        share = None if shares is None else shares.friction
+    if limit <= 1.0:
+        assert solved == 1.0
+    elif limit > ladder.MUCH_FRICTION:
+        assert count == 1
+    else:
+        assert limit <= solved <= ladder.NEAR**2 * limit
+    if reach > ladder.MUCH_FRICTION:
+        assert count <= 10
 
 
 @pytest.mark.ranks

@@ -29,6 +29,7 @@ from erc_contact.newton import first_guess as start
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense
 from erc_contact.newton.forms import ContactForms
+from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.stiffness import Stiffness
 
 COMM = MPI.COMM_WORLD
@@ -198,9 +199,8 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     w = stiffness.glued(stiffness.load_vector())
     problem = Condensed(model, ContactForms(model, method), stiffness, w)
     glued = start.glued(model, stiffness, w)
-    return problem.run(
-        lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), line_search)[1]
-    )
+    step = Attempt(method, "glued", line_search)
+    return problem.run(lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), step)[1])
 
 
 @pytest.mark.serial
