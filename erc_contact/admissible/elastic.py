@@ -114,12 +114,12 @@ class CellStress(NamedTuple):
     in_plane: np.ndarray
     hoop: np.ndarray | None = None
 
-    def plus(self, other: CellStress) -> CellStress:
+    def plus(self, stress: CellStress) -> CellStress:
         """Return the sum of two stresses."""
         hoop = None
-        if self.hoop is not None and other.hoop is not None:
-            hoop = self.hoop + other.hoop
-        return CellStress(self.in_plane + other.in_plane, hoop)
+        if self.hoop is not None and stress.hoop is not None:
+            hoop = self.hoop + stress.hoop
+        return CellStress(self.in_plane + stress.in_plane, hoop)
 
 
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:

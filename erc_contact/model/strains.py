@@ -53,7 +53,7 @@ class Strains:
         self.tensor = tensor
         self.normal = normal
         self.varies_in_cells = varies_in_cells(tensor)
-        components = [ufl.inner(ufl.as_matrix(one.tolist()), tensor) for one in basis]
+        components = [ufl.inner(ufl.as_matrix(unit.tolist()), tensor) for unit in basis]
         self._components = Everywhere(ufl.as_vector(components), mesh)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -221,7 +221,7 @@ class MultiplierMap:
         jumps = self._from_nodes(groups.jumps, self.free)
         # What the estimates leave of r, where forces are shared.
         size = len(self._dofs)
-        rest = diagonal(np.ones(size))
+        missing = diagonal(np.ones(size))
         scales = [np.repeat(area, rows.d) for area in rows.areas]
         for k, matrix in enumerate(matrices):
             force = _scaled(scales[k], matrix)
@@ -229,9 +229,9 @@ class MultiplierMap:
                 of_facet = coefficients(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]).matMult(force)
             borne = jumps.transposeMatMult(force)
-            rest.axpy(-1.0, borne, DIFFERENT)
+            missing.axpy(-1.0, borne, DIFFERENT)
 
-        share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(rest)
+        share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(missing)
         done = np.zeros(len(rows.here), dtype=bool)
         for k, matrix in enumerate(matrices):
             first = np.zeros(len(rows.here), dtype=bool)

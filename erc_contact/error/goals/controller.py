@@ -211,7 +211,7 @@ class GoalController:
             self._carried["sudden t"] = min(self._carried.get("sudden t", np.inf), ends.t)
 
     def _below_sudden(self, t: float) -> float:
-        """Return a t, or one below it that should not change the contact set much.
+        """Return t, or a smaller t that should not change the contact set much.
 
         What does so all at once depends on the scene, and little on the mesh.
         """
@@ -222,7 +222,7 @@ class GoalController:
         return min(t, float(np.sqrt(gentle * sudden)))
 
     def _with_proved(self, last: GoalError) -> GoalError:
-        """Return an interval narrowed by the proved ones of the meshes before.
+        """Return an interval narrowed by the proved intervals of the meshes before.
 
         All are of the number of one body, so that their intersection holds.
         """

@@ -348,4 +348,4 @@ def _bulk(
         spring_tractions=of_springs,
     )
     body = body_error(moved)
-    return LawError(body.gap + spring_error(moved).gap, body.both, body.moduli)
+    return LawError(body.gap + spring_error(moved).gap, body.of_sum, body.moduli)

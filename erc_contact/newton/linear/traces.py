@@ -89,7 +89,7 @@ class DenseTraces:
         return self._times(1, f)
 
     def _times(self, which: int, values: np.ndarray) -> np.ndarray:
-        """Return the product of one of the matrices and values (M, d); collective."""
+        """Return the product of a matrix and values (M, d); collective."""
         result = np.zeros(values.size)
         if self._matrices is not None:
             result[self._free] = self._matrices[which] @ values.ravel()[self._free]
@@ -109,7 +109,7 @@ class Lifting(Protocol):
 
 
 class IterativeTraces:
-    """Represent the body by linear solves, one for each question.
+    """Represent the body by linear solves, a solve for each question.
 
     Construction is collective.
 
