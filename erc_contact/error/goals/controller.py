@@ -19,23 +19,19 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.goal_error import goal_error, perturbation_or_number, with_lifting
 from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.three_pairs import Ends
-from erc_contact.error.goals.trials import FACTOR, NEAR, GoalError, Trials
+from erc_contact.error.goals.thresholds import (
+    CLOSE,
+    COUNT,
+    FACTOR,
+    FIRST,
+    FIRST_COUNT,
+    LAST_COUNT,
+    NEAR,
+    SUDDEN,
+)
+from erc_contact.error.goals.trials import GoalError, Trials
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal
-
-FIRST = 3.0
-"""First t of a run over the t of a perturbation [-]: about the best, as measured."""
-FIRST_COUNT = 2
-"""Number of values of t for which the interval is estimated at most."""
-COUNT = 3
-"""Number of values of t that are tried at most where the run may end."""
-LAST_COUNT = 2
-"""The same on the last mesh of a run that ends for another reason."""
-CLOSE = 1.3
-"""Half width over that asked for from which another t may be enough [-]."""
-
-SUDDEN = 0.5
-"""Part of a width that changes of the contact set make where t is far too large [-]."""
 
 
 class GoalController:

@@ -19,7 +19,8 @@ from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
 from erc_contact.error.goals.intensity_perturbation import stress_intensity
 from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
-from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation
+from erc_contact.error.goals.thresholds import LEAST_ERROR
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis

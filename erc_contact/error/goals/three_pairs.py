@@ -137,6 +137,11 @@ class Unmoved:
         """
         return max(ROUND_OFF * self.error.scale**2, UNKNOWN * self.M**2)
 
+    def beyond(self, d: float, t: float) -> float:
+        """Return how far an end is beyond V, ``max_m (d m + (M^2 - m^2)/t)``."""
+        m = min(self.M, d * t / 2)
+        return d * m + (self.M**2 - m**2) / t
+
 
 def unmoved(
     error: ConstitutiveError,
@@ -220,18 +225,16 @@ def _ends(
 ) -> Ends:
     """Compute the interval from V and ``d^2`` of both ends; collective."""
     comm = base.error.model.comm
-    M = base.M
     ends = []
     sizes = []
     for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
         local = float(d_squares.sum())
         d = float(np.sqrt(max(comm.allreduce(local, MPI.SUM), 0.0)))
         sizes.append(d)
-        m = min(M, d * t / 2)
-        ends.append(V.value + sign * (V.bound + d * m + (M**2 - m**2) / t))
+        ends.append(V.value + sign * (V.bound + base.beyond(d, t)))
     d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
     d = max(sizes)
-    better_t = 2 * M / d if d > 0 else np.inf
+    better_t = 2 * base.M / d if d > 0 else np.inf
     resolved = lower[0].resolved and upper[0].resolved
     spread = upper[0].value - lower[0].value
     return Ends(ends[0], ends[1], t, better_t, spread, d_squares, resolved)
