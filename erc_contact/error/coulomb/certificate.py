@@ -246,7 +246,7 @@ def _tried(
     q: float,
     change: float,
 ) -> CoulombCertificate:
-    """Return the certificate with a field t (M, d) at the nodes; collective."""
+    """Return the certificate with a field t (n, d) at the nodes; collective."""
     surface = pair.surface
     forces, work = pair.unbalanced(t)
     eta = pair.unaligned(t)[:, None] * surface.normal

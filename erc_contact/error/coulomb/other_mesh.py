@@ -55,11 +55,11 @@ class OtherMesh:
     traces: Traces
 
     def norm(self, surface: CoulombSurface, t: np.ndarray) -> tuple[float, np.ndarray]:
-        """Compute the norm q for the field t (M, d) of a surface; collective.
+        """Compute the norm q for the field t (n, d) of a surface; collective.
 
         Returns:
             q [-], and the normal displacements that go with it, on the surface of t,
-            shape (M,).
+            shape (n,).
         """
         here = self.surface
         # The other surface gives the field; edges and supports of this one block it.
