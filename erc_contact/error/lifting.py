@@ -58,8 +58,7 @@ def lifting(
     values = phi.x.array.reshape(-1, model.d)
     contact = model.contacts[which]
     surface = _ContactNodes(model, contact)
-    neighbours = [found for found in model.contacts if found is not contact]
-    others = [_ContactNodes(model, neighbour) for neighbour in neighbours]
+    others = [_ContactNodes(model, beside) for beside in model.contacts if beside is not contact]
     surface.add(values, _working_part(contact, a - surface.jump(values)))
     for nodes in others:
         nodes.add(values, -_working_part(nodes.contact, nodes.jump(values)))

@@ -16,19 +16,10 @@ import numpy as np
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.constants import CLOSE, COUNT, FACTOR, FIRST, GUESSES, LAST_COUNT, NEAR
 from erc_contact.error.goals.goal_error import goal_error, perturbation_or_number, with_lifting
 from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.three_pairs import Ends
-from erc_contact.error.goals.thresholds import (
-    CLOSE,
-    COUNT,
-    FACTOR,
-    FIRST,
-    FIRST_COUNT,
-    LAST_COUNT,
-    NEAR,
-    SUDDEN,
-)
 from erc_contact.error.goals.trials import GoalError, Trials
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal
@@ -87,7 +78,7 @@ class GoalController:
         """Estimate the interval on a mesh, and measure it if promising; collective."""
         t = max(self._first_t(trials), trials.least_t)
         rough: Ends | None = None
-        for _ in range(FIRST_COUNT):
+        for _ in range(GUESSES):
             last = trials.rough(t)
             if last is None:
                 # The scene moved may have no solution on this mesh.
@@ -133,7 +124,7 @@ class GoalController:
             wanted = self._accuracy * abs(bounds.value)
             better_t = self._better_t(trials, ends)
             # What changes all at once may not change at all for a smaller t.
-            seen = replace(ends, spread=0.0) if _is_sudden(ends) else ends
+            seen = replace(ends, spread=0.0) if ends.is_sudden else ends
             is_hopeful = trials.half_at(seen, better_t) <= wanted
             is_close = count == 0 and half <= CLOSE * wanted
             if half <= wanted or not (is_hopeful or is_close):
@@ -194,7 +185,7 @@ class GoalController:
         """Carry the least t that changed the contact set much, and a t that did not."""
         self._see_sudden(ends)
         gentle = self._carried.get("gentle t", 0.0)
-        if not _is_sudden(ends):
+        if not ends.is_sudden:
             gentle = max(gentle, ends.t)
         self._carried["gentle t"] = min(gentle, self._carried.get("sudden t", np.inf) / NEAR)
 
@@ -203,7 +194,7 @@ class GoalController:
 
         An estimate sees it on one side only, so that it knows no t that did not.
         """
-        if _is_sudden(ends):
+        if ends.is_sudden:
             self._carried["sudden t"] = min(self._carried.get("sudden t", np.inf), ends.t)
 
     def _below_sudden(self, t: float) -> float:
@@ -231,8 +222,3 @@ class GoalController:
             bounds = bounds.narrowed(Bounds((low + high) / 2, low, high, guaranteed=True))
         self._carried |= {"low": bounds.low, "high": bounds.high}
         return replace(last, bounds=bounds)
-
-
-def _is_sudden(ends: Ends) -> bool:
-    """Tell whether a t changed the contact set so much that it is far too large."""
-    return ends.spread > SUDDEN * ends.width

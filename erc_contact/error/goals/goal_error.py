@@ -15,9 +15,9 @@ import numpy as np
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.constants import FACTOR, GROWTH, LARGEST_COUNT, NARROWER, NEAR
 from erc_contact.error.goals.perturbation import Perturbation
 from erc_contact.error.goals.perturbations import perturbation_of
-from erc_contact.error.goals.thresholds import FACTOR, GROWTH, LARGEST_COUNT, NARROWER, NEAR
 from erc_contact.error.goals.trials import GoalError, PairOf, Trials
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
 from erc_contact.scene.goal import Energy, Goal, Resultant

@@ -15,9 +15,9 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.goals.constants import COUNT_OF_T, FACTOR, GROWTH, LEAST_ERROR, POWER
 from erc_contact.error.goals.perturbation import Perturbation
 from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
-from erc_contact.error.goals.thresholds import COUNT_OF_T, FACTOR, GROWTH, LEAST_ERROR, POWER
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.scene import Scene
 

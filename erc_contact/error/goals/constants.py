@@ -35,7 +35,7 @@ NARROWER = 0.9
 
 FIRST = 3.0
 """First t of a run over the t of a perturbation [-]: about the best, as measured."""
-FIRST_COUNT = 2
+GUESSES = 2
 """Number of values of t for which a run estimates the interval of a mesh at most."""
 COUNT = 3
 """Number of values of t that a run tries at most on a mesh where it may end."""
