@@ -138,14 +138,14 @@ class TooCoarse(NotHeldError):
         return type(self), (str(self), self.cells)
 
 
-def raise_if_unbalanced(
+def too_coarse(
     model: Model,
     tractions: list[tuple[Trace, np.ndarray]],
     others: OtherForces,
     imbalance: np.ndarray,
     forces: float,
-) -> None:
-    """Raise an error if the tractions do not balance the loads; collective.
+) -> TooCoarse | None:
+    """Say that tractions do not balance the loads, return None if they do; collective.
 
     Args:
         model: The scene on a mesh.
@@ -153,21 +153,18 @@ def raise_if_unbalanced(
         others: The other forces.
         imbalance: Work on the motions that is left [force], shape (K,).
         forces: Size of the forces [force].
-
-    Raises:
-        TooCoarse: If they do not.
     """
     left = others.free @ (others.free.T @ imbalance)
     size = np.linalg.norm(left)
-    if size > ACCEPTED_IMBALANCE * forces:
-        cells = _cells_that_press(model, tractions, others.motions, left)
-        raise TooCoarse(
-            "No contact traction that the law allows, a polynomial on each facet, balances the "
-            f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "
-            "the forces). Look at the direction of the loads, add a Displacement or friction, or "
-            "refine the mesh at the contact.",
-            cells,
-        )
+    if size <= ACCEPTED_IMBALANCE * forces:
+        return None
+    return TooCoarse(
+        "No contact traction that the law allows, a polynomial on each facet, balances the "
+        f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "
+        "the forces). Look at the direction of the loads, add a Displacement or friction, or "
+        "refine the mesh at the contact.",
+        _cells_that_press(model, tractions, others.motions, left),
+    )
 
 
 def _cells_that_press(
@@ -180,7 +177,7 @@ def _cells_that_press(
 
     Args:
         model: The scene on a mesh.
-        tractions: As in :func:`raise_if_unbalanced`.
+        tractions: As in :func:`too_coarse`.
         motions: The motions.
         left: Work on them that is left [force], shape (K,).
     """

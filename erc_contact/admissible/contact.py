@@ -20,16 +20,16 @@ from mpi4py import MPI
 from erc_contact.admissible.balance import balanced, largest_component
 from erc_contact.admissible.balance_parts import (
     OtherForces,
+    TooCoarse,
     moduli,
-    raise_if_unbalanced,
     ray_part,
     spring_give,
+    too_coarse,
 )
 from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
-from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 
@@ -42,7 +42,9 @@ SETTLED_TRACTION = 1e-13
 """Change of tractions by the law after which they stay, over the largest one [-]."""
 
 
-def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> list[ContactTraction]:
+def admissible_tractions(
+    model: Model, solution: Any, others: OtherForces
+) -> list[ContactTraction] | TooCoarse:
     """Make the tractions r^ from the tractions r of the method; collective.
 
     The L2 projection of r on degree k of each facet is limited to what the law allows.
@@ -59,17 +61,17 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
         solution: The solution of the contact problem.
         others: The other forces on motions that no support holds.
 
-    Raises:
-        NotHeldError: If no allowed traction balances them on a free motion.
+    Returns:
+        r^ on each contact, or the error that says that no allowed traction balances the
+        other forces on a free motion. Who asks may have less to balance.
     """
     trials = [_trial(model, contact, solution) for contact in model.contacts]
-    if not any(contact.sampled for contact in model.contacts):
-        return _limited(model, trials, others, uniform=False)
-    try:
-        return _limited(model, trials, others, uniform=True)
-    except NotHeldError:
+    is_sampled = any(contact.sampled for contact in model.contacts)
+    tractions = _limited(model, trials, others, uniform=is_sampled)
+    if is_sampled and isinstance(tractions, TooCoarse):
         # On a coarse mesh uniform pressures may leave too little to balance with.
         return _limited(model, trials, others, uniform=False)
+    return tractions
 
 
 def _trial(model: Model, contact: ContactOnMesh, solution: Any) -> Trial:
@@ -96,13 +98,15 @@ def no_traction(model: Model, contact: ContactOnMesh) -> ContactTraction:
 
 def _limited(
     model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
-) -> list[ContactTraction]:
+) -> list[ContactTraction] | TooCoarse:
     """Limit tractions to what the law allows at all samples, and balance other forces.
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(model, trials, others)
+        if isinstance(values, TooCoarse):
+            return values
         tractions = _contact_tractions(trials, values)
         outside = [
             trial.otherwise is not None and not is_inside(model, traction)
@@ -125,7 +129,8 @@ def _limited(
         trials = [trial.lowered(*change) for trial, change in zip(trials, changes, strict=True)]
     # The passes do not settle: take the least bound on each facet, which is safe.
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
-    return _contact_tractions(safe, _allowed_at_nodes(model, safe, others))
+    values = _allowed_at_nodes(model, safe, others)
+    return values if isinstance(values, TooCoarse) else _contact_tractions(safe, values)
 
 
 def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[ContactTraction]:
@@ -133,20 +138,10 @@ def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[Co
     return [trial.contact_traction(r) for trial, r in zip(trials, values, strict=True)]
 
 
-def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) -> list[np.ndarray]:
+def _allowed_at_nodes(
+    model: Model, trials: list[Trial], others: OtherForces
+) -> list[np.ndarray] | TooCoarse:
     """Limit tractions at the nodes, and balance the other forces; collective.
-
-    Returns:
-        Their coefficients on each contact [force/area], shape (f, m, d).
-    """
-    values = [trial.limited() for trial in trials]
-    return _balanced(model, trials, values, others) if others.motions else values
-
-
-def _balanced(
-    model: Model, trials: list[Trial], start: list[np.ndarray], others: OtherForces
-) -> list[np.ndarray]:
-    """Balance the other forces on their motions; collective.
 
     The result is the allowed tractions nearest to the shifted ones. A set of the
     balance is convex: it has the tangent of the friction bound at the last pressures.
@@ -154,7 +149,14 @@ def _balanced(
 
     The tractions of facets with a uniform pressure are multiples of
     :meth:`Allowed.at_mean_pressure`: one unknown, all nodes as one.
+
+    Returns:
+        Their coefficients on each contact [force/area], shape (f, m, d); or the error
+        that says that they balance nothing.
     """
+    start = [trial.limited() for trial in trials]
+    if not others.motions:
+        return start
     comm = model.comm
     constraints = [trial.weights_and_motions(model, others.motions) for trial in trials]
     of_facets = moduli(model, [trial.contact for trial in trials])
@@ -192,7 +194,9 @@ def _balanced(
         by_contact = [
             (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)
         ]
-        raise_if_unbalanced(model, by_contact, others, imbalance, max(others.size, sizes))
+        failure = too_coarse(model, by_contact, others, imbalance, max(others.size, sizes))
+        if failure is not None:
+            return failure
         if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:
             break
     return values

@@ -114,12 +114,12 @@ class CellStress(NamedTuple):
     in_plane: np.ndarray
     hoop: np.ndarray | None = None
 
-    def plus(self, other: CellStress) -> CellStress:
+    def plus(self, stress: CellStress) -> CellStress:
         """Return the sum of two stresses."""
         hoop = None
-        if self.hoop is not None and other.hoop is not None:
-            hoop = self.hoop + other.hoop
-        return CellStress(self.in_plane + other.in_plane, hoop)
+        if self.hoop is not None and stress.hoop is not None:
+            hoop = self.hoop + stress.hoop
+        return CellStress(self.in_plane + stress.in_plane, hoop)
 
 
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
@@ -291,10 +291,13 @@ def _numbers(count: int) -> np.ndarray:
 def macro_moduli(
     model: Model, cells: CellGeometry, count: int, *, inverse: bool = False
 ) -> np.ndarray:
-    """Return elasticity (or compliance) matrices at the points of the sub-simplices.
+    """Return stiffness (or compliance) matrices at the points of the sub-simplices.
 
-    The shape is (count, (d+1) q, s, s), with 1 in place of either number where the
-    material does not vary.
+    The first ``count`` cells have them, each at the q points of its d+1 sub-simplices.
+
+    Returns:
+        Mandel components, shape (count, (d+1) q, s, s). The first number is 1 if all
+        cells have the same matrix, the second is 1 if no matrix varies inside a cell.
     """
     _, points, _ = macro_points(model.d, model.degree)
     return moduli(model, cells, points, count, inverse=inverse)

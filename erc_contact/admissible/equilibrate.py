@@ -15,7 +15,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
-from erc_contact.admissible.balance_parts import OtherForces
+from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.boundary import load_moments, supported
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
@@ -43,7 +43,7 @@ from erc_contact.admissible.soft_contacts import with_soft_contacts
 from erc_contact.admissible.springs import chosen_tractions, spring_moments, spring_tractions
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.exceptions import NotBalanced, NotHeldError
+from erc_contact.base.exceptions import NotBalanced
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.preload import Preload
@@ -104,22 +104,25 @@ def equilibrated(
     data = _Data(solution, cells, force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
-    try:
-        pair, balanced, bulk = _make_pair(data, others, tighten, near)
-    except NotHeldError:
-        if not bolts:
-            raise
+    tractions = admissible_tractions(model, solution, others)
+    if bolts and isinstance(tractions, TooCoarse):
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
-        pair, balanced, bulk = _make_pair(data, others, tighten, near)
+        tractions = admissible_tractions(model, solution, others)
+    if isinstance(tractions, TooCoarse):
+        raise tractions
+    pair, balanced, bulk = _make_pair(data, tractions, tighten, near)
     kept = None
     if is_own and bulk is not None:
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
     if bulk is not None and kept is not None:
+        tractions = admissible_tractions(model, solution, kept)
         # Beside the resultants the law may leave too little for the free motions.
-        with suppress(NotHeldError, NotBalanced):
-            again, _, less = _make_pair(data, kept, tighten, near)
-            pair = again if less is not None and less < bulk else pair
+        if not isinstance(tractions, TooCoarse):
+            # Where its stress is not in equilibrium, the first pair stands.
+            with suppress(NotBalanced):
+                again, _, less = _make_pair(data, tractions, tighten, near)
+                pair = again if less is not None and less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
@@ -196,13 +199,13 @@ class _Data:
 
 
 def _make_pair(
-    data: _Data, others: OtherForces, tighten: int, near: Admissible | None
+    data: _Data, tractions: list[ContactTraction], tighten: int, near: Admissible | None
 ) -> tuple[Admissible, Rebalanced, float | None]:
-    """Reconstruct a pair whose contact tractions balance given forces; collective.
+    """Reconstruct a pair with given contact tractions; collective.
 
     Args:
         data: The solution with its loads.
-        others: What contact tractions balance.
+        tractions: r^ on each contact.
         tighten: Greatest number of iterations that tighten sigma^.
         near: See :func:`equilibrated`.
 
@@ -212,7 +215,7 @@ def _make_pair(
     """
     cells = data.cells
     model = data.solution.model
-    u_hat, tractions, balanced, boundary = _before_tightening(data, others)
+    u_hat, tractions, balanced, boundary = _before_tightening(data, tractions)
     given = Reconstruction(
         model=model,
         cells=cells,
@@ -254,7 +257,7 @@ def _make_pair(
 
 
 def _before_tightening(
-    data: _Data, others: OtherForces
+    data: _Data, tractions: list[ContactTraction]
 ) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray]:
     """Reconstruct the pair but for sigma^; collective.
 
@@ -266,7 +269,6 @@ def _before_tightening(
     """
     solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
-    tractions = admissible_tractions(model, solution, others)
     if model.comm.size > 1 and tractions:
         tractions = _of_owners(model, cells, tractions)
     # A support takes up the load on its components.

@@ -1,4 +1,4 @@
-"""Tractions nearest to given ones that balance other forces on rigid motions.
+"""Tractions nearest to given tractions that balance other forces on rigid motions.
 
 Of all tractions r in the convex sets of the nodes that balance the other forces, those
 nearest to given z (with the least ``sum |F|/(m b) |r - z|^2``) are ``r = P(z + b sum_k

@@ -97,7 +97,7 @@ def raise_together(comm: MPI.Comm, error: BaseException | None) -> None:
     if error is not None and getattr(error, "known_to_all", False):
         raise error
     portable = None if error is None else _portable(error)
-    errors = [other for other in comm.allgather(portable) if other is not None]
+    errors = [found for found in comm.allgather(portable) if found is not None]
     if not errors:
         return
     raised: Any = errors[0] if error is None else error

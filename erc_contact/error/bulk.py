@@ -24,9 +24,9 @@ from erc_contact.mesh.surface import pairs, swept
 def body_error(admissible: Admissible) -> LawError:
     """Measure how far sigma^ and u^ are from Hooke's law on each cell; collective.
 
-    ``gap`` is the square of ``sigma^ - C eps(u^)``, ``both`` of ``sigma^ + C eps(u^)``;
-    eps is the strain without the given strain. If the moduli or the given strain vary
-    inside cells, the gap contains what its integral leaves unknown.
+    ``gap`` is the square of ``sigma^ - C eps(u^)``, ``of_sum`` the square of ``sigma^ +
+    C eps(u^)``; eps is the strain without the given strain. If the moduli or the given
+    strain vary inside cells, the gap contains what its integral leaves unknown.
     """
     model = admissible.model
     if model.constitution.varies_in_cells:
@@ -42,16 +42,16 @@ def body_error(admissible: Admissible) -> LawError:
     of_elastic = np.ascontiguousarray(bernstein(model.d, model.degree - 1, points))
     stresses = (stress, elastic.shape[1], of_elastic, np.ascontiguousarray(elastic))
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
-    difference, both = np.empty((2, owned))
-    kernels(model.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, both)
-    return LawError(difference, both)
+    difference, of_sum = np.empty((2, owned))
+    kernels(model.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, of_sum)
+    return LawError(difference, of_sum)
 
 
 def spring_error(admissible: Admissible) -> LawError:
     """Measure how far t^ and u^ are from the law of springs, cell by cell."""
     tractions = admissible.spring_tractions
-    gap, both = spring_squares(admissible.model, admissible.displacement, tractions)
-    return LawError(gap, both)
+    gap, of_sum = spring_squares(admissible.model, admissible.displacement, tractions)
+    return LawError(gap, of_sum)
 
 
 def _adapted_squares(admissible: Admissible) -> LawError:
@@ -71,10 +71,10 @@ def _adapted_squares(admissible: Admissible) -> LawError:
 
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
-    value, rest = np.zeros((2, owned, 2))
+    value, bound = np.zeros((2, owned, 2))
     is_done = np.zeros(owned, dtype=bool)
     if is_rational(model):
-        value, rest, is_done = squares_of_rings(model, cells, admissible.stress, strain)
+        value, bound, is_done = squares_of_rings(model, cells, admissible.stress, strain)
     left = np.flatnonzero(~is_done)
     middles = np.full((len(left), 1, model.d + 1), 1 / (model.d + 1))
     in_middles = squares(left, middles, corners[left].mean(axis=1, keepdims=True))
@@ -90,13 +90,13 @@ def _adapted_squares(admissible: Admissible) -> LawError:
         share=UNKNOWN_SHARE,
         floor=floor,
     )
-    unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
+    unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value += total.value
-    rest += total.rest
-    return LawError(value[:, 0] + rest[:, 0], value[:, 1], unknown)
+    bound += total.bound
+    return LawError(value[:, 0] + bound[:, 0], value[:, 1], unknown)
 
 
-def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
+def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
     """Compute the share of each owned cell in the square of the geometry error.
 
     The unit is [force length]. A facet on the boundary of the body counts for its cell.
@@ -104,17 +104,17 @@ def geometry_squares(admissible: Admissible, both: np.ndarray) -> np.ndarray:
 
     Args:
         admissible: The pair.
-        both: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
+        of_sum: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
             length].
     """
     model = admissible.model
     domain = model.domain
     cells = admissible.cell_geometry
-    result = np.zeros(len(both))
+    result = np.zeros(len(of_sum))
     if domain.offset is None or domain.curved_facets is None:
         return result
     density = domain.function("DG", 0)
-    density.x.array[: len(both)] = both / (4 * cells.volume[: len(both)])
+    density.x.array[: len(of_sum)] = of_sum / (4 * cells.volume[: len(of_sum)])
     # A facet between two ranks needs the density of the other one.
     density.x.scatter_forward()
     values = density.x.array

@@ -329,12 +329,12 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     unknown = strain_round_off(admissible)
     bulk_cells_2 = (np.sqrt(body.gap) + unknown) ** 2 + springs.gap
     # Springs are outside of the cells, so the estimate of the geometry is without them.
-    geometry_cells_2 = geometry_squares(admissible, body.both)
+    geometry_cells_2 = geometry_squares(admissible, body.of_sum)
     bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
     floor = UNKNOWN_SHARE * float(bulk_2)
     contacts = contact_law_error(model, admissible.displacement, admissible.tractions, floor)
     cells_2 = bulk_cells_2 + contacts.gap
-    both_2 = body.both + springs.both + contacts.both
+    sums_2 = body.of_sum + springs.of_sum + contacts.of_sum
     # In the order of the attributes of Oscillations.
     of_data_2 = [
         of_loads(model, admissible.cell_geometry, admissible.cell_forces, admissible.relief),
@@ -344,7 +344,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         contacts.friction,
         of_history(model),
     ]
-    norms = [both_2.sum(), geometry_cells_2.sum(), unknown @ unknown, contacts.gap.sum()]
+    norms = [sums_2.sum(), geometry_cells_2.sum(), unknown @ unknown, contacts.gap.sum()]
     total = comm.allreduce(np.array([*norms, *of_data_2]), MPI.SUM)
     scale_2, geometry_2, unknown_2, contact_2 = total[:4]
     oscillations_2 = total[4:]

@@ -53,14 +53,14 @@ class ContactSquares(NamedTuple):
 
     Attributes:
         parts: Twice the contact term on each facet, 0 for ghosts, shape (f,).
-        both: Square of the sum of both tractions of a compliant foundation, likewise; 0
-            on a rigid one.
+        of_sum: Square of the sum of both tractions of a compliant foundation, likewise;
+            0 on a rigid foundation.
         gaps: Square of the oscillation of the gap on this rank.
         friction: Square of the oscillation of the friction bound.
     """
 
     parts: np.ndarray
-    both: np.ndarray
+    of_sum: np.ndarray
     gaps: float = 0.0
     friction: float = 0.0
 
@@ -119,7 +119,7 @@ def contact_squares(
         model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, cancelling
     )
     parts = np.where(kinked, adapted.parts, parts)
-    return ContactSquares(parts, adapted.both, adapted.gaps, adapted.friction)
+    return ContactSquares(parts, adapted.of_sum, adapted.gaps, adapted.friction)
 
 
 def contact_law_error(
@@ -133,7 +133,7 @@ def contact_law_error(
         tractions: r^ on each contact.
         floor: What the integral over each contact may leave unknown [force length].
     """
-    gap, both = np.zeros((2, model.domain.owned_cells))
+    gap, of_sum = np.zeros((2, model.domain.owned_cells))
     gaps = 0.0
     friction = 0.0
     for traction in tractions:
@@ -141,10 +141,10 @@ def contact_law_error(
         trace = traction.contact.trace
         # below 0 by round-off only
         gap += _in_cells(model, trace, np.maximum(squares.parts, 0.0))
-        both += _in_cells(model, trace, squares.both)
+        of_sum += _in_cells(model, trace, squares.of_sum)
         gaps += squares.gaps
         friction += squares.friction
-    return LawError(gap, both, gaps=gaps, friction=friction)
+    return LawError(gap, of_sum, gaps=gaps, friction=friction)
 
 
 def _in_cells(model: Model, trace: Trace, of_facets: np.ndarray) -> np.ndarray:
@@ -162,7 +162,7 @@ def _means(
     of_s: np.ndarray,
     points: np.ndarray,
     weights: np.ndarray,
-    both: np.ndarray,
+    cancelling: np.ndarray,
 ) -> np.ndarray:
     """Compute twice the mean of the contact term on each facet [force/length^(d-2)].
 
@@ -176,7 +176,7 @@ def _means(
         points: Points of each facet in barycentric coordinates, shape (f, q, d) or (1,
             q, d).
         weights: Their weights, of sum 1, shape (f, q) or (1, q).
-        both: What cancels between two bodies [length], shape (f, 1).
+        cancelling: What cancels between two bodies [length], shape (f, 1).
 
     Returns:
         The means, shape (f,).
@@ -191,7 +191,7 @@ def _means(
     gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, middle, contact.facets)
     parameters = friction_parameters(model, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
-    density = contact_density(contact, n, r, w, s, gap, bound, both=both)
+    density = contact_density(contact, n, r, w, s, gap, bound, cancelling=cancelling)
     return (density * weights).sum(axis=1)
 
 
@@ -202,7 +202,7 @@ def _adapted_squares(
     of_s: np.ndarray,
     area: np.ndarray,
     floor: float,
-    both: np.ndarray,
+    cancelling: np.ndarray,
 ) -> ContactSquares:
     """Compute the numbers of :func:`contact_squares` by adapted integrals; collective.
 
@@ -213,7 +213,7 @@ def _adapted_squares(
         of_s: Coefficients of w in the last step [length], shape (f, m, d).
         area: Areas of the facets, 0 for those that are left out, shape (f,).
         floor: What the integrals may leave unknown [force length].
-        both: What cancels between two bodies [length], shape (f, 1).
+        cancelling: What cancels between two bodies [length], shape (f, 1).
     """
     contact = traction.contact
     data = ContactData(contact, model.mesh)
@@ -233,7 +233,7 @@ def _adapted_squares(
         bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
         stiffness = data.stiffness(facet, x)
         tangential = data.tangential_stiffness(facet, x)
-        shared = both[facet]
+        shared = cancelling[facet]
         density = contact_density(contact, n, r, w, s, gap, bound, stiffness, tangential, shared)
 
         opening = (w * normal).sum(axis=-1) - gap
@@ -279,8 +279,8 @@ def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
         total: Integrals of the contact term, of the oscillations of the gap and of the
             friction bound, and of the sum of both tractions, on each facet.
     """
-    parts, of_gap, of_friction, both = total.value.T
-    parts_unknown = total.rest[:, 0]
+    parts, of_gap, of_friction, of_sum = total.value.T
+    parts_unknown = total.bound[:, 0]
     gap_unknown = 0.0
     friction_unknown = 0.0
     if not total.resolved[0]:
@@ -292,7 +292,7 @@ def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
             friction_unknown = float(parts_unknown.sum())
     gaps_2 = float(of_gap.sum()) + gap_unknown
     friction_2 = float(of_friction.sum()) + friction_unknown
-    return ContactSquares(parts + parts_unknown, both, gaps_2, friction_2)
+    return ContactSquares(parts + parts_unknown, of_sum, gaps_2, friction_2)
 
 
 def _round_off(model: Model, values: np.ndarray) -> float:

@@ -27,7 +27,7 @@ def contact_density(
     bound: np.ndarray,
     stiffness: np.ndarray | None = None,
     tangential: np.ndarray | None = None,
-    both: np.ndarray | float = 0.0,
+    cancelling: np.ndarray | float = 0.0,
 ) -> np.ndarray:
     """Evaluate twice the contact term at points [force/length^(d-2)].
 
@@ -46,7 +46,7 @@ def contact_density(
         stiffness: k_n of a compliant foundation there [force/length^3], shape (n, q);
             None where it is rigid.
         tangential: k_t there, likewise.
-        both: What :func:`cancelled` returns [length], shape (n, 1), or 0.
+        cancelling: What :func:`cancelled` returns [length], shape (n, 1), or 0.
 
     Returns:
         The term, shape (n, q).
@@ -68,7 +68,7 @@ def contact_density(
     # A difference of two works that are equal up to round-off is no error. Otherwise e
     # would stop at 1e-8 of the norm.
     size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
-    size = size + abs(gap) + both
+    size = size + abs(gap) + cancelling
     resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * size
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 

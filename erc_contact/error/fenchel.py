@@ -84,9 +84,9 @@ def fenchel_error(admissible: Admissible) -> LawError:
     if near.taken:
         left = np.where(_is_linear(beyond, near, admissible), 0.0, volume)
     total = integrate(comm, difference, corners, left, pieces, share=UNKNOWN_SHARE, floor=floor)
-    unknown = 0.0 if total.resolved.all() else float(total.rest.max(axis=1).sum())
+    unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)
-    return LawError(value[:, 0] + total.rest[:, 0], value[:, 1], unknown)
+    return LawError(value[:, 0] + total.bound[:, 0], value[:, 1], unknown)
 
 
 def _is_linear(

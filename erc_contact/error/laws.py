@@ -23,8 +23,8 @@ class LawError(NamedTuple):
 
     Attributes:
         gap: Twice the integral of Fenchel's gap [force length], shape (owned,).
-        both: Square of the energy norm of the sum of both stresses or tractions [force
-            length], shape (owned,).
+        of_sum: Square of the energy norm of the sum of both stresses or tractions
+            [force length], shape (owned,).
         moduli: Square of the oscillation of the moduli on this rank [force length].
         gaps: Likewise, of the gaps of contacts.
         friction: Likewise, of the friction bounds.
@@ -34,12 +34,12 @@ class LawError(NamedTuple):
         >>> body = body_error(admissible)
         >>> f"{body.gap.sum() ** 0.5:.4f}"  # e, as no contact adds to it here
         '0.1241'
-        >>> f"{body.both.sum() ** 0.5:.4f}"  # the scale, so that eps is 0.1234
+        >>> f"{body.of_sum.sum() ** 0.5:.4f}"  # the scale, so that eps is 0.1234
         '1.0055'
     """
 
     gap: np.ndarray
-    both: np.ndarray
+    of_sum: np.ndarray
     moduli: float = 0.0
     gaps: float = 0.0
     friction: float = 0.0

@@ -58,17 +58,17 @@ def lifting(
     values = phi.x.array.reshape(-1, model.d)
     contact = model.contacts[which]
     surface = _ContactNodes(model, contact)
-    others = [_ContactNodes(model, other) for other in model.contacts if other is not contact]
+    others = [_ContactNodes(model, beside) for beside in model.contacts if beside is not contact]
     surface.add(values, _working_part(contact, a - surface.jump(values)))
-    for other in others:
-        other.add(values, -_working_part(other.contact, other.jump(values)))
+    for nodes in others:
+        nodes.add(values, -_working_part(nodes.contact, nodes.jump(values)))
     values[model.fixed] = 0.0
     values[model.connections.is_joint] = 0.0
     # A node of several contacts is not free for all of them: phi is zero there.
     tolerance = ROUND_OFF * float(np.linalg.norm(a))
-    for other in others:
-        wrong = abs(_working_part(other.contact, other.jump(values))).max(axis=1, initial=0.0)
-        other.set_to_zero(values, wrong > tolerance)
+    for nodes in others:
+        wrong = abs(_working_part(nodes.contact, nodes.jump(values))).max(axis=1, initial=0.0)
+        nodes.set_to_zero(values, wrong > tolerance)
     phi.x.scatter_forward()
     missing = abs(_working_part(contact, a - surface.jump(values))).max(initial=0.0) > tolerance
     return phi, bool(model.comm.allreduce(bool(missing) or surface.has_joint, MPI.LOR))
@@ -184,9 +184,9 @@ def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
         on_bodies.assemble()
         matrices.append(on_bodies)
     matrix, *others = matrices
-    for other in others:
-        matrix.axpy(1.0, other, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-        other.destroy()
+    for summand in others:
+        matrix.axpy(1.0, summand, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        summand.destroy()
     matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
     first, last = matrix.getOwnershipRange()
     fixed = first + np.flatnonzero(model.fixed.ravel()[: last - first])

@@ -57,7 +57,7 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
         return []
     errors = []
     for state in other_states(stiffness, solution.method, solution.u, most):
-        other = replace(
+        found = replace(
             solution,
             u=state.u,
             multipliers=state.multipliers,
@@ -68,5 +68,5 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
             stiffness=stiffness,
             seconds=0.0,
         )
-        errors.append(constitutive_error(equilibrate(other)))
+        errors.append(constitutive_error(equilibrate(found)))
     return errors

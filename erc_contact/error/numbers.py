@@ -44,7 +44,7 @@ class Bounds:
     weighted: bool = False
 
     def __post_init__(self) -> None:
-        """Make the numbers plain ones of Python, which print as people write them."""
+        """Make all numbers numbers of Python, which print as people write them."""
         for name in ("value", "low", "high"):
             object.__setattr__(self, name, float(getattr(self, name)))
         for name in ("guaranteed", "weighted"):
@@ -61,13 +61,13 @@ class Bounds:
         low, high, value = (f"{end:.{digits}g}" for end in (self.low, self.high, self.value))
         return f"{value}, between {low} and {high} ({kind})"
 
-    def narrowed(self, other: Bounds) -> Bounds:
+    def narrowed(self, second: Bounds) -> Bounds:
         """Return what both intervals hold; the narrower one if one alone is proved."""
-        low = max(self.low, other.low)
-        high = min(self.high, other.high)
-        if self.guaranteed != other.guaranteed or low > high:
-            return min(self, other, key=lambda bounds: bounds.high - bounds.low)
-        weighted = self.weighted or other.weighted
+        low = max(self.low, second.low)
+        high = min(self.high, second.high)
+        if self.guaranteed != second.guaranteed or low > high:
+            return min(self, second, key=lambda bounds: bounds.high - bounds.low)
+        weighted = self.weighted or second.weighted
         return Bounds((low + high) / 2, low, high, self.guaranteed, weighted)
 
     @property
@@ -100,7 +100,7 @@ class BoundedNumber:
     @classmethod
     def summed(cls, comm: MPI.Comm, integral: Integral) -> BoundedNumber:
         """Add up all integrals of all ranks; collective."""
-        local = np.array([integral.value.sum(), integral.rest.sum()])
+        local = np.array([integral.value.sum(), integral.bound.sum()])
         value, bound = comm.allreduce(local, MPI.SUM)
         return cls(float(value), float(bound), bool(integral.resolved.all()))
 

@@ -69,7 +69,7 @@ def squares_of_rings(
     material = (strides(stiffness)[0], stiffness, compliance)
     geometry = (corners, cells.volume)
     rho, apex = _of_pieces(corners[..., 0], ON_AXIS * model.domain.extent)
-    value, rest = np.zeros((2, len(rho), 2))
+    value, bound = np.zeros((2, len(rho), 2))
     done = np.zeros(len(rho), dtype=bool)
     for more in SERIES:
         left = 2 * rho ** (more + 1)
@@ -93,11 +93,11 @@ def squares_of_rings(
                 squares,
             )
             value[chosen] = squares
-            rest[chosen] = left[chosen, None] * squares
+            bound[chosen] = left[chosen, None] * squares
         done |= near
     is_done = done.reshape(-1, 3).all(axis=1)
-    value, rest = (_of_cells(values, is_done) for values in (value, rest))
-    return value, rest, is_done
+    value, bound = (_of_cells(values, is_done) for values in (value, bound))
+    return value, bound, is_done
 
 
 def _of_pieces(radius: np.ndarray, axis: float) -> tuple[np.ndarray, np.ndarray]:

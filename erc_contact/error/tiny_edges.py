@@ -1,4 +1,4 @@
-"""Tell where tiny edges beside long ones make the error large.
+"""Tell where tiny edges beside long edges make the error large.
 
 Such edges are what a mesher makes of a small detail of a CAD model. The iteration that
 tightens sigma^ is slow there.

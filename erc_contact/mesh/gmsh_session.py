@@ -1,4 +1,4 @@
-"""Run gmsh on rank 0, in a session that leaves a user's own as it was."""
+"""Run gmsh on rank 0, in a session that leaves a user's session as it was."""
 
 from __future__ import annotations
 

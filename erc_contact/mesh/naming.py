@@ -235,12 +235,12 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
     on_boundary = sides.across == BOUNDARY
     if rule.against is None:
         return holds & on_boundary
-    other = together(comm, _region_tag, mesh, rule.against)
-    shared = holds & (sides.across == other)
+    tag_against = together(comm, _region_tag, mesh, rule.against)
+    shared = holds & (sides.across == tag_against)
     corners = sides.x[sides.nodes][..., : mesh.dim]
     every = Facets(corners, sides.normal)
-    here = np.flatnonzero(holds & on_boundary & (sides.region != other))
-    there = on_boundary & (sides.region == other)
+    here = np.flatnonzero(holds & on_boundary & (sides.region != tag_against))
+    there = on_boundary & (sides.region == tag_against)
     lies = lying_against(comm, every.chosen(here), every.chosen(there))
     shared[here[lies]] = True
     return shared

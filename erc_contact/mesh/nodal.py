@@ -42,7 +42,7 @@ class NodalMesh:
         edges = mesh.topology.index_map(1)
         numbers = np.arange(edges.size_local + edges.num_ghosts, dtype=np.int32)
         self.edges = dmesh.entities_to_geometry(mesh, 1, numbers).reshape(-1, 2)
-        self.own = slice(0, edges.size_local)
+        self.owned_edges = slice(0, edges.size_local)
         self.length = np.linalg.norm(x[self.edges[:, 0]] - x[self.edges[:, 1]], axis=1)
 
     def total(self, values: np.ndarray) -> float:
@@ -69,7 +69,7 @@ class NodalMesh:
 
     def beside(self, values: np.ndarray) -> np.ndarray:
         """Sum values of nodes over the neighbours of each node; collective."""
-        edges = self.edges[self.own]
+        edges = self.edges[self.owned_edges]
         return self._added(edges, values[edges[:, ::-1]])
 
     def mean_size(self) -> np.ndarray:
@@ -78,11 +78,11 @@ class NodalMesh:
 
     def edge_length(self) -> np.ndarray:
         """Compute the mean length of the edges at each node [length]; collective."""
-        total = self._added(self.edges[self.own], self.length[self.own, None])
+        total = self._added(self.edges[self.owned_edges], self.length[self.owned_edges, None])
         return total / self.beside(np.ones(len(self._vector.array)))
 
     def limited(self, h: np.ndarray) -> np.ndarray:
-        """Limit sizes h to the largest ones that grow by at most GROW; collective.
+        """Limit sizes h to the largest sizes that grow by at most GROW; collective.
 
         A rank has all edges at the nodes that it owns, because it has all cells around
         them.

@@ -44,7 +44,7 @@ class PlainMesh:
 
     @classmethod
     def beside_each_other(cls, plains: Sequence[PlainMesh]) -> PlainMesh:
-        """Make one mesh of several ones, unconnected."""
+        """Make one mesh of several meshes, unconnected."""
         first = 0
         tables = []
         numbers = []
@@ -79,7 +79,7 @@ class PlainMesh:
         return replace(self, x=np.concatenate([self.x, x]), glued=glued)
 
     def with_pairs(self, here: np.ndarray, there: np.ndarray) -> PlainMesh:
-        """Return the mesh with pairs of points that are one in the glued mesh.
+        """Return the mesh with pairs of points that are one point of the glued mesh.
 
         Args:
             here: First point of each pair, shape (k,).

@@ -78,14 +78,14 @@ class Integral:
 
     Attributes:
         value: The integrals, shape (simplices, i).
-        rest: Bounds of their errors if the integrand is resolved, else estimates, of
+        bound: Bounds of their errors if the integrand is resolved, else estimates, of
             the same shape.
-        resolved: Whether the sum of ``rest`` over all ranks is as small as was asked
+        resolved: Whether the sum of ``bound`` over all ranks is as small as was asked
             for, shape (i,).
     """
 
     value: np.ndarray
-    rest: np.ndarray
+    bound: np.ndarray
     resolved: np.ndarray
 
 

@@ -21,7 +21,7 @@ EDGE_SHEAR = np.eye(3) + 1e-5 * np.array(
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """Hold a refined mesh, and the old cells and facets in which its own lie.
+    """Hold a refined mesh, and the old cells and facets that its parts lie in.
 
     A rank makes the children of its cells; the partitioner then gives them to any rank.
     Tables of children are on the ranks that made them.

@@ -1,4 +1,4 @@
-"""Carry a mesh over to one whose nodes are split along interfaces between regions.
+"""Carry a mesh over to a mesh whose nodes are split along interfaces between regions.
 
 The glued mesh has all bodies in one: the two sides of a contact are one set of interior
 facets. It is what is refined, meshed again and distributed, so the sides keep matching

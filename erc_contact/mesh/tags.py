@@ -30,7 +30,7 @@ def tag_table(tags: dmesh.MeshTags) -> np.ndarray:
 
 
 def tags_of(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray) -> dmesh.MeshTags:
-    """Make mesh tags of entities in any order, repeated ones included.
+    """Make mesh tags of entities in any order, which may be repeated.
 
     Those with :data:`NO_TAG` are left out.
     """

@@ -19,7 +19,7 @@ from erc_contact.mesh.tags import NO_TAG, tag_table
 
 
 def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
-    """Return a mesh on rank 0, and one without cells on other ranks; collective.
+    """Return a mesh on rank 0, and a mesh without cells on other ranks; collective.
 
     The order of points and cells does not depend on the number of ranks. Bodies that
     keep their shapes in a glued mesh are at their own places.

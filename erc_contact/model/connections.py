@@ -156,7 +156,7 @@ class Connections:
         return self._matrix((rows, columns, values), pairs[:, 0])
 
     def pairs_at(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the pairs whose first node is one of some nodes, shape (p, 2).
+        """Return the pairs whose first node is among some nodes, shape (p, 2).
 
         A node of several pairs has the first one.
 

@@ -110,7 +110,7 @@ def by_cause(
 
 
 def _sum(forces: list[Force]) -> Force:
-    """Add up forces, at least one."""
+    """Add up forces, at least one force."""
     return sum(forces[1:], start=forces[0])
 
 
@@ -160,13 +160,13 @@ def nodal_reactions(
             of_multiplier = _of_multiplier(model, contact, traction(contact))
             of_facets = np.where(is_known[..., None], of_multiplier, of_facets)
         residual -= trace.back(of_facets)
-        this, other = contact.side_names
-        forces[this] = trace.back_here(of_facets)
+        this_side, other_side = contact.side_names
+        forces[this_side] = trace.back_here(of_facets)
         nodes = model.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
-        claims[this] = _claim(model, nodes)
-        if other is not None:
-            forces[other] = trace.back_there(of_facets)
-            claims[other] = _claim(model, trace.partners)
+        claims[this_side] = _claim(model, nodes)
+        if other_side is not None:
+            forces[other_side] = trace.back_there(of_facets)
+            claims[other_side] = _claim(model, trace.partners)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
         claim[model.facet_nodes(facets)] |= components

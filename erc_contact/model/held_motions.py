@@ -161,7 +161,7 @@ def _by_contact(
         of_group = at_nodes[(groups == group).all(axis=1)]
         products = np.einsum("ndi,ndj->ij", of_group, of_group)
         blocks = products.reshape(len(group), m, len(group), m)
-        for i, one in enumerate(group):
-            for j, other in enumerate(group):
-                total[one, :, other] += blocks[i, :, j]
+        for i, row_body in enumerate(group):
+            for j, column_body in enumerate(group):
+                total[row_body, :, column_body] += blocks[i, :, j]
     return space.comm.allreduce(total.reshape(count * m, count * m), MPI.SUM)

@@ -1,4 +1,4 @@
-"""Tell the cells on both sides of a joint whose nodes are one."""
+"""Tell the cells on both sides of a joint whose nodes are common."""
 
 from __future__ import annotations
 

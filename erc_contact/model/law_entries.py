@@ -38,7 +38,7 @@ def size_of(shapes: Shapes) -> int:
 def place_of(shapes: Shapes, name: str) -> slice:
     """Return the place of an entry among the components of a state."""
     names = list(shapes)
-    before = {one: shapes[one] for one in names[: names.index(name)]}
+    before = {entry: shapes[entry] for entry in names[: names.index(name)]}
     begin = size_of(before)
     return slice(begin, begin + size_of({name: shapes[name]}))
 

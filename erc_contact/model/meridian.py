@@ -127,7 +127,7 @@ def without_axis(moment: np.ndarray, off: np.ndarray) -> np.ndarray:
 
 
 def moments_off_axis(space: Space, facets: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Return the moments of tractions that vanish on the axis, if there is one.
+    """Return the moments of tractions that vanish on the axis, if there is an axis.
 
     Args:
         space: The mesh.
@@ -169,7 +169,7 @@ def per_area(
 def area_ratio(
     space: Space, corners: np.ndarray, others: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """Return the ratio of the areas of facets to other ones at their points [-].
+    """Return the ratio of the areas of facets to other areas at their points [-].
 
     Facing facets of two bodies that are apart have the same forces, so a traction times
     this ratio is the traction on the other body.

@@ -25,7 +25,7 @@ def check_neighbours(
     held: np.ndarray,
     contacts: Sequence[ContactOnMesh],
 ) -> None:
-    """Check that supports and contacts beside loose faces hold none of their motions.
+    """Check that supports and contacts beside loose faces hold no motion of the faces.
 
     Collective.
 
@@ -36,7 +36,7 @@ def check_neighbours(
         contacts: The contacts.
 
     Raises:
-        InputError: If they do.
+        InputError: If a support or a contact holds a free motion of a face.
     """
     for face in faces:
         what = f"Rigid({face.name!r})"

@@ -181,7 +181,7 @@ class LawCode:
         stress = ufl.variable(self._tensor)
         slope = ufl.diff(self.potential.conjugate(stress, **self._values), stress)
         basis = mandel_basis(3)[self.known]
-        components = [ufl.inner(ufl.as_tensor(one.tolist()), slope) for one in basis]
+        components = [ufl.inner(ufl.as_tensor(tensor.tolist()), slope) for tensor in basis]
         return self._compiled(ufl.as_vector(components))
 
     @cached_property
@@ -417,13 +417,13 @@ class PointLaw:
         beside = np.broadcast_to(search.beside, stress.shape[:2]).ravel()
         numbers[:, self.rows] = np.broadcast_to(search.strain, stress.shape).reshape(sigma.shape)
         value = self._value(sigma, numbers)
-        rest = np.zeros(len(numbers))
+        lack = np.zeros(len(numbers))
         left = np.arange(len(numbers))
         for _ in range(STEPS_TO_SUPREMUM):
             missed = sigma[left] - self._stresses(numbers[left])
             of_missed = np.matmul(metric[left], missed[..., None])[..., 0]
-            rest[left] = (missed * of_missed).sum(axis=1) / twice_share[left]
-            goes_on = rest[left] > _allowed(value[left], beside[left])
+            lack[left] = (missed * of_missed).sum(axis=1) / twice_share[left]
+            goes_on = lack[left] > _allowed(value[left], beside[left])
             left, missed = left[goes_on], missed[goes_on]
             if not len(left):
                 break
@@ -446,7 +446,7 @@ class PointLaw:
                 if not len(falls):
                     break
             left = left[gains]
-        return (value + rest).reshape(stress.shape[:2]), numbers[:, self.rows].reshape(stress.shape)
+        return (value + lack).reshape(stress.shape[:2]), numbers[:, self.rows].reshape(stress.shape)
 
     def _value(self, sigma: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Return ``sigma : eps - psi(eps)`` for strains among numbers, shape (n,)."""

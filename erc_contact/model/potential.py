@@ -178,7 +178,7 @@ class Linearised:
 
     def _components(self, tensor: Ufl) -> Ufl:
         """Return the components of a tensor of the body, UFL (s,)."""
-        return ufl.as_vector([ufl.inner(one, tensor) for one in self._tensors])
+        return ufl.as_vector([ufl.inner(unit, tensor) for unit in self._tensors])
 
     def _tensor(self, components: Ufl) -> Ufl:
         """Return the tensor of components of the body, UFL."""
@@ -280,7 +280,7 @@ class ConvexConstitution(Constitution):
         work = np.einsum("nqi,nqi->nq", sigma, np.broadcast_to(strain, sigma.shape))
         search = Search(out_of_plane, psi - work, strain)
         psi_star, _ = law.complementary(sigma, search, x, cells)
-        both = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
+        energies = np.stack([psi + psi_star - work, psi + psi_star + work], axis=-1)
         # A gap below zero is round-off.
-        both[..., 0] = np.maximum(both[..., 0], 0.0)
-        return np.asarray(2 * factor * both)
+        energies[..., 0] = np.maximum(energies[..., 0], 0.0)
+        return np.asarray(2 * factor * energies)

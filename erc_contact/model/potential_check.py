@@ -55,8 +55,8 @@ def check_potential(model: Model) -> None:
     in_body = stress[..., : len(law.rows)]
     psi_star, _ = law.complementary(in_body, Search(stress[..., -1]), x, cells)
     # Pairs of a strain and the stress of the next one are on no law.
-    other = np.roll(in_body, 1, axis=1)
-    other_star = np.roll(psi_star, 1, axis=1)
+    next_stress = np.roll(in_body, 1, axis=1)
+    next_star = np.roll(psi_star, 1, axis=1)
 
     finite = all(np.isfinite(values).all() for values in (psi, stress, tangent, psi_star))
     worst = np.full(5, -np.inf)
@@ -65,9 +65,9 @@ def check_potential(model: Model) -> None:
         flat = FLAT * curvature[..., -1] - curvature[..., 0]
         work = (in_body * eps).sum(axis=-1)
         gap = abs(psi + psi_star - work) / (abs(psi) + abs(psi_star) + abs(work) + TINY)
-        work_of_other = (other * eps).sum(axis=-1)
-        terms = abs(psi) + abs(other_star) + abs(work_of_other) + TINY
-        below = -(psi + other_star - work_of_other) / terms
+        work_of_next = (next_stress * eps).sum(axis=-1)
+        terms = abs(psi) + abs(next_star) + abs(work_of_next) + TINY
+        below = -(psi + next_star - work_of_next) / terms
         at_rest = slice(0, 1)  # the first sample has no strain
         worst = np.array(
             [

@@ -100,16 +100,16 @@ def _check_material(model: Model) -> None:
     S = law.metric(x, cells).reshape(-1, size, size)
     modulus = evaluate(model.modulus, model.mesh, points, cells)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
-    least, skew, other = np.inf, 0.0, 0.0
+    least, skew, misfit = np.inf, 0.0, 0.0
     if finite and len(C):
-        least, skew, other = _defects(C, S)
+        least, skew, misfit = _defects(C, S)
     lowest = float(modulus.min(initial=np.inf)) if finite else 0.0
     comm = model.comm
     finite = comm.allreduce(bool(finite), MPI.LAND)
     least = comm.allreduce(least, MPI.MIN)
     lowest = comm.allreduce(lowest, MPI.MIN)
     skew = comm.allreduce(skew, MPI.MAX)
-    other = comm.allreduce(other, MPI.MAX)
+    misfit = comm.allreduce(misfit, MPI.MAX)
     if not finite:
         raise InputError(
             f"{name}: stress, compliance or modulus is not finite somewhere;"
@@ -126,10 +126,10 @@ def _check_material(model: Model) -> None:
             f"{name}: the stiffness is not positive definite: some strain has an energy of"
             f" {least:.1e} times the energy of another. Look at its stress and at its parameters."
         )
-    if other > EXACT_PROMISE:
+    if misfit > EXACT_PROMISE:
         raise InputError(
             f"{name}: the compliance does not invert the stress: compliance(stress(eps)) differs"
-            f" from eps by up to {other:.1e} times it. The error would be the error of another"
+            f" from eps by up to {misfit:.1e} times it. The error would be the error of another"
             " material; mend one of the two."
         )
     if not lowest > 0.0:
@@ -156,9 +156,9 @@ def _defects(C: np.ndarray, S: np.ndarray) -> tuple[float, float, float]:
     # leaves: that much is round-off.
     condition = 1 / max(least, np.finfo(float).tiny)
     unit = np.matmul(C, S) - np.eye(C.shape[1])
-    other = float(abs(unit).max()) if condition < 1e300 else 0.0
-    other -= 16 * np.finfo(float).eps * min(condition, 1e300)
-    return least, skew, other
+    misfit = float(abs(unit).max()) if condition < 1e300 else 0.0
+    misfit -= 16 * np.finfo(float).eps * min(condition, 1e300)
+    return least, skew, misfit
 
 
 def _check_data(model: Model, contact: ContactOnMesh) -> None:
@@ -200,7 +200,7 @@ def _check_data(model: Model, contact: ContactOnMesh) -> None:
 
 def _check_normal(model: Model, contact: ContactOnMesh) -> None:
     """Check that the normal of a contact points out of the body; collective."""
-    other = "the foundation" if contact.against is None else repr(contact.against)
+    foundation = "the foundation" if contact.against is None else repr(contact.against)
     facets = contact.facets
     comm = model.comm
     outward = model.outward_normals(facets)
@@ -221,7 +221,7 @@ def _check_normal(model: Model, contact: ContactOnMesh) -> None:
         flat = "(0.0, -1.0)" if model.d == 2 else "(0.0, 0.0, -1.0)"
         raise InputError(
             f'Contact({contact.name!r}): normal="gap" needs a gap that is the distance to'
-            f" {other}, also off the part, and this one does not change across the part: it"
+            f" {foundation}, also off the part, and this one does not change across the part: it"
             f" is a height over it. Give the normal in numbers, e.g. normal={flat}, or none on a"
             f" flat part; or the distance, e.g. gap=lambda x: x[{model.d - 1}] + (the height"
             " that you gave)."
@@ -229,11 +229,11 @@ def _check_normal(model: Model, contact: ContactOnMesh) -> None:
     if least < LEAST_COSINE or total <= 0.0:
         raise InputError(
             f"Contact({contact.name!r}): the normal must point from the body into"
-            f" {other}. At ({_three_digits(place)}) it is"
+            f" {foundation}. At ({_three_digits(place)}) it is"
             f" ({_three_digits(direction)}), and the cosine of its angle with the outward normal"
             f" of the body is {least:.2g}, its mean over the part {total / whole:.2g}. Change the"
             " sign of the normal (or of the gap that gives it), or leave facets that look away"
-            f" from {other} out of the part."
+            f" from {foundation} out of the part."
         )
 
 

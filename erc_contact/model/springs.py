@@ -88,7 +88,7 @@ class BoundSpring:
         return self.normal * along + self.tangential * u_t
 
     def _on_rings(self, points: np.ndarray) -> np.ndarray:
-        """Return the circumferences at points of the facets, or ones, (f, q, 1)."""
+        """Return the circumferences at points of the facets, or 1, shape (f, q, 1)."""
         if not self.space.axisymmetric:
             return np.ones((1, 1, 1))
         return circumferences(np.matmul(barycentric(points), self.side.corners))[..., None]

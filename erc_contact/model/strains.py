@@ -1,13 +1,13 @@
 """Put the given strains of a scene on a mesh.
 
 In 2D with plane strain a strain out of plane, ``eps_0zz``, cannot take place, and
-presses the plane. With the stress out of plane of the material, ``sigma_zz = S :
+presses the plane. With the stress out of plane of the material, ``sigma_zz = zeta :
 sigma`` without given strain, the stress in plane is
 
-    sigma = C (eps(u) - eps_0 - S eps_0zz),    sigma_zz = S : sigma - E_z eps_0zz,
+    sigma = C (eps(u) - eps_0 - zeta eps_0zz),    sigma_zz = zeta : sigma - E_z eps_0zz,
 
 by Maxwell's reciprocity of the stiffness between plane and normal. For isotropic
-plane strain S is nu times the identity and E_z is E. So in 2D a given strain is a
+plane strain zeta is nu times the identity and E_z is E. So in 2D a given strain is a
 tensor in plane, with its part out of plane for the stress there alone. Of an
 axisymmetric body it is a tensor with the rows r, z and hoop.
 """
@@ -53,7 +53,7 @@ class Strains:
         self.tensor = tensor
         self.normal = normal
         self.varies_in_cells = varies_in_cells(tensor)
-        components = [ufl.inner(ufl.as_matrix(one.tolist()), tensor) for one in basis]
+        components = [ufl.inner(ufl.as_matrix(unit.tolist()), tensor) for unit in basis]
         self._components = Everywhere(ufl.as_vector(components), mesh)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -211,7 +211,7 @@ def _in_region(space: Space, region: str | None, expression: Ufl) -> Ufl:
 
 
 def _out_of_plane(strain: GivenStrain, material: Any, parameters: Mapping[str, Ufl]) -> Ufl:
-    """Return S, the stress out of plane for stresses in plane [-], shape (2, 2).
+    """Return zeta, the stress out of plane for stresses in plane [-], shape (2, 2).
 
     Raises:
         InputError: If the material does not tell it.
@@ -222,8 +222,8 @@ def _out_of_plane(strain: GivenStrain, material: Any, parameters: Mapping[str, U
             "does not tell the stress out of plane; give the material out_of_plane, or the strain "
             "as a tensor of 2 rows."
         )
-    S = ufl.zero((2, 2))
+    zeta = ufl.zero((2, 2))
     for basis_tensor in mandel_basis(2):
         tensor = ufl.as_matrix(basis_tensor.tolist())
-        S += ufl.as_ufl(material.out_of_plane(tensor, **parameters)) * tensor
-    return S
+        zeta += ufl.as_ufl(material.out_of_plane(tensor, **parameters)) * tensor
+    return zeta

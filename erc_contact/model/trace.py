@@ -385,7 +385,7 @@ class Trace:
 
 
 def _in_a_row(here: np.ndarray, there: np.ndarray | None) -> np.ndarray:
-    """Return the stiffness of two springs in a row, or of the first one alone."""
+    """Return the stiffness of two springs in a row, or of the first spring alone."""
     return here if there is None else here * there / (here + there)
 
 

@@ -89,7 +89,7 @@ def _connected(by_all: np.ndarray) -> list[np.ndarray]:
     """
     links = np.argwhere(by_all.any(axis=(1, 3)))
     label = components(len(by_all), links)
-    return [np.flatnonzero(label == one) for one in np.unique(label)]
+    return [np.flatnonzero(label == group) for group in np.unique(label)]
 
 
 def _values(motions: BodyMotions, body: np.ndarray, group: Group) -> np.ndarray:
@@ -165,7 +165,7 @@ def _anchors(
         offers = [(*x[dof // space.d].tolist(), int(dof % space.d), int(dof)) for dof in best]
         offer = min(offers, default=None)
         of_ranks = comm.allgather(offer)
-        rank = min((one[:-1], r) for r, one in enumerate(of_ranks) if one is not None)[1]
+        rank = min((found[:-1], r) for r, found in enumerate(of_ranks) if found is not None)[1]
         row = None
         if rank == comm.rank and offer is not None:
             dof = offer[-1]

@@ -144,7 +144,7 @@ def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
 
 
 def _check_law(material: Any, before: Any) -> None:
-    """Check that a potential remembers in the next step what it did in the last one.
+    """Check that a potential remembers in the next step what it did in the last step.
 
     Raises:
         InputError: If its state has other entries.

@@ -6,14 +6,14 @@ that change what the contacts read, in an orthonormal basis
 displacements u of the cells at the contact, on the jumps between bodies, and on the
 multipliers lambda. All are affine functions of u_A:
 
-    z = (u, jumps, lambda) = Z (u_A, 1),    B^T (a lambda) = K u_A - s,
+    z = (u, jumps, lambda) = Z (u_A, 1),    B^T (area lambda) = K u_A - b_A,
 
-with B what contacts read of u_A, K the elastic stiffness condensed on A and s the
-condensed loads. The problem is ``K u_A - s + B^T e(z) = 0``, where e are the equations
-of the method; for a method with a multiplier it is ``B^T e(z) = 0``. Its tangent is ``K
-+ B^T e'(z) Z``, or ``B^T e'(z) Z``. Newton's method for this problem has the same
-iterates as Newton's method for the whole body, because the equations away from the
-contact are linear and hold at every step.
+with B what contacts read of u_A, K the elastic stiffness condensed on A and b_A the
+condensed loads. The problem is ``K u_A - b_A + B^T e(z) = 0``, where e are the
+equations of the method; for a method with a multiplier it is ``B^T e(z) = 0``. Its
+tangent is ``K + B^T e'(z) Z``, or ``B^T e'(z) Z``. Newton's method for this problem has
+the same iterates as Newton's method for the whole body, because the equations away from
+the contact are linear and hold at every step.
 
 The affine functions are in :mod:`erc_contact.newton.field_map`.
 
@@ -68,7 +68,7 @@ class Condensed:
         schur: S_A, the glued stiffness condensed on A, on rank 0 [force/length], shape
             (A, A).
         matrix: K on rank 0 [force/length], shape (A, A).
-        loads: s on rank 0 [force].
+        loads: b_A on rank 0 [force].
         normals: Normals of the foundation at the contact nodes of A, on rank 0 [-].
         length: Largest component of the glued displacement and of that before the step,
             over all ranks [length].
@@ -97,7 +97,7 @@ class Condensed:
         self.matrix = self.schur = np.zeros((0, 0))
         self.loads = np.zeros(0)
         self._unheld: tuple[np.ndarray, np.ndarray] | None = None
-        """K and s where springs hold the body, else None."""
+        """K and b_A where springs hold the body, else None."""
 
         # Gathering is collective; the dense algebra is done on rank 0 alone.
         self.u_0 = stiffness.gather(u_0)
@@ -181,7 +181,7 @@ class Condensed:
     def hold(self, weight: float, u_A: np.ndarray) -> None:
         """Hold the motions that no support holds where they are at u_A, on rank 0.
 
-        K and s include the springs until the next call.
+        K and b_A include the springs until the next call.
 
         Args:
             weight: Weight of the springs [-]; 0 for none.

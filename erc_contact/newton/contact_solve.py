@@ -222,13 +222,13 @@ class ContactSolve:
             )
         residuals = [outcome.residual for outcome in self.outcomes]
         nearest = self.rungs[residuals.index(min(residuals))]
-        other = "" if self.fallback else ", the other method (method=None tries both)"
+        other_method = "" if self.fallback else ", the other method (method=None tries both)"
         pressed = "one body on the other" if has_pairs else "the body on its foundation"
         return (
             f"{failed}. The nearest: {nearest}. Look first whether supports, or loads that press "
             f"{pressed} with enough friction, hold the body; a Displacement does. "
-            f"Else try a finer mesh at the contact, another friction{other}, or another gamma (1 "
-            "to 1000)."
+            f"Else try a finer mesh at the contact, another friction{other_method}, or another "
+            "gamma (1 to 1000)."
         )
 
     def _solution(self, method: Method, solution: DiscreteSolution) -> Solution:
@@ -275,6 +275,6 @@ def _friction_grows(model: Model) -> bool:
 
 
 def _has_strong_friction(model: Model) -> bool:
-    """Tell whether a coefficient of friction is above one; collective."""
+    """Tell whether a coefficient of friction is above 1; collective."""
     coefficients = [model.greatest_coefficient(contact) for contact in model.contacts]
     return max(coefficients, default=0.0) > STRONG_FRICTION

@@ -58,7 +58,7 @@ SINGULAR_RATIO = 1e-6
 def other_states(
     stiffness: Stiffness, method: Method, u: fem.Function, most: int
 ) -> list[DiscreteSolution]:
-    """Search other solutions of the discrete problem than a known one; collective.
+    """Search solutions of the discrete problem beside a known solution; collective.
 
     Args:
         stiffness: The elastic stiffness of the model.

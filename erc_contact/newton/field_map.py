@@ -9,7 +9,7 @@ For degree 2, the equations of a multiplier use Bernstein coefficients of u, jum
 lambda instead of nodal values; z contains this change
 (:mod:`erc_contact.newton.reactions`).
 
-The dense matrix Z is on rank 0. Symbols: A, K and s as in
+The dense matrix Z is on rank 0. Symbols: A, K and b_A as in
 :mod:`erc_contact.newton.condensed`; L and Q as in
 :mod:`erc_contact.newton.linear.stiffness`.
 """
@@ -40,7 +40,7 @@ class FieldMap:
         unknowns: Size of A.
         w_A: The glued displacement at A on rank 0 [length].
         matrix: K on rank 0 [force/length], shape (A, A).
-        loads: s on rank 0 [force], shape (A,).
+        loads: b_A on rank 0 [force], shape (A,).
 
     Attributes:
         size: Size of z.
@@ -186,11 +186,11 @@ class FieldMap:
         return change.matrix(rows, rows, identity=True).matMult(read)
 
     def set_reactions(self, matrix: np.ndarray, loads: np.ndarray) -> None:
-        """Set the multipliers in Z by the reactions ``K u_A - s``, on rank 0.
+        """Set the multipliers in Z by the reactions ``K u_A - b_A``, on rank 0.
 
         Args:
             matrix: K [force/length], shape (A, A).
-            loads: s [force], shape (A,).
+            loads: b_A [force], shape (A,).
         """
         if not self._on_first or self.multipliers is None:
             return

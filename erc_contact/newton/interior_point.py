@@ -204,8 +204,8 @@ class CentralPath:
         sides = self._sides
         compliance = np.einsum("nj,aj,bj->nab", self._v / self._y, sides, sides)
         weights = np.linalg.inv(compliance + np.eye(len(sides)))
-        both = self._free[:, :, None] & self._free[:, None, :]
-        self._weights = np.where(both, weights, 0.0)
+        both_free = self._free[:, :, None] & self._free[:, None, :]
+        self._weights = np.where(both_free, weights, 0.0)
         self._aim(np.zeros_like(self._y))
         self._solved = []
 

@@ -221,9 +221,9 @@ def attempts(
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
-    for other in (NODAL, *OTHERS):
-        if "nodal" not in known and other not in tried:
-            yield Attempt(other, "glued", final=False)
+    for other_method in (NODAL, *OTHERS):
+        if "nodal" not in known and other_method not in tried:
+            yield Attempt(other_method, "glued", final=False)
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):
         yield from _stiffer(method)
@@ -326,7 +326,7 @@ def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[A
 
 
 def _lowered_problems() -> Generator[Shares, float | None, None]:
-    """Generate problems with less and less friction, the last one with the scene's.
+    """Generate problems with less and less friction, down to the scene's friction.
 
     Each has the geometric mean of the least friction that was solved and the greatest
     that was not, which is the scene's before. Where these are near each other, it has

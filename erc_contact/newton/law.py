@@ -114,7 +114,7 @@ def solution_of_law(
             "%d cells: law step %d, misfit %.1e", model.domain.cells, len(misfits), misfits[-1]
         )
         if _ends(misfits, misfit, tolerance):
-            told = ", ".join(f"{one:.0e}" for one in misfits)
+            told = ", ".join(f"{value:.0e}" for value in misfits)
             return replace(
                 solution,
                 newton_steps=steps,
@@ -127,13 +127,13 @@ def solution_of_law(
         about.x.array[:] += share * (solution.u.x.array - about.x.array)
         model.linearised.move(about)
         start = solution
-    told = ", ".join(f"{one:.0e}" for one in misfits[-5:])
+    told = ", ".join(f"{value:.0e}" for value in misfits[-5:])
     raise NotConverged(
         f"Newton's method for the law of {type(model.scene.material).__name__} did not converge on "
         f"{model.domain.cells} cells in {LAW_STEPS} steps; the last misfits of the stress are "
         f"{told}. Take smaller loads, more hardening, or a potential whose second derivative does "
         "not jump so much.",
-        tuple(f"misfit {one:.2e}" for one in misfits),
+        tuple(f"misfit {value:.2e}" for value in misfits),
     )
 
 
@@ -200,7 +200,7 @@ class _Change:
         return np.asarray(np.matmul(self._tangent, strain[..., None])[..., 0])
 
     def _beyond(self, share: float) -> np.ndarray:
-        """Return the stress of the law at a share of a step, less the linear one."""
+        """Return the stress of the law at a share of a step, less the linear stress."""
         strain = self._strain + share * self._step
         return self._law.stress(strain, self._x, self._cells) - self._stress
 

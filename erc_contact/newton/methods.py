@@ -4,11 +4,11 @@ A method is two things, its equations and its traction; every later stage reads 
 traction. The equations are what one contact adds to elasticity ``a(u, v) - f(v) -
 F(v)``, which is the same for all methods.
 
-Symbols: u displacement, v test function, lambda multiplier [force/area], q its test
-function, n normal of the foundation, g gap, s tangential displacement at the end of the
-last step of a history, which is zero without history, r contact traction on the body, P
-the projection of the law, gamma = gamma_0 E k^2/h [force/volume] with h = d
-|cell|/|facet| the height of the cell over its facet and k the degree.
+Symbols: u displacement, v test function, lambda multiplier [force/area], n normal of
+the foundation, g gap, s tangential displacement at the end of the last step of a
+history, which is zero without history, r contact traction on the body, P the projection
+of the law, gamma = gamma_0 E k^2/h [force/volume] with h = d |cell|/|facet| the height
+of the cell over its facet and k the degree.
 """
 
 from __future__ import annotations
@@ -239,9 +239,9 @@ class AugmentedLagrangian:
     def equations(
         self, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl = None
     ) -> Ufl:
-        """Return the equations of the multiplier, a UFL form linear in q.
+        """Return the equations of the multiplier, a UFL form linear in v.
 
-        They are ``int_C (lambda - P(lambda - gamma (u - s - g n))).q`` by quadrature at
+        They are ``int_C (lambda - P(lambda - gamma (u - s - g n))).v`` by quadrature at
         the nodes.
 
         Args:
@@ -249,7 +249,7 @@ class AugmentedLagrangian:
             contact: One of its contacts.
             u: Function whose nodal values are the Bernstein coefficients of the
                 displacement [length].
-            v: Test function q of the multiplier.
+            v: Test function of the multiplier.
             multiplier: The same for lambda [force/area].
         """
         difference = multiplier - self.projected(model, contact, u, multiplier)

@@ -69,14 +69,14 @@ def _solution_of(
         free_dropped(model.comm)
 
 
-def _at_rest(rest: fem.Function, model: Model, method: Method, elastic: ElasticSolver) -> Solution:
+def _at_rest(u: fem.Function, model: Model, method: Method, elastic: ElasticSolver) -> Solution:
     """Make the exact solution of a body at rest, without contact forces."""
     multipliers = []
     if method.multiplier:
         for _ in model.contacts:
             multipliers.append(model.function())
     reason = "at rest: nothing loads or moves the body"
-    return _linear(model, method, rest, tuple(multipliers), reason, elastic)
+    return _linear(model, method, u, tuple(multipliers), reason, elastic)
 
 
 def _linear(

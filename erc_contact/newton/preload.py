@@ -177,7 +177,7 @@ def _preloads(scene: Scene) -> list[Preload]:
 def _first(
     shifts: np.ndarray, at: Callable[[np.ndarray], Scene], solve: Solve
 ) -> tuple[np.ndarray, Solution]:
-    """Solve with the first shifts, or with larger ones where there is no solution.
+    """Solve with the first shifts, or with larger shifts where there is no solution.
 
     Bodies that only the bolts hold need a certain force.
     """

@@ -4,7 +4,7 @@ The force is the reaction r, what the elastic equations leave at the nodes of th
 contact. It does the work of forces g on what the contacts read, ``r = B^T g``
 (:mod:`erc_contact.model.groups`), a row of B for each node or pair. Where rows are
 independent r tells g. The multiplier of a row belongs to the first contact that has it.
-There ``a lambda`` is g less the multipliers of later contacts. In these, and for
+There ``area lambda`` is g less the multipliers of later contacts. In these, and for
 components that a support fixes, it is the mean of its neighbours in the contact: its
 own would be redundant.
 
@@ -26,7 +26,7 @@ All this is a sparse matrix for each contact. The full problem applies it on eac
 to its own nodes (:class:`Reactions`). The condensed problem multiplies it by
 the stiffness of the contact on rank 0 (:mod:`erc_contact.newton.condensed`).
 
-Symbols: a area of a node, d dimension, m nodes of a facet, n rows, N nodes.
+Symbols: d dimension, m nodes of a facet, n rows, N nodes.
 """
 
 from __future__ import annotations
@@ -221,7 +221,7 @@ class MultiplierMap:
         jumps = self._from_nodes(groups.jumps, self.free)
         # What the estimates leave of r, where forces are shared.
         size = len(self._dofs)
-        rest = diagonal(np.ones(size))
+        missing = diagonal(np.ones(size))
         scales = [np.repeat(area, rows.d) for area in rows.areas]
         for k, matrix in enumerate(matrices):
             force = _scaled(scales[k], matrix)
@@ -229,9 +229,9 @@ class MultiplierMap:
                 of_facet = coefficients(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]).matMult(force)
             borne = jumps.transposeMatMult(force)
-            rest.axpy(-1.0, borne, DIFFERENT)
+            missing.axpy(-1.0, borne, DIFFERENT)
 
-        share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(rest)
+        share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(missing)
         done = np.zeros(len(rows.here), dtype=bool)
         for k, matrix in enumerate(matrices):
             first = np.zeros(len(rows.here), dtype=bool)

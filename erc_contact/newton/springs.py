@@ -3,12 +3,12 @@
 The equations ``e(w, lambda) = 0`` of a node, linearised and solved for the force, are
 springs. Where they do not determine the force, some compliance is added:
 
-    G = B^T H e_w B,    H = (e_lambda/a + D^-1 e_w)^-1 at each node.
+    G = B^T H e_w B,    H = (e_lambda/area + D^-1 e_w)^-1 at each node.
 
 So nodes that stick get the glue D, and open ones nothing.
 
-Symbols: w what contacts read, Bernstein coefficients of degree 2, and B from u to w; a
-area of a node, D the glue of a contact.
+Symbols: w what contacts read, Bernstein coefficients of degree 2, and B from u to w; D
+the glue of a contact.
 """
 
 from __future__ import annotations

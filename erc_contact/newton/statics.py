@@ -159,7 +159,7 @@ def _described(model: Model, motion: np.ndarray, work: float) -> Mechanism:
     if len(moved):
         cell = int(np.argmax(moved))
         farthest = float(moved[cell]), corners[cell].tolist(), values[cell].tolist()
-    _, x, u = max(one for one in model.comm.allgather(farthest) if one is not None)
+    _, x, u = max(found for found in model.comm.allgather(farthest) if found is not None)
     points, displacements = np.array(x), np.array(u)
     gradient = np.linalg.solve(points[1:] - points[0], displacements[1:] - displacements[0]).T
     skew = 0.5 * (gradient - gradient.T)
@@ -319,7 +319,7 @@ def on_first(
 
 
 def _joined(parts: list[Forces]) -> Forces:
-    """Return unit forces one after the other."""
+    """Return unit forces in turn."""
     return Forces(
         np.concatenate([part.work for part in parts]),
         np.concatenate([part.cost for part in parts]),

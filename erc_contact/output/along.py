@@ -1,6 +1,6 @@
 """Find the coordinate along a contact in 2D, and curves along it; on rank 0.
 
-Symbols: n normal of the foundation, s coordinate along a contact.
+Symbols: n normal of the foundation.
 """
 
 from __future__ import annotations
@@ -12,38 +12,38 @@ from erc_contact.output.drawing import coordinate, tangents, words
 from erc_contact.output.gathered import AXIS, WholeContact, mean_normal
 
 PART_DISTANCE = 0.05
-"""Distance in s between parts of a contact, as a share of its length [-]."""
+"""Distance between parts of a contact along it, as a share of its length [-]."""
 
 
 def along(surface: WholeContact) -> tuple[np.ndarray, str]:
-    """Compute the coordinate s of the vertices of each facet in 2D [length].
+    """Compute the coordinate of vertices along a contact in 2D [length].
 
     Returns:
-        s, shape (n, 2), and its label.
+        The coordinate of the vertices of each facet, shape (n, 2), and its label.
     """
     (tangent,) = tangents(mean_normal(surface))
-    s = surface.x[:, :2, :2] @ tangent
+    abscissa = surface.x[:, :2, :2] @ tangent
     # On a straight contact no facet is shorter along the tangent than it is.
-    if np.allclose(np.ptp(s, axis=1), surface.traction.area, rtol=10 * AXIS, atol=0.0):
-        return s, coordinate(tangent, surface.letters)
+    if np.allclose(np.ptp(abscissa, axis=1), surface.traction.area, rtol=10 * AXIS, atol=0.0):
+        return abscissa, coordinate(tangent, surface.letters)
     return _arc_length(surface)
 
 
 def _arc_length(surface: WholeContact) -> tuple[np.ndarray, str]:
-    """Compute the arc length s along a curved contact [length].
+    """Compute the arc length along a curved contact [length].
 
     The contact may have several parts or be closed. A closed part is cut far from the
-    mean place of the pressure, where s is zero.
+    mean place of the pressure, where the arc length is zero.
 
     Returns:
-        s of the vertices of each facet, shape (n, 2), and its label.
+        Arc length at the vertices of each facet, shape (n, 2), and its label.
     """
     traction = surface.traction
     n, area = traction.contact.direction, traction.area
     ends = surface.x[:, :2, :2]
     # All facets are followed along (-n_2, n_1), in whatever order their vertices are.
-    t = np.column_stack([-n[:, 1], n[:, 0]])
-    forward = np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], t) > 0
+    forwards = np.column_stack([-n[:, 1], n[:, 0]])
+    forward = np.einsum("fi,fi->f", ends[:, 1] - ends[:, 0], forwards) > 0
     vertices = surface.vertices.T
     first, last = np.where(forward, vertices, vertices[::-1])
     force = area * np.maximum(-traction.normal_component, 0).mean(axis=1)
@@ -64,11 +64,11 @@ def _arc_length(surface: WholeContact) -> tuple[np.ndarray, str]:
         part = end == last_facet
         start[part] = offset + to_end[part].max() - to_end[part]
         offset = float((start[part] + area[part]).max()) + PART_DISTANCE * area.sum()
-    s = np.where(forward, [start, start + area], [start + area, start]).T
+    abscissa = np.where(forward, [start, start + area], [start + area, start]).T
     distance = np.linalg.norm(ends - centre, axis=2)
-    facet, vertex = np.unravel_index(distance.argmin(), s.shape)
+    facet, vertex = np.unravel_index(distance.argmin(), abscissa.shape)
     origin = words(ends[facet, vertex], area.sum())
-    return s - s[facet, vertex], f"arc length from {origin} [length]"
+    return abscissa - abscissa[facet, vertex], f"arc length from {origin} [length]"
 
 
 def through_means(

@@ -155,9 +155,9 @@ def _behind(
     are none if the other side would move, too.
     """
     links = [_links(body["cells"])]
-    for other in pairs:
-        if other is not pair and other.partners is not None:
-            facing = [other.traction.nodes.ravel(), other.partners.ravel()]
+    for contact in pairs:
+        if contact is not pair and contact.partners is not None:
+            facing = [contact.traction.nodes.ravel(), contact.partners.ravel()]
             links.append(np.column_stack(facing))
     label = components(len(body["points"]), np.concatenate(links))
     here = np.isin(label, label[pair.traction.nodes])
@@ -203,9 +203,9 @@ def _recess(
     reach = FADING * float(np.linalg.norm(recess, axis=1).max())
     label = bodies_of(body)
     inside = np.isin(label, label[nodes])
-    for other in pairs:
-        inside[other.traction.nodes] = False
-        inside[other.partners] = False
+    for contact in pairs:
+        inside[contact.traction.nodes] = False
+        inside[contact.partners] = False
     corners = pair.x[:, : pair.d, : pair.d]
     low = corners.min(axis=(0, 1)) - reach
     high = corners.max(axis=(0, 1)) + reach

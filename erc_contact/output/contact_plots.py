@@ -1,8 +1,7 @@
 """Plot the traction on a contact and its status by matplotlib.
 
 Symbols: r^ admissible contact traction, r_n and r_t its normal and tangential parts, b
-friction bound, n normal of the contact out of the body, t tangent of the contact, s
-coordinate along t.
+friction bound, n normal of the contact out of the body.
 """
 
 from __future__ import annotations
@@ -51,13 +50,13 @@ Where it is exceeded, the axis is logarithmic above the level.
 def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: Any = None) -> Any:
     """Draw the traction r^ on a contact and its status; collective.
 
-    In 2D curves show the pressure, the shear along t = (-n_2, n_1), and the band from
+    In 2D curves show the pressure, the shear along (-n_2, n_1), and the band from
     -b to b. Of degree 2 they are r^, facet by facet. Of degree 1 r^ jumps from one
     facet to the next as much as it is wrong; the curves then are continuous and have
     the mean of r^ on each facet (:func:`erc_contact.output.along.through_means`), and
     thin lines show r^. So the area under the curve of the pressure is the normal force.
     Strips in the background have the colours of the status of the facets
-    (:func:`erc_contact.results.contact_status`). The abscissa s is the coordinate along
+    (:func:`erc_contact.results.contact_status`). The abscissa is the coordinate along
     a straight contact, or the arc length of a curved one. Nothing is cut off: where a
     peak is high, the axis is logarithmic above a dotted line. No bound of r^ at single
     points is known, so none is drawn.
@@ -111,34 +110,34 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     traction = surface.traction
     n = traction.contact.trace.normals
     status = contact_status(traction)
-    s, label = along(surface)
-    line = _Line(surface, s)
+    abscissa, label = along(surface)
+    line = _Line(surface, abscissa)
     if ax is None:
         axes = new_figure(*CURVES_SIZE).subplots()
     else:
         axes = panels_of(ax, 1, "plot_contact in 2D")[0]
-    _draw_strips(axes, s, status)
+    _draw_strips(axes, abscissa, status)
     limited = bool(np.isfinite(traction.friction_bound).all())
     # A tied joint has no bound.
     if limited:
         bound = line.path(line.curve(traction.friction_bound))
         look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
         axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
-    t = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-    direction = words(t[0, 0]) if np.allclose(t, t[0, 0]) else "$(-n_2, n_1)$"
+    tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
+    direction = words(tangent[0, 0]) if np.allclose(tangent, tangent[0, 0]) else "$(-n_2, n_1)$"
     pressure = -traction.normal_component
-    shear = (traction.tangential_part * t).sum(axis=-1)
+    shear = (traction.tangential_part * tangent).sum(axis=-1)
     _draw_traction(axes, line, pressure, PRESSURE, "pressure")
     _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
     axes.axhline(0.0, color="0.4", lw=0.6)
-    closed = s[status != OPEN] if np.any(status != OPEN) else s
+    closed = abscissa[status != OPEN] if np.any(status != OPEN) else abscissa
     # The closed part is shown with as much beside it, where the contact goes on.
     around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
     of_pair = ""
     if surface.partners is not None:
         of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
     axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
-    axes.set_xlim(np.clip(around, s.min(), s.max()))
+    axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
     greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(axis=1)
     _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
     _write_legend(axes, status, surface.degree)
@@ -151,21 +150,21 @@ class _Line:
     """Sample values on the facets along a contact in 2D.
 
     Attributes:
-        abscissa: s at the sampled points in one row, see :meth:`path`.
+        abscissa: Coordinate of the sampled points in one row, see :meth:`path`.
     """
 
-    def __init__(self, surface: WholeContact, s: np.ndarray) -> None:
+    def __init__(self, surface: WholeContact, ends: np.ndarray) -> None:
         """Place q points on each facet, in order along the contact.
 
         Args:
             surface: The contact.
-            s: Coordinate of the ends of its facets [length], shape (n, 2).
+            ends: Coordinate of the ends of its facets [length], shape (n, 2).
         """
         self.degree = surface.degree
-        self.order = np.argsort(s.min(axis=1))
-        self.turned = (s[:, 0] > s[:, 1])[:, None]
+        self.order = np.argsort(ends.min(axis=1))
+        self.turned = (ends[:, 0] > ends[:, 1])[:, None]
         self.points = subdivided(1, PARTS)[0]
-        places = np.sort(s[:, :1] + self.points.T * (s[:, 1:] - s[:, :1]), axis=1)[self.order]
+        places = np.sort(ends[:, :1] + self.points.T * np.diff(ends), axis=1)[self.order]
         self.lengths = np.ptp(places, axis=1)
         # Facets that do not touch the one before begin a new part of the contact.
         jumps = places[1:, 0] - places[:-1, -1]
@@ -189,10 +188,10 @@ class _Line:
         return np.insert(values, self.parts, np.nan, axis=0).ravel()
 
 
-def _draw_strips(axes: Any, s: np.ndarray, status: np.ndarray) -> None:
+def _draw_strips(axes: Any, abscissa: np.ndarray, status: np.ndarray) -> None:
     """Draw strips behind the curves in the colours of the status of the facets."""
     look = {"lw": 0, "antialiased": False, "zorder": 0}
-    strips = np.column_stack([s.min(axis=1), np.ptp(s, axis=1)])
+    strips = np.column_stack([abscissa.min(axis=1), np.ptp(abscissa, axis=1)])
     # Strips are as high as the axes, whatever the tractions.
     transform = axes.get_xaxis_transform()
     for code, colour in enumerate(STATUS_COLOURS):

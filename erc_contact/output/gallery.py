@@ -33,7 +33,7 @@ The second one draws bodies in space.
 
 
 class Gallery:
-    """Draw pictures in a folder one after another, the most telling one first.
+    """Draw pictures in a folder one after another, the most telling picture first.
 
     Attributes:
         folder: The folder.

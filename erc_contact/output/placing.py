@@ -109,7 +109,7 @@ def _below(
     sizes: np.ndarray,
     of_bars: Sequence[np.ndarray],
 ) -> np.ndarray:
-    """Place colour bars below their panels, or one below all; boxes (m, 4) [inches]."""
+    """Place colour bars below panels, or one bar below all; boxes (m, 4) [inches]."""
     low = (boxes[:, 1] - margins[:, 1]).min()
     centres = boxes[:, 0] + boxes[:, 2] / 2
     if len(sizes) < len(boxes):

@@ -69,7 +69,7 @@ def _greatest(values: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
 
 
 def _near(values: np.ndarray, top: float) -> np.ndarray:
-    """Tell which values equal the greatest one but for round-off."""
+    """Tell which values equal the greatest value but for round-off."""
     if not np.isfinite(top):
         return values == top
     return values >= top - EQUAL_MAXIMA * abs(top)

@@ -105,7 +105,7 @@ def _elastic_means(admissible: Admissible) -> np.ndarray:
 
 
 def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
-    """Project a stress on linear ones in each owned cell [force/area]; collective.
+    """Project a stress on linear stresses in each owned cell [force/area]; collective.
 
     The projection is that in the mean square, and the result are its values at the
     vertices. Cells do not share these values. The vertices are in the order of

@@ -24,7 +24,7 @@ from erc_contact.model.profile import OPEN, facet_status, greatest_pressure
 
 
 def gap_deviation(result: Any, name: str) -> float:
-    """Tell how far the linearised gap is from the true one [length]; collective.
+    """Tell how far the linearised gap is from the true gap [length]; collective.
 
     It is the greatest difference of the gap of the law from the distance of the bodies
     deformed by u^, at the nodes of closed facets. A gap that the scene gives is left

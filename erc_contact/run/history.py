@@ -126,7 +126,7 @@ class History(RunResult):
         return self.best.profile(contact)
 
     def gap_deviation(self, contact: str) -> float:
-        """Tell how far the linearised gap is from the true one, of the best result.
+        """Tell how far the linearised gap is from the true gap, of the best result.
 
         See :func:`erc_contact.results.gap_deviation` [length].
         """

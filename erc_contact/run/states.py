@@ -116,7 +116,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "regions": dict(domain.regions),
         "geometry": geometry,
         "tags": sorted(tags),
-        "interfaces": [asdict(one) for one in domain.interface_map.interfaces]
+        "interfaces": [asdict(interface) for interface in domain.interface_map.interfaces]
         if domain.interface_map
         else [],
         "multipliers": len(solution.multipliers),

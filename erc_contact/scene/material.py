@@ -88,8 +88,8 @@ def mandel_matrix(act: Callable[..., Ufl], tensors: np.ndarray, **parameters: Uf
 
 def in_tensor(components: Sequence[Ufl]) -> Ufl:
     """Return the tensor (3, 3) of six Mandel components, UFL."""
-    basis = [ufl.as_tensor(one.tolist()) for one in mandel_basis(3)]
-    return sum(components[i] * one for i, one in enumerate(basis))
+    basis = [ufl.as_tensor(tensor.tolist()) for tensor in mandel_basis(3)]
+    return sum(components[i] * tensor for i, tensor in enumerate(basis))
 
 
 def strain(u: Ufl) -> Ufl:

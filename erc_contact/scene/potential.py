@@ -125,7 +125,7 @@ class Convex(Potential, Protocol):
 
 
 def gives_conjugate(material: Any) -> bool:
-    """Tell whether a law has a conjugate of its own, not the one of the protocol."""
+    """Tell whether a law has a conjugate of its own beside the protocol."""
     method = getattr(type(material), "conjugate", None)
     return method is not None and method is not Potential.conjugate
 

@@ -49,7 +49,7 @@ def test_on_segments_all_is_resolved(place):
     found = integrate(MPI.COMM_SELF, f, *segments(4), facet_pieces(1))
     assert found.resolved.all()
     error = abs(found.value.sum(axis=0)[:3] - true)
-    assert (error <= found.rest.sum(axis=0)[:3] + 1e-15).all()
+    assert (error <= found.bound.sum(axis=0)[:3] + 1e-15).all()
     assert (error <= 1e-8 * np.array(true)).all()
 
 
@@ -63,8 +63,8 @@ def test_smooth_in_cells(d):
     t = (np.arange(1000000) + 0.5) / 1000000
     true = np.mean((1 - t) ** (d - 1) / (1 + t)) / (1, 1, 1, 2)[d]
     assert found.resolved.all()
-    assert abs(total(found.value) - true) <= total(found.rest) + 1e-12
-    assert total(found.rest) <= 1e-8 * true
+    assert abs(total(found.value) - true) <= total(found.bound) + 1e-12
+    assert total(found.bound) <= 1e-8 * true
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -75,8 +75,8 @@ def test_jumps_in_cells_are_told(d, place):
     )
     true = (1 - place) ** d / (1, 1, 2, 6)[d]
     assert not found.resolved.any()
-    assert abs(total(found.value) - true) <= total(found.rest)
-    assert total(found.rest) <= 0.25 * true
+    assert abs(total(found.value) - true) <= total(found.bound)
+    assert total(found.bound) <= 0.25 * true
 
 
 @pytest.mark.serial
@@ -100,7 +100,7 @@ def test_zero_and_noise_end():
     rng = np.random.default_rng(0)
     found = integrate(COMM, lambda of, at, x: 0.0 * x[..., :1], *simplex(2), cell_pieces(2))
     assert found.resolved.all()
-    assert not found.rest.any()
+    assert not found.bound.any()
     calls = []
 
     def noise(of, at, x):

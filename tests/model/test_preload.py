@@ -21,6 +21,8 @@ from test_split import tagged
 from test_two_bodies import certified
 
 import erc_contact as ec
+from erc_contact.admissible import equilibrate as stage
+from erc_contact.admissible.balance_parts import TooCoarse
 
 COMM = MPI.COMM_WORLD
 SMOOTH = ec.Elastic(100.0, 0.0)
@@ -221,6 +223,24 @@ def test_error_is_a_bound_for_shift_and_force(degree, friction):
         exact = ec.solve(reference, fine, ec.AugmentedLagrangian(), degree=2)
         true = true_errors(error.admissible, exact)
         assert 1.0 <= error.absolute / true.both < 1.3
+
+
+@pytest.mark.serial
+def test_a_force_that_cannot_be_kept_is_left_out(monkeypatch):
+    """sigma^ then has another force in the bolt, and is in equilibrium all the same."""
+    solution = ec.solve(joint(2, force=FORCE), bolted_plates(2, 2.0))
+    original = stage.admissible_tractions
+    balanced = []
+
+    def failing(model, solved, others):
+        balanced.append(len(others.motions))
+        if len(balanced) == 1:
+            return TooCoarse("no traction", np.empty(0, dtype=np.int32))
+        return original(model, solved, others)
+
+    monkeypatch.setattr(stage, "admissible_tractions", failing)
+    assert ec.equilibrate(solution).imbalance < 1e-11
+    assert balanced[1] < balanced[0]
 
 
 @pytest.mark.serial

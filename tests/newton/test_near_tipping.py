@@ -4,7 +4,8 @@ Tractions of degree k on facets have their resultant at least a share of a facet
 
 - where facets are too large for any, `adapt` refines those that press until there is a pair;
 - in space on an edge and on a corner, in stacks, by both strategies;
-- `equilibrate` alone says that the mesh is to be refined there.
+- `equilibrate` alone says that the mesh is to be refined there;
+- pressures become uniform only where they still balance the loads.
 """
 
 import numpy as np
@@ -79,3 +80,18 @@ def test_stacks():
     force = history.force("b bottom").force
     assert history.reached
     assert force == pytest.approx([-0.95e-3 / 2, 1e-3], rel=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pressures_that_would_be_uniform(degree):
+    """On one facet a uniform pressure has its resultant in the middle: it is given up."""
+    scene = ec.Scene(
+        ec.Elastic(1e3, 0.3),
+        ec.Displacement("top", (-0.06, None)),
+        ec.BodyForce((0.0, -1.0)),
+        ec.Contact("bottom", friction=lambda x: 0.2 + 0.8 * x[0] + x[0] ** 2),
+    )
+    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
+    pair = ec.equilibrate(ec.solve(scene, block, degree=degree))
+    assert ec.constitutive_error(pair).force("bottom").force[1] == pytest.approx(1.0, rel=1e-8)

@@ -200,11 +200,11 @@ def _measure(integral: Ufl, numbers: _Numbers) -> tuple[Any, ...]:
     for mesh, kind in other_domains(integral).items():
         extra.append((mesh._ufl_signature_data_(numbers), kind))
     domain = integral.ufl_domain()._ufl_signature_data_(numbers)
-    own = (domain, integral.integral_type(), integral.subdomain_id())
+    place = (domain, integral.integral_type(), integral.subdomain_id())
     metadata = []
     for name, value in integral.metadata().items():
         metadata.append((name, _in_full(value)))
-    return extra, own, sorted(metadata)
+    return extra, place, sorted(metadata)
 
 
 class _Numbers(dict[Any, int]):

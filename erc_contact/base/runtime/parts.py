@@ -65,9 +65,9 @@ def _renumbered(form: ufl.Form) -> ufl.Form:
             in_order = sorted(values[kind])
             parts[kind] = PartsOfForm(tags, in_order)
             numbers[kind] = {value: number for number, value in enumerate(in_order, start=1)}
-        own = tuple(numbers[kind][value] for value in _values(integral))
+        new_tags = tuple(numbers[kind][value] for value in _values(integral))
         new = integral.reconstruct(
-            subdomain_id=own if len(own) > 1 else own[0], subdomain_data=parts[kind]
+            subdomain_id=new_tags if len(new_tags) > 1 else new_tags[0], subdomain_data=parts[kind]
         )
         integrals.append(new)
     return ufl.Form(integrals) if parts else form

@@ -211,12 +211,12 @@ def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Coul
     """
     surface = pair.surface
     normal, x = surface.normal, surface.positions()
-    other = other_mesh(error.model)
+    comparison = other_mesh(error.model)
     tried = []
     for smoothing, t in zip(LENGTHS, slip_fields(pair), strict=True):
         q = coupling(normal, traces, t, x)[0]
-        other_q = q if other is None else other.norm(surface, t)[0]
-        change = change_of_norm(q, surface, other_q, other)
+        other_q = q if comparison is None else comparison.norm(surface, t)[0]
+        change = change_of_norm(q, surface, other_q, comparison)
         tried.append(replace(_tried(error, pair, traces, t, q, change), smoothing=smoothing))
     largest = max(certificate.q + certificate.q_change for certificate in tried)
     best = min(tried, key=lambda certificate: certificate.bound)
@@ -230,10 +230,10 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
     """
     surface = pair.surface
     t = slip_fields(pair)[SMOOTH_FIELD]
-    other = other_mesh(error.model)
-    other_q, start = (0.0, None) if other is None else other.norm(surface, t)
+    comparison = other_mesh(error.model)
+    other_q, start = (0.0, None) if comparison is None else comparison.norm(surface, t)
     q, missing, _ = coupling(surface.normal, traces, t, surface.positions(), start)
-    change = change_of_norm(q, surface, other_q, other) + missing
+    change = change_of_norm(q, surface, other_q, comparison) + missing
     certificate = _tried(error, pair, traces, t, q, change)
     return replace(certificate, smoothing=LENGTHS[SMOOTH_FIELD], q_largest=q + change)
 
@@ -246,7 +246,7 @@ def _tried(
     q: float,
     change: float,
 ) -> CoulombCertificate:
-    """Return the certificate with a field t (M, d) at the nodes; collective."""
+    """Return the certificate with a field t (n, d) at the nodes; collective."""
     surface = pair.surface
     forces, work = pair.unbalanced(t)
     eta = pair.unaligned(t)[:, None] * surface.normal
@@ -273,11 +273,11 @@ def _energy(displacement: np.ndarray, forces: np.ndarray) -> float:
     return float(np.sqrt(max(np.sum(displacement * forces), 0.0)))
 
 
-def bound_of_both(q: float, e_t: float, bulk: float, rest: float) -> float:
+def bound_of_both(q: float, e_t: float, bulk: float, missed: float) -> float:
     """Compute the largest ``sqrt(a^2 + b^2)`` that satisfies (1) [sqrt(force length)].
 
     It is called x, and infinite if q >= 2. (1) is ``x^2 - e_t^2 - q (s + beta/2)^2 - 2
-    rest x <= 0`` with ``2 s^2 = x^2 - beta^2/2``. The left side is convex in x.
+    missed x <= 0`` with ``2 s^2 = x^2 - beta^2/2``. The left side is convex in x.
     Newton's method falls to its largest root from a point above: the root with
     ``sqrt(2) (s + beta/2) >= x`` in the place of x in the last term.
 
@@ -285,17 +285,17 @@ def bound_of_both(q: float, e_t: float, bulk: float, rest: float) -> float:
         q: Norm of W [-].
         e_t: e_t [sqrt(force length)].
         bulk: beta, not above e_t.
-        rest: ``sqrt(A^2 + B^2)``.
+        missed: ``sqrt(A^2 + B^2)``.
     """
-    if not (q < 2 and rest < np.inf):
+    if not (q < 2 and missed < np.inf):
         return np.inf
-    half = bulk + np.sqrt(2.0) * rest
+    half = bulk + np.sqrt(2.0) * missed
     p = (half + np.sqrt(half**2 + (2 - q) * (e_t**2 - bulk**2))) / (2 - q)
     x = np.sqrt(2 * p * p - 2 * p * bulk + bulk**2)
     while x > 0:
         s = np.sqrt(max(x * x / 2 - bulk**2 / 4, 0.0))
-        value = x * x - e_t**2 - q * (s + bulk / 2) ** 2 - 2 * rest * x
-        slope = 2 * (x - rest) - (q * (s + bulk / 2) * x / s if s > 0 else 0.0)
+        value = x * x - e_t**2 - q * (s + bulk / 2) ** 2 - 2 * missed * x
+        slope = 2 * (x - missed) - (q * (s + bulk / 2) * x / s if s > 0 else 0.0)
         below = x - value / slope
         if not below < x * (1 - 1e-14):
             break

@@ -46,16 +46,16 @@ def coupling(
     rigid motion of that.
 
     Args:
-        n: Normals at the nodes of the surface, shape (M, d).
+        n: Normals at the nodes of the surface, shape (n, d).
         traces: The body as they see it.
-        t: The field, shape (M, d).
-        x: Positions of the nodes [length], shape (M, d).
-        start: Normal displacements to start from, shape (M,); waves of all lengths by
+        t: The field, shape (n, d).
+        x: Positions of the nodes [length], shape (n, d).
+        start: Normal displacements to start from, shape (n,); waves of all lengths by
             default.
 
     Returns:
         q [-], by how much the last step has raised it, and normal displacements that W
-        makes of a v with this ratio, shape (M,).
+        makes of a v with this ratio, shape (n,).
     """
     if not np.any(t):
         return 0.0, 0.0, np.zeros(len(n))
@@ -105,11 +105,11 @@ def _normal_motions(n: np.ndarray, motions: np.ndarray) -> np.ndarray:
     So is a translation off a flat foundation.
 
     Args:
-        n: Normals, shape (M, d).
-        motions: The free motions at the nodes, shape (K, M, d).
+        n: Normals, shape (n, d).
+        motions: The free motions at the nodes, shape (K, n, d).
 
     Returns:
-        Orthonormal normal displacements, shape (M, r).
+        Orthonormal normal displacements, shape (n, r).
     """
     if not len(motions):
         return np.zeros((len(n), 0))
@@ -123,7 +123,7 @@ def _normal_motions(n: np.ndarray, motions: np.ndarray) -> np.ndarray:
 
 
 def _normal_forces(n: np.ndarray, traces: Traces, phi: np.ndarray) -> np.ndarray:
-    """Compute the normal forces of normal displacements phi (M,), N phi; collective."""
+    """Compute the normal forces of normal displacements phi (n,), N phi; collective."""
     return (traces.lifted(phi[:, None] * n) * n).sum(axis=1)
 
 
@@ -133,7 +133,7 @@ def _resisted_motion(
     """Find a rigid motion that W does not make a rigid motion of; collective.
 
     Returns:
-        Its image as normal displacements, shape (M,), or None if there is none.
+        Its image as normal displacements, shape (n,), or None if there is none.
     """
     if not len(traces.motions):
         return None
@@ -150,9 +150,9 @@ def _resisted_motion(
 
 
 def _waves(x: np.ndarray) -> np.ndarray:
-    """Return a field (M,) that is orthogonal to nothing.
+    """Return a field (n,) that is orthogonal to nothing.
 
-    It is the same for any order of the nodes x (M, d).
+    It is the same for any order of the nodes x (n, d).
     """
     size = np.ptp(x, axis=0).max(initial=0.0) or 1.0
     centre = x.mean(axis=0)

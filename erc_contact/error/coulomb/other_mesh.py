@@ -55,11 +55,11 @@ class OtherMesh:
     traces: Traces
 
     def norm(self, surface: CoulombSurface, t: np.ndarray) -> tuple[float, np.ndarray]:
-        """Compute the norm q for the field t (M, d) of a surface; collective.
+        """Compute the norm q for the field t (n, d) of a surface; collective.
 
         Returns:
             q [-], and the normal displacements that go with it, on the surface of t,
-            shape (M,).
+            shape (n,).
         """
         here = self.surface
         # The other surface gives the field; edges and supports of this one block it.
@@ -93,15 +93,15 @@ def other_mesh(model: Model) -> OtherMesh | None:
 
 def body_on(model: Model, domain: Domain) -> OtherMesh:
     """Make the body of a model on another mesh; collective."""
-    other = bind(model.scene, domain, model.degree)
-    surface = coulomb_surface(other)
-    stiffness = stiffness_of(other)
+    new_model = bind(model.scene, domain, model.degree)
+    surface = coulomb_surface(new_model)
+    stiffness = stiffness_of(new_model)
     with stiffness.in_memory():
         return OtherMesh(surface, stiffness.traces(surface.numbers))
 
 
 def change_of_norm(
-    q: float, surface: CoulombSurface, other_q: float, other: OtherMesh | None
+    q: float, surface: CoulombSurface, other_q: float, comparison: OtherMesh | None
 ) -> float:
     """Estimate how far the norm q of a field is from its limit [-].
 
@@ -111,15 +111,15 @@ def change_of_norm(
         q: The norm on the mesh of the body [-].
         surface: The contacts on this mesh.
         other_q: The norm of the same field on the other mesh [-].
-        other: The other mesh.
+        comparison: The other mesh.
 
     Returns:
         c/log(1 + L/h); a tenth of q where the other mesh tells nothing.
     """
-    if other is None or not np.isfinite(q):
+    if comparison is None or not np.isfinite(q):
         return UNKNOWN_CHANGE * q
     here = _missing(surface)
-    there = _missing(other.surface)
+    there = _missing(comparison.surface)
     if abs(here - there) < SAME_MESH * here:
         return max(UNKNOWN_CHANGE * q, abs(q - other_q))
     return here * abs(q - other_q) / abs(here - there)

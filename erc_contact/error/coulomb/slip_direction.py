@@ -34,7 +34,7 @@ SMOOTHING_STEPS = 500
 def slip_fields(pair: PairOnSurface) -> list[np.ndarray]:
     """Return fields t at the nodes, |t| <= mu, from rough to smooth.
 
-    They are linear between the nodes. Each has the shape (M, d).
+    They are linear between the nodes. Each has the shape (n, d).
     """
     surface = pair.surface
     rough, weight = _rough(pair)
@@ -49,7 +49,7 @@ def slip_fields(pair: PairOnSurface) -> list[np.ndarray]:
 def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     """Return the field t0 at the nodes, and the weights c_i A_i.
 
-    Their shapes are (M, d) and (M,).
+    Their shapes are (n, d) and (n,).
     """
     s = pair.surface
     area, hats, pressures, shears = pair.at_points(s.degree + 1)

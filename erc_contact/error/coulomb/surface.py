@@ -2,7 +2,7 @@
 
 It has nodes, facets, and the admissible pair on it.
 
-Symbols: M nodes of the surface, F its facets, m nodes of a facet, d dimension; w^ and
+Symbols: n nodes of the surface, F its facets, m nodes of a facet, d dimension; w^ and
 r^ admissible displacement and traction; mu friction coefficient; t a tangential field
 with |t| <= mu, mu times a direction of slip.
 """
@@ -46,13 +46,13 @@ class CoulombSurface:
 
     Attributes:
         degree: Degree k of the displacement.
-        numbers: Global numbers of the nodes, shape (M,).
+        numbers: Global numbers of the nodes, shape (n,).
         facets: Places of the nodes of each facet in ``numbers``, shape (F, m).
         corners: Vertices of the facets [length], shape (F, d, d).
         of_corners: Normals of the foundation at the vertices of the facets, shape (F,
             d, d).
-        normal: Mean normals at the nodes, shape (M, d).
-        blocked: Nodes where t must vanish, shape (M,). A displacement (t.v) n cannot be
+        normal: Mean normals at the nodes, shape (n, d).
+        blocked: Nodes where t must vanish, shape (n,). A displacement (t.v) n cannot be
             lifted into the body there: a support or another contact holds the normal
             component and leaves a tangential one free.
     """
@@ -71,7 +71,7 @@ class CoulombSurface:
         return measures(self.corners)
 
     def positions(self) -> np.ndarray:
-        """Return the positions of the nodes [length], shape (M, d)."""
+        """Return the positions of the nodes [length], shape (n, d)."""
         d = self.normal.shape[1]
         x = np.zeros_like(self.normal)
         x[self.facets] = np.matmul(lagrange(d - 1, 1, nodes(d - 1, self.degree)), self.corners)
@@ -96,16 +96,16 @@ class CoulombSurface:
         return self.facets[:, cut].reshape(-1, cut.shape[1])
 
     def interpolated(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Interpolate vectors at the nodes (M, d), linear between them.
+        """Interpolate vectors at the nodes (n, d), linear between them.
 
         Args:
             values: The vectors.
-            x: Points [length], shape (n, d). The nearest points of the surface count.
+            x: Points [length], shape (p, d). The nearest points of the surface count.
         """
         return interpolate(x, self.positions()[self.pieces], values[self.pieces])
 
     def summed(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Sum values at the nodes of facets or pieces, (n, m, ...) -> (M, ...)."""
+        """Sum values at the nodes of facets or pieces, (f, m, ...) -> (n, ...)."""
         total = np.zeros((len(self.numbers), *values.shape[2:]))
         np.add.at(total, places, values)
         return total
@@ -132,7 +132,7 @@ class PairOnSurface:
     stiffness: np.ndarray
 
     def least_friction(self) -> np.ndarray:
-        """Return the least mu of the facets at each node [-], shape (M,)."""
+        """Return the least mu of the facets at each node [-], shape (n,)."""
         least = np.full(len(self.surface.numbers), np.inf)
         np.minimum.at(least, self.surface.facets, self.friction)
         return least
@@ -163,10 +163,10 @@ class PairOnSurface:
         """Assemble ``rho = r^_t + |r^_n| t`` as forces at the nodes [force].
 
         Args:
-            t: The field, shape (M, d).
+            t: The field, shape (n, d).
 
         Returns:
-            The forces, shape (M, d), and ``int rho.w^_t`` [force length].
+            The forces, shape (n, d), and ``int rho.w^_t`` [force length].
         """
         s = self.surface
         d = t.shape[1]
@@ -184,7 +184,7 @@ class PairOnSurface:
         return s.summed(of_facets, s.facets), float(np.sum(of_facets * self.displacement))
 
     def unaligned(self, t: np.ndarray) -> np.ndarray:
-        """Return ``eta = mu |w^_t| - t.w^_t >= 0`` at the nodes [length], shape (M,).
+        """Return ``eta = mu |w^_t| - t.w^_t >= 0`` at the nodes [length], shape (n,).
 
         It is the greatest of the facets.
         """

@@ -141,15 +141,15 @@ def _of_set(
         if _works(base, motion, spring.pull(virtual.x.array) / stiffest):
             return None
     factors = []
-    for other in model.contacts:
-        jump = _working_jump(other, virtual.x.array)
-        if other is contact or not _works(base, motion, jump):
+    for on_mesh in model.contacts:
+        jump = _working_jump(on_mesh, virtual.x.array)
+        if on_mesh is contact or not _works(base, motion, jump):
             factors.append(0.0)
             continue
-        here, there = bodies.of_contact(other)
+        here, there = bodies.of_contact(on_mesh)
         moves_here = here <= moving and not there & moving
         moves_there = there <= moving and not here & moving
-        if not (moves_here or moves_there) or not _can_move(other):
+        if not (moves_here or moves_there) or not _can_move(on_mesh):
             return None
         factors.append(1.0 if moves_here else -1.0)
 
@@ -158,8 +158,8 @@ def _of_set(
         for support, is_moved in zip(scene.supports, supports, strict=True):
             new_supports.append(motion.move(model, support, t) if is_moved else support)
         new_contacts = []
-        for entry, other, factor in zip(scene.contacts, model.contacts, factors, strict=True):
-            new_contacts.append(_with_gap(entry, other, motion, factor * t))
+        for entry, on_mesh, factor in zip(scene.contacts, model.contacts, factors, strict=True):
+            new_contacts.append(_with_gap(entry, on_mesh, motion, factor * t))
         return replace(scene, supports=new_supports, contacts=new_contacts)
 
     # int r.W = -(forces of supports and other contacts).W - loads.W
@@ -184,8 +184,8 @@ def _of_gap(
 
     def scene_at(t: float) -> Scene:
         contacts = []
-        for entry, other in zip(scene.contacts, base.model.contacts, strict=True):
-            contacts.append(_with_gap(entry, other, motion, t if other is contact else 0.0))
+        for entry, on_mesh in zip(scene.contacts, base.model.contacts, strict=True):
+            contacts.append(_with_gap(entry, on_mesh, motion, t if on_mesh is contact else 0.0))
         return replace(scene, contacts=contacts)
 
     step = base.step_of(motion.size(base.model))

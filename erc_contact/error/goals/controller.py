@@ -16,26 +16,13 @@ import numpy as np
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.constants import CLOSE, COUNT, FACTOR, FIRST, GUESSES, LAST_COUNT, NEAR
 from erc_contact.error.goals.goal_error import goal_error, perturbation_or_number, with_lifting
 from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.three_pairs import Ends
-from erc_contact.error.goals.trials import FACTOR, NEAR, GoalError, Trials
+from erc_contact.error.goals.trials import GoalError, Trials
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal
-
-FIRST = 3.0
-"""First t of a run over the t of a perturbation [-]: about the best, as measured."""
-FIRST_COUNT = 2
-"""Number of values of t for which the interval is estimated at most."""
-COUNT = 3
-"""Number of values of t that are tried at most where the run may end."""
-LAST_COUNT = 2
-"""The same on the last mesh of a run that ends for another reason."""
-CLOSE = 1.3
-"""Half width over that asked for from which another t may be enough [-]."""
-
-SUDDEN = 0.5
-"""Part of a width that changes of the contact set make where t is far too large [-]."""
 
 
 class GoalController:
@@ -91,7 +78,7 @@ class GoalController:
         """Estimate the interval on a mesh, and measure it if promising; collective."""
         t = max(self._first_t(trials), trials.least_t)
         rough: Ends | None = None
-        for _ in range(FIRST_COUNT):
+        for _ in range(GUESSES):
             last = trials.rough(t)
             if last is None:
                 # The scene moved may have no solution on this mesh.
@@ -137,7 +124,7 @@ class GoalController:
             wanted = self._accuracy * abs(bounds.value)
             better_t = self._better_t(trials, ends)
             # What changes all at once may not change at all for a smaller t.
-            seen = replace(ends, spread=0.0) if _is_sudden(ends) else ends
+            seen = replace(ends, spread=0.0) if ends.is_sudden else ends
             is_hopeful = trials.half_at(seen, better_t) <= wanted
             is_close = count == 0 and half <= CLOSE * wanted
             if half <= wanted or not (is_hopeful or is_close):
@@ -198,7 +185,7 @@ class GoalController:
         """Carry the least t that changed the contact set much, and a t that did not."""
         self._see_sudden(ends)
         gentle = self._carried.get("gentle t", 0.0)
-        if not _is_sudden(ends):
+        if not ends.is_sudden:
             gentle = max(gentle, ends.t)
         self._carried["gentle t"] = min(gentle, self._carried.get("sudden t", np.inf) / NEAR)
 
@@ -207,11 +194,11 @@ class GoalController:
 
         An estimate sees it on one side only, so that it knows no t that did not.
         """
-        if _is_sudden(ends):
+        if ends.is_sudden:
             self._carried["sudden t"] = min(self._carried.get("sudden t", np.inf), ends.t)
 
     def _below_sudden(self, t: float) -> float:
-        """Return a t, or one below it that should not change the contact set much.
+        """Return t, or a smaller t that should not change the contact set much.
 
         What does so all at once depends on the scene, and little on the mesh.
         """
@@ -222,7 +209,7 @@ class GoalController:
         return min(t, float(np.sqrt(gentle * sudden)))
 
     def _with_proved(self, last: GoalError) -> GoalError:
-        """Return an interval narrowed by the proved ones of the meshes before.
+        """Return an interval narrowed by the proved intervals of the meshes before.
 
         All are of the number of one body, so that their intersection holds.
         """
@@ -235,8 +222,3 @@ class GoalController:
             bounds = bounds.narrowed(Bounds((low + high) / 2, low, high, guaranteed=True))
         self._carried |= {"low": bounds.low, "high": bounds.high}
         return replace(last, bounds=bounds)
-
-
-def _is_sudden(ends: Ends) -> bool:
-    """Tell whether a t changed the contact set so much that it is far too large."""
-    return ends.spread > SUDDEN * ends.width

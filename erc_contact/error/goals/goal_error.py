@@ -15,19 +15,15 @@ import numpy as np
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.error.bounds import potential_energy, resultant
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.constants import FACTOR, GROWTH, LARGEST_COUNT, NARROWER, NEAR
 from erc_contact.error.goals.perturbation import Perturbation
 from erc_contact.error.goals.perturbations import perturbation_of
-from erc_contact.error.goals.three_pairs import Ends
-from erc_contact.error.goals.trials import FACTOR, GROWTH, NEAR, GoalError, PairOf, Trials
+from erc_contact.error.goals.trials import GoalError, PairOf, Trials
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
 from erc_contact.scene.goal import Energy, Goal, Resultant
 
-LARGEST_COUNT = 6
-"""Number of values of t that are tried at most."""
 SAME = 1e-9
 """Change of a number by a motion that counts as none, over its size [-]."""
-NARROWER = 0.9
-"""Width over the width of the best t so far from which no other t is tried [-]."""
 
 
 def goal_error(
@@ -140,30 +136,24 @@ def search(trials: Trials, t: float, count: int) -> None:
         t: The first t.
         count: Number of values of t that are tried at most.
     """
-    best: Ends | None = None
     bad_t: float | None = None
     for _ in range(count):
-        ends = trials.attempt(t)
-        other_t = None
-        if best is None or (ends is not None and ends.width < best.width):
-            last = best
-            best = ends
-            if last is not None and best is not None and best.width > NARROWER * last.width:
-                if 1 / GROWTH < best.t / last.t < GROWTH:
-                    break
-                # Between two t that are far apart there may be a far better one.
-                other_t = float(np.sqrt(best.t * last.t))
-        else:
+        last = trials.best
+        trials.attempt(t)
+        best = trials.best
+        if best is None:
+            t = max(t / FACTOR, trials.least_t)
+            continue
+        if best is last:
             # The motion has changed the contact set.
             bad_t = t
-        if best is None:
-            t /= FACTOR
-        elif other_t is not None:
-            t = other_t
-        elif bad_t is not None:
-            t = float(np.sqrt(best.t * bad_t))
-        else:
-            t = trials.better_t(best, FACTOR)
+        far_t = bad_t
+        if last is not None and last is not best and best.width > NARROWER * last.width:
+            if 1 / GROWTH < best.t / last.t < GROWTH:
+                break
+            # Between two t that are far apart there may be a far better one.
+            far_t = last.t
+        t = trials.better_t(best, FACTOR) if far_t is None else float(np.sqrt(best.t * far_t))
         t = max(t, trials.least_t)
-        if best is not None and 1 / NEAR < t / best.t < NEAR:
+        if 1 / NEAR < t / best.t < NEAR:
             break

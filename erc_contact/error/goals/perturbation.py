@@ -16,13 +16,6 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.model import Model
 from erc_contact.scene.scene import Scene
 
-LEAST_ERROR = 1e-6
-"""Relative error that t is chosen for at least [-].
-
-The number is a difference over t. A smaller t would be no better where the error is
-smaller, and show its round-off.
-"""
-
 
 @dataclass(frozen=True, eq=False)
 class BaseScene:

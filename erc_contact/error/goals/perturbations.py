@@ -14,12 +14,13 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.bolt_perturbations import bolt_perturbation
+from erc_contact.error.goals.constants import LEAST_ERROR
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
 from erc_contact.error.goals.intensity_perturbation import stress_intensity
 from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
-from erc_contact.error.goals.perturbation import LEAST_ERROR, BaseScene, Perturbation
+from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
 from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis

@@ -74,6 +74,7 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.constants import SUDDEN
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
@@ -112,6 +113,11 @@ class Ends:
         """Return the width of the interval."""
         return self.high - self.low
 
+    @property
+    def is_sudden(self) -> bool:
+        """Tell whether t changed the contact set so much that it is far too large."""
+        return self.spread > SUDDEN * self.width
+
 
 @dataclass(frozen=True, eq=False)
 class Unmoved:
@@ -136,6 +142,11 @@ class Unmoved:
         It widens the interval, by little beside ``M^2/t``.
         """
         return max(ROUND_OFF * self.error.scale**2, UNKNOWN * self.M**2)
+
+    def beyond(self, d: float, t: float) -> float:
+        """Return how far an end is beyond V, ``max_m (d m + (M^2 - m^2)/t)``."""
+        m = min(self.M, d * t / 2)
+        return d * m + (self.M**2 - m**2) / t
 
 
 def unmoved(
@@ -220,18 +231,16 @@ def _ends(
 ) -> Ends:
     """Compute the interval from V and ``d^2`` of both ends; collective."""
     comm = base.error.model.comm
-    M = base.M
     ends = []
     sizes = []
     for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
         local = float(d_squares.sum())
         d = float(np.sqrt(max(comm.allreduce(local, MPI.SUM), 0.0)))
         sizes.append(d)
-        m = min(M, d * t / 2)
-        ends.append(V.value + sign * (V.bound + d * m + (M**2 - m**2) / t))
+        ends.append(V.value + sign * (V.bound + base.beyond(d, t)))
     d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
     d = max(sizes)
-    better_t = 2 * M / d if d > 0 else np.inf
+    better_t = 2 * base.M / d if d > 0 else np.inf
     resolved = lower[0].resolved and upper[0].resolved
     spread = upper[0].value - lower[0].value
     return Ends(ends[0], ends[1], t, better_t, spread, d_squares, resolved)
@@ -348,4 +357,4 @@ def _bulk(
         spring_tractions=of_springs,
     )
     body = body_error(moved)
-    return LawError(body.gap + spring_error(moved).gap, body.both, body.moduli)
+    return LawError(body.gap + spring_error(moved).gap, body.of_sum, body.moduli)

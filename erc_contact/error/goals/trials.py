@@ -8,34 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.goals.perturbation import LEAST_ERROR, Perturbation
+from erc_contact.error.goals.constants import COUNT_OF_T, FACTOR, GROWTH, LEAST_ERROR, POWER
+from erc_contact.error.goals.perturbation import Perturbation
 from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.scene import Scene
 
 PairOf = Callable[[Scene], Admissible]
 """Type of what solves a scene moved a little, and makes an admissible pair."""
-
-FACTOR = 10.0
-"""Largest ratio of one t to the next that is tried [-]."""
-GROWTH = 3.0
-"""The same where a larger t is not tried at once [-]."""
-POWER = 2
-"""Power of t with which a motion that changes the contact set moves both V apart.
-
-Where it moves the edge of a contact by t, the pressure is like the root of the distance
-to the edge, and the gap like its third power.
-"""
-COUNT_OF_T = 60
-"""Number of values of t among which the better one is chosen."""
-NEAR = 1.5
-"""Ratio of two t below which they are as good as each other [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,17 +60,13 @@ class Trials:
         self.failure = ""
         self._pair_of = pair_of
         self._plus: tuple[float, Admissible] | None = None
-        self._base: Unmoved | None = None
         least = min(1.0, LEAST_ERROR / max(error.relative, LEAST_ERROR))
         self.least_t = perturbation.step * least
 
-    @property
+    @cached_property
     def base(self) -> Unmoved:
         """Return what all values of t share."""
-        if self._base is None:
-            psi = self.perturbation.psi(self.error.admissible.displacement)
-            self._base = unmoved(self.error, psi)
-        return self._base
+        return unmoved(self.error, self.perturbation.psi(self.error.admissible.displacement))
 
     @property
     def best(self) -> Ends | None:
@@ -96,21 +79,16 @@ class Trials:
         None if that is not solved.
         """
         try:
-            plus = self._moved(t)
+            plus = self._moved_up(t)
         except (NotConverged, NotHeldError, NotBalanced):
             return None
-        self._plus = t, plus
         ends = rough_ends(self.base, plus, t)
         return ends if np.isfinite(ends.width) else None
 
     def attempt(self, t: float) -> Ends | None:
         """Compute the interval for a t; None if the moved scenes are not solved."""
         try:
-            if self._plus is not None and self._plus[0] == t:
-                plus = self._plus[1]
-            else:
-                plus = self._moved(t)
-                self._plus = t, plus
+            plus = self._moved_up(t)
             minus = self._moved(-t)
         except (NotConverged, NotHeldError, NotBalanced) as failure:
             self.failure = str(failure)
@@ -125,6 +103,12 @@ class Trials:
             ends = replace(ends, resolved=ends.resolved and carried)
         self.tried.append(ends)
         return ends
+
+    def _moved_up(self, t: float) -> Admissible:
+        """Return the pair of the scene moved by t, the last one if it has this t."""
+        if self._plus is None or self._plus[0] != t:
+            self._plus = t, self._moved(t)
+        return self._plus[1]
 
     def _moved(self, t: float) -> Admissible:
         """Return the pair of the scene moved by t."""
@@ -171,14 +155,9 @@ class Trials:
         """
         growth = t / ends.t
         spread = max(ends.spread, 0.0) * (growth if growth > 1 else growth**POWER)
-        return spread / 2 + self._loss(ends, t)
-
-    def _loss(self, ends: Ends, t: float) -> float:
-        """Return how far the ends are beyond V for a t, if d is the same there."""
-        M = self.base.M
-        d = 2 * M / ends.better_t if M > 0 else 0.0
-        m = min(M, d * t / 2)
-        return d * m + (M**2 - m**2) / t
+        # d is taken to be the same for all t.
+        d = 2 * self.base.M / ends.better_t if self.base.M > 0 else 0.0
+        return spread / 2 + self.base.beyond(d, t)
 
     def _of_number(self, low: float, high: float, proved: bool) -> Bounds:
         """Return the interval of the number from an interval of Q."""

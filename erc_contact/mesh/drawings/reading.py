@@ -85,9 +85,13 @@ def has_geometry(path: Path, wanted: Wanted) -> bool:
 def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
     """Open a file with the true shape of bodies in gmsh's current session.
 
+    A drawing is meshed by a process of its own. A script of gmsh's that has physical
+    groups is opened as it is, unless sizes or repairs are asked for: gmsh's session
+    then has its geometry and its names.
+
     Returns:
-        The geometry of a drawing as text, or None if it cannot be kept; an empty list
-        of a file whose groups say what it is.
+        A list with the geometry of the drawing as text, None in it if that cannot be
+        kept; an empty list for a script with groups.
 
     Raises:
         InputError: If the file is missing or cannot be meshed.
@@ -96,9 +100,8 @@ def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
         raise InputError(
             f"The drawing {str(path)!r} does not exist; look at the path and the working folder."
         )
-    if path.suffix.lower() in CAD:
-        return [_meshed(gmsh, path, wanted)]
-    if wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
+    is_cad = path.suffix.lower() in CAD
+    if is_cad or wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
         return [_meshed(gmsh, path, wanted)]
     gmsh.open(str(path))
     return []

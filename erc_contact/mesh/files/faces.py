@@ -29,18 +29,18 @@ class Faces:
         number: Faces of two cells have the same number, shape (n,). Those that have
             collapsed have none (-1).
         count: In how many cells the face of each number is.
-        other: Whether the face of each number is cut by its second diagonal.
+        by_second: Whether the face of each number is cut by its second diagonal.
     """
 
     corners: np.ndarray
     first: np.ndarray
     number: np.ndarray
     count: np.ndarray
-    other: np.ndarray
+    by_second: np.ndarray
 
     def triangles(self, faces: np.ndarray | slice) -> np.ndarray:
         """Return the triangles of faces in space, shape (n, 2, 3)."""
-        return triangles_of(self.corners[faces], self.other[self.number[faces]])
+        return triangles_of(self.corners[faces], self.by_second[self.number[faces]])
 
     @property
     def outer(self) -> np.ndarray:
@@ -77,11 +77,11 @@ def faces_of(blocks: Sequence[Block], x: np.ndarray) -> Faces:
             f"{in_words(at)}: cells lie over each other. Mesh the body anew, or leave the extra "
             "cells out."
         )
-    takes_other_diagonal = np.zeros(len(count), dtype=bool)
+    by_second = np.zeros(len(count), dtype=bool)
     if corners.shape[1] == 4:
         _, one_of_each = np.unique(all_numbers, return_index=True)
-        takes_other_diagonal = _with_other_diagonal(x, corners[np.flatnonzero(whole)[one_of_each]])
-    return Faces(corners, first, number, count, takes_other_diagonal)
+        by_second = _with_other_diagonal(x, corners[np.flatnonzero(whole)[one_of_each]])
+    return Faces(corners, first, number, count, by_second)
 
 
 def distinct(corners: np.ndarray) -> np.ndarray:
@@ -102,7 +102,7 @@ def _keys(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return keys, (different >= 3) & ~folded
 
 
-def triangles_of(corners: np.ndarray, other: np.ndarray) -> np.ndarray:
+def triangles_of(corners: np.ndarray, by_second: np.ndarray) -> np.ndarray:
     """Cut faces with four corners in two triangles, shape (n, 2, 3).
 
     The diagonal starts at the corner with the least number, so that the cells on both
@@ -111,12 +111,11 @@ def triangles_of(corners: np.ndarray, other: np.ndarray) -> np.ndarray:
 
     Args:
         corners: Corners of the faces, shape (n, 4).
-        other: Where the other diagonal is taken, shape (n,).
+        by_second: Whether each face is cut by its second diagonal, shape (n,).
     """
     turned = _turned(corners)
-    return np.where(
-        other[:, None, None], turned[:, [[0, 1, 3], [1, 2, 3]]], turned[:, [[0, 1, 2], [0, 2, 3]]]
-    )
+    is_second = by_second[:, None, None]
+    return np.where(is_second, turned[:, [[0, 1, 3], [1, 2, 3]]], turned[:, [[0, 1, 2], [0, 2, 3]]])
 
 
 def _turned(corners: np.ndarray) -> np.ndarray:

@@ -192,13 +192,14 @@ def padded(corners: np.ndarray) -> np.ndarray:
 def by_tags(
     blocks: tuple[Block, ...], tags: list[np.ndarray], names: Mapping[tuple[int, int], str]
 ) -> tuple[ElementSet, ...]:
-    """Return a set for each tag and dimension of elements, in the order of the tags.
+    """Return the set of elements of each dimension and tag, in this order.
 
     Args:
         blocks: The elements.
         tags: Tag of each element of each block. The sign of a tag tells an orientation,
             which plays no role.
-        names: Pairs (dimension, tag) -> names. A set without is called by its tag.
+        names: Name of each pair (dimension, tag). A set without a name is called by its
+            tag.
     """
     found: dict[tuple[int, int], dict[int, np.ndarray]] = {}
     for number, (block, signed) in enumerate(zip(blocks, tags, strict=True)):

@@ -142,7 +142,7 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes, or a card that computes them.
     """
-    parts, assembly, rest = _sections(list(cards_of(path)))
+    parts, assembly, outside = _sections(list(cards_of(path)))
     mesh = _Mesh()
     root = _Space()
     mesh.spaces.append(root)
@@ -151,7 +151,7 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
         root.inner[name.upper()] = space
         mesh.spaces.append(space)
         _load(mesh, space, [*parts.get(part.upper(), []), *cards], shift)
-    _load(mesh, root, rest, [])
+    _load(mesh, root, outside, [])
     if not mesh.node_count:
         raise InputError(
             "it has no *NODE; read the file that has the mesh, which an *INCLUDE may name."
@@ -172,8 +172,8 @@ def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Insta
     """
     parts: dict[str, list[Card]] = {}
     instances: dict[str, Instance] = {}
-    rest: list[Card] = []
-    into = rest
+    outside: list[Card] = []
+    into = outside
     for card in cards:
         if card.keyword in GENERATORS:
             raise InputError(
@@ -187,12 +187,12 @@ def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Insta
             name = card.get("NAME") or f"instance {len(instances) + 1}"
             instances[name] = (card.get("PART"), card.lines, into)
         elif card.keyword in ("END PART", "END INSTANCE"):
-            into = rest
+            into = outside
         else:
             into.append(card)
     if not instances:  # a file of a part alone
         instances = {name: (name, [], []) for name in parts}
-    return parts, instances, rest
+    return parts, instances, outside
 
 
 def _load(mesh: _Mesh, space: _Space, cards: list[Card], place: list[str]) -> None:

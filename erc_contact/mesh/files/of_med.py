@@ -113,7 +113,7 @@ def _families(kinds: Any) -> dict[str, dict[str, list[int]]]:
 
 
 def _element_sets(tags: list[np.ndarray], groups: dict[str, list[int]]) -> tuple[ElementSet, ...]:
-    """Return the groups of elements."""
+    """Return the groups of elements, from their tags and the tags of each group."""
     sets = []
     for name, numbers in groups.items():
         members = {}
@@ -126,7 +126,7 @@ def _element_sets(tags: list[np.ndarray], groups: dict[str, list[int]]) -> tuple
 
 
 def _node_sets(tags: np.ndarray | None, groups: dict[str, list[int]]) -> tuple[NodeSet, ...]:
-    """Return the groups of nodes."""
+    """Return the groups of nodes, from their tags and the tags of each group."""
     if tags is None:
         return ()
     sets = []

@@ -44,7 +44,7 @@ def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
     new = {_key_of(key, list(called)): name for key, name in names.items()}
     called.update(new)
     for (d, tag), name in called.items():
-        same = [other for (e, other), known in called.items() if (e, known) == (d, name)]
+        same = [known_tag for (e, known_tag), known in called.items() if (e, known) == (d, name)]
         if len(same) > 1 and (d, tag) in new:
             first, second = sorted(same)[:2]
             raise InputError(

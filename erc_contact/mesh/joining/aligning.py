@@ -132,10 +132,10 @@ def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray
     """
     turn = abs(curve.turns)
     turn = np.where(turn < CORNER, turn, 0.0)
-    own = curve.lengths[facet]
-    curvature = np.maximum(turn[facet], turn[facet + 1]) / own
-    height = (own**2 + lengths**2) * curvature / 8
-    shorter = np.minimum(own, lengths)
+    curve_lengths = curve.lengths[facet]
+    curvature = np.maximum(turn[facet], turn[facet + 1]) / curve_lengths
+    height = (curve_lengths**2 + lengths**2) * curvature / 8
+    shorter = np.minimum(curve_lengths, lengths)
     return np.minimum(SAME * shorter + HEIGHTS * height, NEAR * shorter)
 
 
@@ -172,7 +172,7 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
 
 @dataclass(frozen=True, eq=False)
 class _Common:
-    """Hold which vertices of two sides become one, and which ones the sides lack.
+    """Hold which vertices of two sides become common, and which vertices they lack.
 
     Attributes:
         x: Points [length], with the vertices of side 1 that move to corners of side 2,

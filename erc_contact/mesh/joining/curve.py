@@ -149,7 +149,7 @@ class Curve:
         return share
 
     def facet_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the facet at each place, the first or last one beyond the ends."""
+        """Return the facet at each place, the first or last facet beyond the ends."""
         facet = np.searchsorted(self.places, places, side="right") - 1
         return np.clip(facet, 0, len(self.lengths) - 1)
 

@@ -159,10 +159,10 @@ def _set_field(gmsh: Any, *, extend: bool) -> None:
 def _near_edges(gmsh: Any, x: np.ndarray, edges: np.ndarray, lines: list[int]) -> list[int]:
     """Make fields of sizes that grow from the lengths of edges."""
     length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
-    octave = np.floor(np.log2(length))
+    octaves = np.floor(np.log2(length))
     fields = []
-    for one in np.unique(octave):
-        of_octave = octave == one
+    for octave in np.unique(octaves):
+        of_octave = octaves == octave
         size = float(length[of_octave].mean())
         distance = gmsh.model.mesh.field.add("Distance")
         gmsh.model.mesh.field.setNumbers(distance, "CurvesList", np.array(lines)[of_octave])
@@ -273,8 +273,8 @@ def filled(
             surface = gmsh.model.addDiscreteEntity(2)
             points = np.flatnonzero(shell_of_point == shell)
             gmsh.model.mesh.addNodes(2, surface, points + 1, given[points].ravel())
-            own = triangles[shell_of_point[triangles[:, 0]] == shell] + 1
-            gmsh.model.mesh.addElementsByType(surface, TRIANGLE, [], own.ravel())
+            of_shell = triangles[shell_of_point[triangles[:, 0]] == shell] + 1
+            gmsh.model.mesh.addElementsByType(surface, TRIANGLE, [], of_shell.ravel())
             loops.append(gmsh.model.geo.addSurfaceLoop([surface]))
         gmsh.model.geo.addVolume(loops)
         gmsh.model.geo.synchronize()

@@ -1,4 +1,4 @@
-"""Give two curved sides in space the same facets, and mesh one of the bodies anew.
+"""Give two curved sides in space the same facets, and mesh one body anew.
 
 One side keeps its facets, the other one takes them. Where the outlines run together,
 the points of the second one move to points of the first one. Where an outline lies amid
@@ -93,8 +93,8 @@ def _take_facets(
     outlines = outlines_on(x, contact)
     number = outlines.number
     removed, bands = _best_bands(x, contact, outlines, apart)
-    rest = number[taken.triangles[~removed]]
-    side = np.concatenate([contact.kept.triangles, bands, rest])
+    remaining_facets = number[taken.triangles[~removed]]
+    side = np.concatenate([contact.kept.triangles, bands, remaining_facets])
     whole = replace(plain, cells=number[plain.cells])
     region = _move_points(plain, behind, number)
     shell = surface(whole, region, number, outlines.inserted, side)

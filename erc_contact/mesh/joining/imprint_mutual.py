@@ -1,4 +1,4 @@
-"""Give two curved sides in space common facets where each side ends amid the other.
+"""Give two curved sides common facets where each side ends amid the other side.
 
 A shaft that is pushed half into a hub: its side goes on outside of the hub, and the
 side of the hub goes on beyond the end of the shaft. Neither lies on the other one. So
@@ -91,8 +91,8 @@ def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> Inp
     if not len(edges) or not len(others):
         return None
     points = np.unique(edges)
-    other, _, distance = closest(plain.x[points], plain.x[others])
-    sizes = np.maximum(first.edge_lengths[points], second.edge_lengths[others[other, 0]])
+    nearest, _, distance = closest(plain.x[points], plain.x[others])
+    sizes = np.maximum(first.edge_lengths[points], second.edge_lengths[others[nearest, 0]])
     # Where outlines cross, they are near each other at the crossing alone.
     worst = np.argmax(distance / sizes)
     if distance[worst] > NEAR_FACETS * sizes[worst]:
@@ -140,34 +140,34 @@ def _side(plain: PlainMesh, tag: int) -> FacetSide:
     return FacetSide(plain.x, triangles, outer_edges(triangles))
 
 
-def _lie_on(side: FacetSide, other: FacetSide, apart: float, beside: float) -> np.ndarray:
+def _lie_on(side: FacetSide, other_side: FacetSide, apart: float, beside: float) -> np.ndarray:
     """Find the triangles of a side that lie on another side, shape (k,)."""
     x = side.x
     points = np.unique(side.triangles)
-    facet, _, distance = closest(x[points], x[other.triangles])
-    lies = distance <= apart + allowance(side, points, other, facet)
-    _, _, to_outline = closest(x[points], x[_outline_amid(other, side, apart)])
+    facet, _, distance = closest(x[points], x[other_side.triangles])
+    lies = distance <= apart + allowance(side, points, other_side, facet)
+    _, _, to_outline = closest(x[points], x[_outline_amid(other_side, side, apart)])
     lies &= to_outline >= beside * side.edge_lengths[points]
     of_points = np.zeros(len(x), dtype=bool)
     of_points[points] = lies
-    return of_points[side.triangles].all(axis=1) & _faces(side, other)
+    return of_points[side.triangles].all(axis=1) & _faces(side, other_side)
 
 
-def _faces(side: FacetSide, other: FacetSide) -> np.ndarray:
-    """Check which triangles face the nearest ones of another side, shape (k,)."""
+def _faces(side: FacetSide, other_side: FacetSide) -> np.ndarray:
+    """Check which triangles face the nearest triangles of another side, shape (k,)."""
     x = side.x
-    nearest, _, _ = closest(x[side.triangles].mean(axis=1), x[other.triangles])
-    cosine = np.einsum("ij,ij->i", side.normals, other.normals[nearest])
+    nearest, _, _ = closest(x[side.triangles].mean(axis=1), x[other_side.triangles])
+    cosine = np.einsum("ij,ij->i", side.normals, other_side.normals[nearest])
     return cosine < -FACING
 
 
-def _outline_amid(side: FacetSide, other: FacetSide, apart: float) -> np.ndarray:
+def _outline_amid(side: FacetSide, other_side: FacetSide, apart: float) -> np.ndarray:
     """Return the edges of an outline that lie amid another side, shape (k, 2)."""
     x = side.x
     points = np.unique(side.outline)
-    facet, _, distance = closest(x[points], x[other.triangles])
-    allowed = apart + allowance(side, points, other, facet)
-    _, _, to_outline = closest(x[points], x[other.outline])
+    facet, _, distance = closest(x[points], x[other_side.triangles])
+    allowed = apart + allowance(side, points, other_side, facet)
+    _, _, to_outline = closest(x[points], x[other_side.outline])
     amid = np.zeros(len(x), dtype=bool)
     amid[points] = (distance <= allowed) & (to_outline > allowed)
     return side.outline[amid[side.outline].any(axis=1)]
@@ -188,18 +188,18 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     first, second = (_side(plain, tag) for tag in (here, there))
     number1, number2 = row_numbers(first.triangles, second.triangles)
     is_common = np.isin(number1, number2)
-    rest = _part(first, ~is_common)
-    other = _part(second, ~np.isin(number2, number1))
+    uncommon1 = _part(first, ~is_common)
+    uncommon2 = _part(second, ~np.isin(number2, number1))
     areas = np.linalg.norm(area_vectors(plain.x[first.triangles]), axis=1)
-    if is_common.all() or not len(other.triangles):
+    if is_common.all() or not len(uncommon2.triangles):
         return 0.0
-    points = np.matmul(PLACES, plain.x[rest.triangles]).reshape(-1, 3)
-    of_point = np.repeat(np.arange(len(rest.triangles)), len(PLACES))
-    facet, _, distance = closest(points, plain.x[other.triangles])
-    cosine = np.einsum("ij,ij->i", rest.normals[of_point], other.normals[facet])
-    allowed = apart + rest.facet_heights[of_point] + other.facet_heights[facet]
+    points = np.matmul(PLACES, plain.x[uncommon1.triangles]).reshape(-1, 3)
+    of_point = np.repeat(np.arange(len(uncommon1.triangles)), len(PLACES))
+    facet, _, distance = closest(points, plain.x[uncommon2.triangles])
+    cosine = np.einsum("ij,ij->i", uncommon1.normals[of_point], uncommon2.normals[facet])
+    allowed = apart + uncommon1.facet_heights[of_point] + uncommon2.facet_heights[facet]
     faces = (cosine < -FACING) & (distance <= allowed)
-    left = np.bincount(of_point, faces, len(rest.triangles)) / len(PLACES)
+    left = np.bincount(of_point, faces, len(uncommon1.triangles)) / len(PLACES)
     return float(left @ areas[~is_common] / areas[is_common].sum())
 
 

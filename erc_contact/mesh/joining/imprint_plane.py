@@ -231,11 +231,11 @@ def _with_common_facets(
     y, triangles = triangulated(alignment.y, edges, sizes, graded=any(is_cut))
     middles = y[triangles].mean(axis=1)
     within = [inside(y, middles, outline) for outline in outlines]
-    both = within[0] & within[1]
-    if not both.any():
+    in_both = within[0] & within[1]
+    if not in_both.any():
         return plain
     _check_angles(y, triangles[within[0] | within[1]])
-    common = triangles[both]
+    common = triangles[in_both]
     keeps = []
     for i, region in enumerate(regions):
         covered = not np.any(within[i] & ~within[1 - i])
@@ -248,8 +248,8 @@ def _with_common_facets(
     result = replace(plain, x=x)
     for i in range(2):
         if i != kept:
-            own = triangles[within[i] & ~both]
-            side = np.concatenate([common, own])
+            own_facets = triangles[within[i] & ~in_both]
+            side = np.concatenate([common, own_facets])
             closed = surface(result, regions[i], alignment.number, inserted[i], side)
             x, cells = filled(result.x, closed[0], optimize=is_cut[i])
             moved = 2 * alignment.tolerance * _area_beside(x, regions[i])

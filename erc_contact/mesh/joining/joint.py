@@ -158,7 +158,7 @@ def joint(
 
 
 def _moved_side_words(here: str, there: str, apart: float) -> str:
-    """Say that a side has moved onto the other one."""
+    """Say that a side has moved onto the other side."""
     return (
         f"joined: the facets of {here!r} and {there!r} do not match, and in space one body takes "
         f"facets of the other one: its side moved there, by {apart:g} at most. Give the distance "
@@ -217,7 +217,7 @@ def met(
 
 
 def _imprinted(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
-    """Return a mesh in space of which one side has the facets of the other one.
+    """Return a mesh in space of which one side has the facets of the other side.
 
     Raises:
         InputError: If they do not lie on each other, or sides keep their places.
@@ -250,9 +250,9 @@ def _check_regions(regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, i
     Raises:
         InputError: If a region is on both sides, or a cell is in none.
     """
-    both = np.intersect1d(*regions)
-    if NO_TAG in np.concatenate(regions) or len(both):
-        called = [repr(name) for name, tag in names.items() if tag in both]
+    in_both = np.intersect1d(*regions)
+    if NO_TAG in np.concatenate(regions) or len(in_both):
+        called = [repr(name) for name, tag in names.items() if tag in in_both]
         place = f"the region {', '.join(called)}" if called else "no region of their own"
         raise InputError(
             f"joined: both parts are in {place}, so nothing tells one side from the other. Give "
@@ -312,7 +312,7 @@ def tied_alone(
     for here, there in ties:
         if frozenset((here, there)) not in pairs:
             names = [interface.names for interface in interfaces]
-            known = ", ".join(f"{one!r} and {other!r}" for one, other in names)
+            known = ", ".join(f"{first!r} and {second!r}" for first, second in names)
             raise InputError(
                 f"Tied({here!r}, {there!r}): the parts are no pair; this domain has "
                 f"{known or 'no pairs'}. Make one by joined, or by split."

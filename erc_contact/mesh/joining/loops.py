@@ -112,6 +112,6 @@ def band(x: np.ndarray, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     around = PLACES * np.array([-1, 0, 1])[:, None]
     reached = np.searchsorted((around + outer_middles).ravel(), middles, side="left")
     outer_reached = np.searchsorted((around + middles).ravel(), outer_middles, side="right")
-    own = np.column_stack([edges, outer[reached % len(outer)]])
-    other = np.column_stack([closed(outer)[:, ::-1], inner[outer_reached % len(inner)]])
-    return np.concatenate([own, other])
+    from_inner = np.column_stack([edges, outer[reached % len(outer)]])
+    from_outer = np.column_stack([closed(outer)[:, ::-1], inner[outer_reached % len(inner)]])
+    return np.concatenate([from_inner, from_outer])

@@ -1,4 +1,4 @@
-"""Make one vertex of two where the facets of two sides in space match.
+"""Make one vertex of two vertices where the facets of two sides in space match.
 
 The sides may be plane or curved. Across a clearance or an interference the two are one
 vertex of the glued mesh alone, and each stays where it is.

@@ -136,19 +136,19 @@ class SideContact:
 
 
 def allowance(
-    side: FacetSide, points: np.ndarray, other: FacetSide, facet: np.ndarray
+    side: FacetSide, points: np.ndarray, other_side: FacetSide, facet: np.ndarray
 ) -> np.ndarray:
     """Return the distance of two sides that their flat facets explain [length].
 
     Args:
         side: The side of some points.
         points: These points, shape (n,).
-        other: The other side.
+        other_side: The other side.
         facet: The triangle of the other side that is closest to each point, shape (n,).
     """
-    none = SAME * min(side.shortest, other.shortest)
-    heights = HEIGHTS * (side.heights[points] + other.facet_heights[facet])
-    edges = np.maximum(side.edge_lengths[points], other.facet_edges[facet])
+    none = SAME * min(side.shortest, other_side.shortest)
+    heights = HEIGHTS * (side.heights[points] + other_side.facet_heights[facet])
+    edges = np.maximum(side.edge_lengths[points], other_side.facet_edges[facet])
     return none + np.minimum(heights, NEAR * edges)
 
 

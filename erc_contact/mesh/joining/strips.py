@@ -117,11 +117,11 @@ def _limits(
     points = []
     at_points = []
     pairs = ((edges1, edges2, *lengths), (edges2, edges1, *lengths[::-1]))
-    for own, others, own_lengths, other_lengths in pairs:
-        every = np.unique(own[corners[own]])
-        nearest, _, distance = closest(y[every], y[others])
+    for own_edges, other_edges, own_lengths, other_lengths in pairs:
+        every = np.unique(own_edges[corners[own_edges]])
+        nearest, _, distance = closest(y[every], y[other_edges])
         at_ends = np.full(len(y), np.inf)
-        for end in own.T:
+        for end in own_edges.T:
             np.minimum.at(at_ends, end, own_lengths)
         sizes = np.minimum(at_ends[every], other_lengths[nearest])
         of_corners = _spacing(np.where(distance > tolerance, distance, np.inf), sizes)
@@ -237,7 +237,7 @@ def _edges(triangles: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray, ...]:
 def _cut_at_once(
     x: np.ndarray, edges: np.ndarray, of_triangles: np.ndarray, long: np.ndarray
 ) -> np.ndarray:
-    """Find the edges that can be cut on the way to cutting long ones.
+    """Find the edges that can be cut on the way to cutting long edges.
 
     Args:
         x: Points [length], shape (n, 3).

@@ -237,8 +237,8 @@ class AssembledElastic(Elastic):
         couplings = self.model.connections.couplings
         places = matrix.matMult(couplings)
         transposed = places.transpose(PETSc.Mat())
-        both = couplings.transposeMatMult(places)
-        for more in (transposed, both):
+        between_contacts = couplings.transposeMatMult(places)
+        for more in (transposed, between_contacts):
             places.axpy(1.0, more, DIFFERENT)
             more.destroy()
         places.zeroEntries()

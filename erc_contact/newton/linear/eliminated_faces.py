@@ -4,17 +4,17 @@ The unknowns x belong to a body whose faces are at rest but for their given moti
 R_j is the displacement of a face in one of its other motions, zero at the nodes off the
 face, and q_j its amount. With b nodal forces and u_0 the displacement of x,
 
-    K x + C q = b  off the supports,    Q q = R . (b - K u_0),
+    K x + K_R q = b  off the supports,    K_RR q = R . (b - K u_0),
 
-    C = K R  off the supports,    Q = R . K R,
+    K_R = K R  off the supports,    K_RR = R . K R,
 
 because the resultants of the faces, which are in b, work on R, and nothing else does.
 So
 
-    (K - C Q^-1 C^T) x = b - C Q^-1 R . (b - K p)
+    (K - K_R K_RR^-1 K_R^T) x = b - K_R K_RR^-1 R . (b - K p)
 
-with the displacement p that supports prescribe. Q is the stiffness of the cells at the
-faces, so that it is small and positive definite.
+with the displacement p that supports prescribe. K_RR is the stiffness of the cells at
+the faces, so that it is small and positive definite.
 
 Symbols: K elastic stiffness with the supports [force/length].
 """
@@ -32,7 +32,7 @@ from erc_contact.newton.linear.elastic import Elastic
 
 
 class EliminatedFaces:
-    """Hold C and Q of the loose faces of a model.
+    """Hold K_R and K_RR of the loose faces of a model.
 
     Construction and members are collective.
 
@@ -42,8 +42,8 @@ class EliminatedFaces:
     Attributes:
         shapes: R [-], Functions of V. They are of size 1 on the body, so that matrices
             have entries of one size in any unit.
-        coupling: C at the unknowns of this rank [force/length], shape (owned, J).
-        stiffness: Q [force/length], shape (J, J).
+        coupling: K_R at the unknowns of this rank [force/length], shape (owned, J).
+        stiffness: K_RR [force/length], shape (J, J).
     """
 
     def __init__(self, elastic: Elastic) -> None:
@@ -85,7 +85,7 @@ class EliminatedFaces:
         self.move(u, np.linalg.solve(self.stiffness, self.pushes(b, u)))
 
     def reduce(self, b: fem.Function, *, supports: bool) -> None:
-        """Subtract ``K R Q^-1 R . (b - K p)`` from nodal forces b [force], in place.
+        """Subtract ``K R K_RR^-1 R . (b - K p)`` from nodal forces b [force], in place.
 
         Args:
             b: Nodal forces, not yet summed over ranks.
@@ -97,7 +97,7 @@ class EliminatedFaces:
             b.x.array[: self._owned] -= amount * forces
 
     def followed(self, x: np.ndarray) -> np.ndarray:
-        """Return ``C Q^-1 C^T x`` at the unknowns of this rank [force].
+        """Return ``K_R K_RR^-1 K_R^T x`` at the unknowns of this rank [force].
 
         Args:
             x: Unknowns of this rank [length], shape (owned,).

@@ -1,11 +1,11 @@
 """Let loose rigid faces move in a linear elastic problem.
 
 A solver knows the faces as supports, at rest but for their given motions. Let A be its
-matrix (K, K + D, or K with springs at the contact), C and Q as in
+matrix (K, K + D, or K with springs at the contact), K_R and K_RR as in
 :mod:`erc_contact.newton.linear.eliminated_faces`, and W_j the displacement of the
 unknowns under a unit motion R_j of a face:
 
-    W = -A^-1 C,    S = Q + C^T W.
+    W = -A^-1 K_R,    S = K_RR + K_R^T W.
 
 The motions q of the faces follow from their resultants. With u_0 the displacement that
 the solver finds under the nodal forces b, faces at rest,

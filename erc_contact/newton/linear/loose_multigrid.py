@@ -1,7 +1,7 @@
 """The elastic equations of a model with loose rigid faces, solved with multigrid.
 
 The motions of the faces are eliminated (:mod:`.eliminated_faces`): the matrix is ``A -
-C Q^-1 C^T`` with A the matrix of the faces at rest, K or K with something at the
+K_R K_RR^-1 K_R^T`` with A the matrix of the faces at rest, K or K with something at the
 contact. It is applied, not assembled. Its inverse is ``A^-1 + W S^-1 W^T``
 (:mod:`.face_motions`), so that a cycle for A, and few vectors W that are about right,
 precondition it as well as the cycle does A alone. W and S are made once, for the first

@@ -303,5 +303,7 @@ class Multigrid(AssembledElastic):
         hurried: bool = False,
     ) -> float:
         """Return what conjugate gradients leave of b [-], see :meth:`_solved`."""
-        own = self.hierarchy.matrix
-        return conjugate_gradients(matrix, self.hierarchy.pc, own, b, x, tolerance, hurried=hurried)
+        preconditioned = self.hierarchy.matrix
+        return conjugate_gradients(
+            matrix, self.hierarchy.pc, preconditioned, b, x, tolerance, hurried=hurried
+        )

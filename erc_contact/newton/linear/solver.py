@@ -30,7 +30,7 @@ class Traces(Protocol):
 
     Attributes:
         motions: Rigid motions of the body that no support holds, at the nodes of the
-            surface [-], shape (K, M, d).
+            surface [-], shape (K, n, d).
         tolerance: Relative accuracy that a norm may have [-].
         cheap: Whether the members are cheap beside a linear solve.
     """
@@ -42,14 +42,14 @@ class Traces(Protocol):
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return the forces ``S y`` that hold the displacement y [force]; collective.
 
-        Both have the shape (M, d). Nodes of contacts beside the surface do not move.
+        Both have the shape (n, d). Nodes of contacts beside the surface do not move.
         Four digits of the energy are right if it may be rough, else ten.
         """
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """Return the displacement ``S^+ f`` under forces f [length]; collective.
 
-        Both have the shape (M, d). Nodes of contacts beside the surface are free of
+        Both have the shape (n, d). Nodes of contacts beside the surface are free of
         forces. The forces do no work on the free motions.
         """
 
@@ -104,7 +104,7 @@ class ElasticSolver(Protocol):
 
         Args:
             numbers: Global numbers of nodes of contacts, the same on all ranks, shape
-                (M,).
+                (n,).
         """
 
     def of_model(self, model: Model) -> Any:

@@ -3,7 +3,7 @@
 With K the elastic stiffness with the supports and S its Schur complement on what the
 contacts read: ``lifted(y)`` are the forces ``S y`` that hold the displacement y of the
 surface, on contacts between bodies its jump, and ``moved(f)`` is the displacement ``S^+
-f`` of the surface under forces f [length]. A surface is M nodes of contacts, by their
+f`` of the surface under forces f [length]. A surface is n nodes of contacts, by their
 global numbers; the other nodes of contacts do not move in the first and are free of
 forces in the second.
 """
@@ -40,7 +40,7 @@ class DenseTraces:
 
     Args:
         model: The scene on a mesh.
-        numbers: Global numbers of the nodes of the surface, shape (M,).
+        numbers: Global numbers of the nodes of the surface, shape (n,).
         basis: The unknowns A that change jumps.
         matrices: Returns S and its inverse on A, where springs hold rigid motions, both
             (A, A); called on rank 0.
@@ -89,7 +89,7 @@ class DenseTraces:
         return self._times(1, f)
 
     def _times(self, which: int, values: np.ndarray) -> np.ndarray:
-        """Return the product of one of the matrices and values (M, d); collective."""
+        """Return the product of a matrix and values (n, d); collective."""
         result = np.zeros(values.size)
         if self._matrices is not None:
             result[self._free] = self._matrices[which] @ values.ravel()[self._free]
@@ -109,13 +109,13 @@ class Lifting(Protocol):
 
 
 class IterativeTraces:
-    """Represent the body by linear solves, one for each question.
+    """Represent the body by linear solves, a solve for each question.
 
     Construction is collective.
 
     Args:
         model: The scene on a mesh.
-        numbers: Global numbers of the nodes of the surface, shape (M,).
+        numbers: Global numbers of the nodes of the surface, shape (n,).
         elastic: The solver.
     """
 
@@ -149,7 +149,7 @@ class IterativeTraces:
         return product(self.model, self._jumps, u, transpose=transpose)
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
-        """Return values (M, d) as a Function, at nodes that this rank owns."""
+        """Return values (n, d) as a Function, at nodes that this rank owns."""
         nodal = self.model.function()
         owned, local = _owned(self.model, self.numbers)
         nodal.x.array.reshape(-1, self.model.d)[local] = values[owned]
@@ -159,7 +159,7 @@ class IterativeTraces:
 def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
     """Return the free motions at the surface, or their jumps there; collective.
 
-    Shape (K, M, d) [-].
+    Shape (K, n, d) [-].
     """
     rows, columns, values = _jumps_at(model, numbers)
     nodes = np.unique(columns // model.d)
@@ -175,7 +175,7 @@ def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
 def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what contacts read at the surface: rows, columns and values of a matrix.
 
-    Rows are places in a raveled (M, d), columns global degrees of freedom.
+    Rows are places in a raveled (n, d), columns global degrees of freedom.
     """
     d = model.d
     pairs = model.connections.pairs_at(numbers)
@@ -201,11 +201,11 @@ def _on_surface(jumps: PETSc.Mat, matrix: np.ndarray) -> np.ndarray:
 
 
 def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return nodal values at the surface, on all ranks, shape (M, d); collective.
+    """Return nodal values at the surface, on all ranks, shape (n, d); collective.
 
     Args:
         model: The scene on a mesh.
-        numbers: Global numbers of the nodes of the surface, shape (M,).
+        numbers: Global numbers of the nodes of the surface, shape (n,).
         values: Values at the nodes of this rank, right on their owners, (nodes d,).
     """
     owned, local = _owned(model, numbers)
