@@ -45,6 +45,7 @@ class Given:
     displacement: object
 
 
+@pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("kind", ["2", "3", "rings"])
