@@ -217,7 +217,7 @@ def references(k, k_n, *, between) -> tuple[ec.Scene, ec.Solution, ec.Constituti
     scene = pressed(stiffness, ec.Tresca(bound), k_n)
     if between:
         scene = with_base(scene)
-    fine, less_fine = cut(32, between=between), cut(16, between=between)
+    fine, less_fine = cut(48, between=between), cut(16, between=between)
     return scene, ec.solve(scene, fine, degree=2), measured(scene, less_fine, degree=2)
 
 
