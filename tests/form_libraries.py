@@ -15,6 +15,7 @@ from typing import Any
 import basix.ufl
 from dolfinx import jit as dolfinx_jit
 from ffcx.codegeneration import jit
+from ffcx.ir.analysis.valuenumbering import ValueNumberer
 from processes import OPTIONS
 
 from erc_contact.base.releases import c_code
@@ -61,11 +62,13 @@ def _path(folder: Path, library: str) -> Path:
 
 
 def repair() -> None:
-    """Let UFL and Python make once what they make for each call."""
+    """Let UFL, FFCx and Python do once what they do for each call."""
     import ufl
 
     cell = cache(ufl.Cell)
     basix.ufl._ElementBase.cell = property(lambda element: cell(element._cellname))
+    # It looks through all nodes for each one.
+    ValueNumberer.get_node_symbols = lambda self, node: self.V_symbols[self.G.e2i[node]]
     if sys.version_info < (3, 13):  # later ones keep their wrappers
         singledispatchmethod.__get__ = _bound
 

@@ -25,7 +25,7 @@ from erc_contact.model.expressions import Everywhere, OfNumbers
 from erc_contact.model.law_entries import StateField, entries, size_of, state_after
 from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
-from erc_contact.model.symbolic import varies_in_cells, without_derivatives
+from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import (
     Potential,
@@ -201,7 +201,8 @@ class LawCode:
 
     def _compiled(self, expression: Ufl) -> OfNumbers:
         """Compile an expression of numbers at points; collective."""
-        return OfNumbers(without_derivatives(expression), self._comm, is_matrix=True)
+        expression = without_variables(without_derivatives(expression))
+        return OfNumbers(expression, self._comm, is_matrix=True)
 
 
 _recent: deque[LawCode] = deque(maxlen=8)

@@ -111,6 +111,8 @@ def test_far_from_the_axis_it_is_plane_strain(degree):
     assert ring.relative == pytest.approx(flat.relative, rel=0.02)
 
 
+@pytest.mark.pairs
+@pytest.mark.on_ranks("0.3-0.0-1", "friction2-0.5-2")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("inner", [0.0, 0.5])
 @pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.5)])

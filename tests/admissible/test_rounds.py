@@ -45,6 +45,7 @@ class Given:
     displacement: object
 
 
+@pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("kind", ["2", "3", "rings"])
@@ -74,7 +75,7 @@ def test_the_slope_is_of_fenchels_gap(kind, law, degree):
     assert (weights * density).sum() == pytest.approx(slope, rel=1e-4, abs=1e-6 * gap)
 
 
-@pytest.mark.on_ranks("1-2", "2-3")
+@pytest.mark.on_ranks("2-2", "1-3")
 @pytest.mark.parametrize("kind", ["2", "3", "rings"])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_rounds_lower_e(kind, degree, monkeypatch):
@@ -94,8 +95,7 @@ def test_a_linear_body_is_tightened_once(monkeypatch):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("kind", ["2", "3", "rings"])
+@pytest.mark.parametrize(("kind", "degree"), [("2", 1), ("2", 2), ("3", 1), ("rings", 2)])
 def test_ranks_find_the_same_stress(kind, degree):
     values = []
     for comm in (MPI.COMM_SELF, COMM):
@@ -103,6 +103,4 @@ def test_ranks_find_the_same_stress(kind, degree):
         solution = body(kind, law, 2 if kind == "3" else 3, comm, degree)
         error = ec.constitutive_error(ec.equilibrate(solution))
         values.append(error.relative)
-    # Iterations of a nearly incompressible body let round-off grow, and end differently.
-    is_grown = kind == "3" and degree == 2
-    assert values[1] == pytest.approx(values[0], rel=1e-3 if is_grown else 1e-7)
+    assert values[1] == pytest.approx(values[0], rel=1e-7)

@@ -74,6 +74,7 @@ def test_weight_acts_on_the_cells_beside_the_cut(degree):
         assert bounds.high - bounds.low < 0.1 * 8.0 * 2.0
 
 
+@pytest.mark.serial
 def test_a_bolt_beside_a_sleeve():
     E = {"above": 100.0, "below": 100.0, "sleeve": 150.0, "yoke": 1e9}
     held = [ec.Displacement("foot", (None, 0.0)), ec.Displacement("sides", (0.0, None))]

@@ -86,13 +86,18 @@ def test_on_a_foundation(law, degree, method):
     assert (along.low, along.high) == pytest.approx((2 * tangent.low, 2 * tangent.high), rel=1e-3)
 
 
+@cache
+def fine_in_space():
+    return certified(lifted(3, LAWS["given"]), block(3, 4))
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("method", METHODS)
 def test_in_space(method, degree):
     scene = lifted(3, LAWS["given"])
     coarse = certified(scene, block(3, 3 - degree), method, degree)
-    fine = certified(scene, block(3, 4))
+    fine = fine_in_space()
     bounds = ec.interval(coarse, ec.Slip("bottom", (1.0, 0.0, 0.0)))
     assert bounds.guaranteed
     # The slip is nearly along x; the profile has its length.
@@ -103,6 +108,18 @@ def test_in_space(method, degree):
 
 def ring(cells):
     return ec.rectangle((0.5, 0.0), (1.5, 1.0), cells=(cells, cells))
+
+
+def foot():
+    """A ring on a foundation that falls away from it outwards."""
+    top = ec.Displacement("top", (None, -0.02))
+    contact = ec.Contact("bottom", friction=LAWS["given"], gap=lambda x: 0.02 * x[0])
+    return ec.Scene(RINGS, top, contacts=contact)
+
+
+@cache
+def fine_ring():
+    return certified(foot(), ring(16), degree=2)
 
 
 @pytest.mark.pairs
@@ -116,14 +133,11 @@ def test_of_rings(degree, method):
     bounds = ec.interval(certified(free, ring(3), method, degree), ec.Slip("bottom", (1.0, 0.0)))
     # u_r = 0.3 * 0.02 r, and the mean of r over the ring is 13/12.
     assert (bounds.low, bounds.high) == pytest.approx((0.0065, 0.0065), abs=1e-9)
-    foot = ec.Contact("bottom", friction=LAWS["given"], gap=lambda x: 0.02 * x[0])
-    scene = ec.Scene(RINGS, top, contacts=foot)
-    fine = certified(scene, ring(16), degree=2)
     goals = {
         ec.Slip("bottom", (1.0, 0.0)): ("bottom", "slip", 1.0),
         ec.Opening("bottom"): ("bottom", "gap", 1.0),
     }
-    assert_inside(certified(scene, ring(4), method, degree), fine, goals)
+    assert_inside(certified(foot(), ring(4), method, degree), fine_ring(), goals)
 
 
 def stack(cells, friction, *, upper_first):
@@ -140,6 +154,11 @@ def stack(cells, friction, *, upper_first):
     return ec.Scene(ec.Elastic({"upper": 1.0, "lower": 3.0}, 0.3), supports, [], contact), domain
 
 
+@cache
+def fine_stack(law):
+    return certified(*stack(12, LAWS[law], upper_first=True), degree=2)
+
+
 @pytest.mark.pairs
 @pytest.mark.on_ranks("given-1-method1")
 @pytest.mark.parametrize("method", METHODS)
@@ -147,7 +166,7 @@ def stack(cells, friction, *, upper_first):
 @pytest.mark.parametrize("law", LAWS)
 def test_between_bodies(law, degree, method):
     """Of either side, in either order: Nitsche's method tests the softer body."""
-    fine = certified(*stack(12, LAWS[law], upper_first=True), degree=2)
+    fine = fine_stack(law)
     widths = []
     for upper_first in (True, False):
         scene, domain = stack(4 // degree, LAWS[law], upper_first=upper_first)

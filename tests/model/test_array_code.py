@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from ffcx.naming import compute_signature
+from laws import TwoModuli
 from mpi4py import MPI
 
 import erc_contact as ec
 from erc_contact.model import array_code as module
+from erc_contact.model import point_law
 from erc_contact.model.array_code import array_code
 from erc_contact.model.expressions import OfNumbers, evaluate
 
@@ -81,3 +84,15 @@ def test_an_operator_that_numpy_does_not_know_is_compiled():
     assert array_code(ufl.erf(x[0])) is None
     values = OfNumbers(ufl.erf(x[0]), MPI.COMM_WORLD)({x: np.array([[0.0, 0.0], [10.0, 0.0]])}, 2)
     assert np.allclose(values, [[0.0], [1.0]])
+
+
+@pytest.mark.parametrize("part", ["energy", "stress", "tangent", "conjugate", "dual"])
+def test_the_code_of_a_law_has_one_name(part, monkeypatch):
+    """Whatever was made before in a process: else each would compile it anew."""
+    monkeypatch.setattr(point_law, "OfNumbers", lambda expression, *_, **__: expression)
+    names = set()
+    for _ in range(2):
+        law = TwoModuli(1.0, 0.4, 0.2)
+        code = point_law.LawCode(law, law.parameters, True, [0, 1, 2, 3], MPI.COMM_SELF)
+        names.add(compute_signature([(getattr(code, part), np.array([[0.5]]))], ""))
+    assert len(names) == 1

@@ -144,6 +144,7 @@ def forces(result) -> tuple[float, np.ndarray]:
     return float(abs(force.force[-1])) / size, moments
 
 
+@pytest.mark.pairs
 @pytest.mark.parametrize("known", [True, False], ids=["drawn", "mesh only"])
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["N", "AL"])
 @pytest.mark.parametrize("name", CASES)
@@ -183,6 +184,7 @@ def test_a_fit_that_slides_is_certified_like_one_at_rest():
     assert relative[1] == pytest.approx(relative[0], rel=1e-3)
 
 
+@pytest.mark.pairs
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("shape", [rings, shells], ids=["rings", "shells"])

@@ -81,6 +81,8 @@ def squeezed_pair(d, friction):
 # -------------------------------------------------------------------------------------
 
 
+@pytest.mark.pairs
+@pytest.mark.on_ranks("2-1-direct", "3-2-iterative")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("d", [2, 3])
@@ -130,6 +132,8 @@ def test_rings_are_free_along_their_axis(degree):
     assert ends.displacement[:, 1] == pytest.approx([0.3 / E, -0.3 / E], rel=1e-8)
 
 
+@pytest.mark.pairs
+@pytest.mark.on_ranks("2-1-N-direct", "2-2-A-iterative", "3-1-A-iterative")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["N", "A"])
 @pytest.mark.parametrize("degree", [1, 2])
@@ -178,6 +182,7 @@ def elsewhere(unheld: Unheld, model) -> np.ndarray:
     raise AssertionError("no anchors")
 
 
+@pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("d", [2, 3])

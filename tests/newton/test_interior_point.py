@@ -39,6 +39,7 @@ def leaves(friction=0.0, along=30, comm=MPI.COMM_WORLD):
     return ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=contacts), stack
 
 
+@pytest.mark.on_ranks("lagrangian-iterative")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
 def test_slender_leaves_take_few_steps(method, solver):
@@ -65,6 +66,8 @@ def test_newton_alone_finds_the_same(method, monkeypatch):
     assert difference <= 1e-8 * abs(alone.u.x.array).max()
 
 
+@pytest.mark.pairs
+@pytest.mark.on_ranks("given-1-iterative", "soft-2-direct")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(

@@ -76,6 +76,7 @@ class OnlyEnergy:
         return self.law.modulus(**parameters)
 
 
+@pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_supremum_by_newton_is_the_conjugate(degree):
     known = certified(pressed(Quadratic(1.0, 0.3)), slab(), degree=degree)
@@ -86,6 +87,7 @@ def test_a_supremum_by_newton_is_the_conjugate(degree):
     assert found.displacement_error == pytest.approx(found.absolute)
 
 
+@pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_supremum_of_a_law_with_a_kink_is_the_conjugate(degree):
     """A step of Newton's method may pass the kink, more than once."""
@@ -97,6 +99,7 @@ def test_a_supremum_of_a_law_with_a_kink_is_the_conjugate(degree):
     assert found.relative == pytest.approx(known.relative, rel=1e-6)
 
 
+@pytest.mark.serial
 def test_the_error_of_the_displacement_is_bounded():
     """In the elastic norm, against a solution three levels finer."""
     for material in (STEEL, Hencky(1.0, 0.4, 0.01, 0.1)):
@@ -114,6 +117,7 @@ def test_the_error_of_the_displacement_is_bounded():
         assert 0.3 * error.absolute < np.sqrt(square) < error.displacement_error
 
 
+@pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_cells_that_yield_in_part_are_integrated(degree, monkeypatch):
     """A cell that counts as linear has the same gap by integrals adapted to the law."""
@@ -154,6 +158,7 @@ def test_another_degree_on_the_same_mesh():
     )
 
 
+@pytest.mark.serial
 def test_a_ring_that_is_let_go():
     """Nothing is left of its stress but round-off, which counts as none."""
     law = ec.Plastic(1.0, 0.43, 0.01, 0.032, kinematic=0.075, hypothesis="axisymmetric")
