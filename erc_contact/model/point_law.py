@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import ufl
 from mpi4py import MPI
+from ufl.algorithms import strip_variables
 
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
@@ -25,7 +26,7 @@ from erc_contact.model.expressions import Everywhere, OfNumbers
 from erc_contact.model.law_entries import StateField, entries, size_of, state_after
 from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
-from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
+from erc_contact.model.symbolic import varies_in_cells, without_derivatives
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import (
     Potential,
@@ -201,8 +202,9 @@ class LawCode:
 
     def _compiled(self, expression: Ufl) -> OfNumbers:
         """Compile an expression of numbers at points; collective."""
-        expression = without_variables(without_derivatives(expression))
-        return OfNumbers(expression, self._comm, is_matrix=True)
+        # Variables have numbers, by which equal laws of two processes would differ.
+        plain = strip_variables(without_derivatives(expression))
+        return OfNumbers(plain, self._comm, is_matrix=True)
 
 
 _recent: deque[LawCode] = deque(maxlen=8)

@@ -95,7 +95,7 @@ def test_a_linear_body_is_tightened_once(monkeypatch):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize(("kind", "degree"), [("2", 1), ("2", 2), ("3", 1), ("rings", 2)])
+@pytest.mark.parametrize(("kind", "degree"), [("2", 1), ("3", 1), ("3", 2), ("rings", 2)])
 def test_ranks_find_the_same_stress(kind, degree):
     values = []
     for comm in (MPI.COMM_SELF, COMM):
@@ -103,4 +103,6 @@ def test_ranks_find_the_same_stress(kind, degree):
         solution = body(kind, law, 2 if kind == "3" else 3, comm, degree)
         error = ec.constitutive_error(ec.equilibrate(solution))
         values.append(error.relative)
-    assert values[1] == pytest.approx(values[0], rel=1e-7)
+    # Iterations of a nearly incompressible body let round-off grow, and end differently.
+    is_grown = kind == "3" and degree == 2
+    assert values[1] == pytest.approx(values[0], rel=1e-3 if is_grown else 1e-7)
