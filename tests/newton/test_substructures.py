@@ -9,7 +9,8 @@ It solves the equations of the whole body, with the Schur complement on the cont
   vertex;
 - what cannot be factorised is an InputError on all ranks, wherever it is found;
 - blocks of a large factor are compressed, and the solution is the same;
-- units do not change a digit of the Schur complement.
+- units do not change a digit of the Schur complement;
+- a plain factor in the place of a factor with a large Schur complement solves the same.
 """
 
 from contextlib import nullcontext
@@ -22,7 +23,7 @@ from scenes import block, prototype_block, random_scene, two_squares
 
 import erc_contact as ec
 from erc_contact.model.promises import bind
-from erc_contact.newton.linear import mumps
+from erc_contact.newton.linear import mumps, stiffness
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.linear.substructures import Interface, Separator, Substructures, _family
 
@@ -235,3 +236,39 @@ def test_units_do_not_change_a_digit(exponent):
     for known, found in zip(made(1.0), made(2.0**exponent), strict=True):
         assert abs(known).max() > 0
         assert np.array_equal(known, found)
+
+
+def rigid_face() -> tuple[ec.Scene, ec.Domain]:
+    """A block that a free rigid face presses."""
+    face = ec.Rigid("top", force=(0.001, -0.02), moment=0.001)
+    return ec.Scene(
+        ec.Elastic(1.0, 0.3), face, contacts=[ec.Contact("bottom", friction=0.3)]
+    ), block(8)
+
+
+def stacked() -> tuple[ec.Scene, ec.Domain]:
+    sizes = {"lower": (5, 2), "upper": (3, 2)}
+    bodies = {
+        name: ec.rectangle((0.0, y), (1.0, y + 1.0), cells=cells)
+        for y, (name, cells) in enumerate(sizes.items())
+    }
+    supports = [
+        ec.Displacement("lower bottom", (0.0, 0.0)),
+        ec.Displacement("upper top", (0.0, -0.02)),
+    ]
+    contact = ec.Contact("upper bottom", against="lower top", friction=0.3)
+    domain = ec.assembly(bodies).joined("upper bottom", "lower top")
+    return ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=[contact]), domain
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("case", [prototype_block, rigid_face, stacked])
+def test_a_plain_factor_takes_over(case, monkeypatch):
+    scene, domain = case() if case is not prototype_block else (prototype_block(), block(8))
+    known = ec.solve(scene, domain)
+    monkeypatch.setattr(stiffness, "DENSE", 0.0)
+    found = ec.solve(scene, domain)
+    assert found.stiffness._factor._schur_on is None
+    assert known.stiffness._factor._schur_on is not None
+    change = abs(found.u.x.array - known.u.x.array).max()
+    assert change <= 1e-10 * abs(known.u.x.array).max()

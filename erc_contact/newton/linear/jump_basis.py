@@ -96,7 +96,9 @@ class JumpBasis:
         if self._transpose is None:
             return matrix
         product = times(self._transpose, times(self._transpose, matrix).T)
-        return 0.5 * (product + product.T)
+        product += product.T
+        product *= 0.5
+        return product
 
     def of_jumps(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> PETSc.Mat:
         """Return ``Q^T M Q`` on A of a sparse matrix M.

@@ -46,6 +46,12 @@ from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, f
 from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
 
+DENSE = 1e6
+"""Cube of the size of L, over the size of the body, from which S_L is not solved with.
+
+A plain factor then costs less, as in leaves of one row of cells, of which L is half.
+"""
+
 
 class Stiffness(Elastic):
     """Solve the elastic equations of a model with a factor.
@@ -303,6 +309,11 @@ class Stiffness(Elastic):
             return self._schur_complement(solver) if comm.rank == 0 else None
 
         self.schur = together(comm, condense)
+        layer_size = len(self.layer.numbers)
+        if isinstance(solver, Factor) and layer_size**3 > DENSE * self.free_components():
+            # To solve, MUMPS would factorise S_L as a dense matrix.
+            solver.destroy()
+            self._factor = factorised(self._matrix)
 
     def _schur_complement(self, solver: Factor | Substructures) -> np.ndarray:
         """Return S_L [force/length], on rank 0."""
