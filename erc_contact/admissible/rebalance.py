@@ -28,10 +28,10 @@ from erc_contact.admissible.springs import (
 )
 from erc_contact.mesh.simplex import coefficients, local_facet_nodes, mass, nodes
 from erc_contact.model.bolt_halves import motions_of_halves
-from erc_contact.model.held_motions import free_motions
+from erc_contact.model.held_motions import held_products
 from erc_contact.model.load_balance import is_round_off, taking_up, works_on
 from erc_contact.model.model import Model
-from erc_contact.model.motions import greatest_of_bodies
+from erc_contact.model.motions import greatest_of_bodies, motions_not_held
 from erc_contact.newton.linear.solver import ElasticSolver
 
 FORCE_ROUND_OFF = 1e-12
@@ -159,7 +159,10 @@ def other_forces(
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
-        motions = free_motions(model, model.bodies, model.held_or_anchored, faces=model.loose_faces)
+        values = model.unheld.motions_of_bodies.values
+        fixed = model.held_or_anchored
+        held = held_products(model, model.bodies, values, fixed, faces=model.loose_faces)
+        motions = motions_not_held(model, model.bodies[0], values, held)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)

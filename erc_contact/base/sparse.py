@@ -123,3 +123,29 @@ def diagonal(values: np.ndarray) -> PETSc.Mat:
     """Make a diagonal matrix of this rank."""
     place = np.arange(len(values))
     return sparse(len(values), len(values), place, place, [values])
+
+
+class Places:
+    """Make sparse matrices of this rank with entries at the same places.
+
+    Args:
+        rows: Row of each entry, shape (n,).
+        columns: Its column.
+        shape: Numbers of rows and columns.
+
+    Example:
+        >>> places = Places(np.array([0, 1, 1]), np.array([0, 0, 0]), (2, 1))
+        >>> places.of(np.array([1.0, 2.0, 3.0])).toarray()
+        [[1.0], [5.0]]
+    """
+
+    def __init__(self, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> None:
+        height, width = shape
+        numbers, self._entry = np.unique(rows * width + columns, return_inverse=True)
+        begin = np.searchsorted(numbers, width * np.arange(height + 1))
+        self._matrix = csr_array((np.zeros(len(numbers)), numbers % width, begin), shape=shape)
+
+    def of(self, values: np.ndarray) -> csr_array:
+        """Return the matrix of values, which add up where places coincide."""
+        self._matrix.data = np.bincount(self._entry, values, self._matrix.nnz)
+        return self._matrix

@@ -17,6 +17,8 @@ def components(count: int, edges: np.ndarray) -> np.ndarray:
         count: Number of vertices.
         edges: Pairs of vertices, shape (n, 2).
     """
+    if count <= 1 or not len(edges):
+        return np.arange(count)
     links = sparse.coo_array((np.ones(len(edges), dtype=bool), edges.T), (count, count))
     _, label = connected_components(links, directed=False)
     _, first = np.unique(label, return_index=True)

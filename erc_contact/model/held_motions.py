@@ -9,83 +9,63 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import block_diagonal, body_motions, motions_not_held, summed
+from erc_contact.model.motions import block_diagonal, summed
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
 
 
-def free_motions(
-    space: Space,
-    bodies: tuple[np.ndarray, int],
-    fixed: np.ndarray,
-    springs: Sequence[BoundSpring] = (),
-    faces: Sequence[RigidFace] = (),
-) -> list[fem.Function]:
-    """Find the rigid motions that no support or spring holds; collective.
-
-    Each is of one body. The motions of a body are orthonormal combinations of its
-    translations and of its rotations over its size.
-
-    Args:
-        space: The mesh.
-        bodies: Body of each node, and number of bodies.
-        fixed: Which components are held at a value at each node, shape (nodes, d).
-        springs: The springs; contacts and springs that are left out hold nothing.
-        faces: The loose rigid faces, which resist their given motions.
-
-    Returns:
-        Functions of V.
-    """
-    body, count = bodies
-    motions = body_motions(space, body, count).values
-    held = _held(space, bodies, motions, fixed, springs, faces)
-    return motions_not_held(space, body, motions, held)
-
-
 def resisted_by_all(
     space: Space,
     bodies: tuple[np.ndarray, int],
-    fixed: np.ndarray,
-    springs: Sequence[BoundSpring],
+    motions: np.ndarray,
+    held: np.ndarray,
     contacts: Sequence[ContactOnMesh],
-    faces: Sequence[RigidFace],
 ) -> np.ndarray:
     """Sum up products of the m motions of bodies that anything resists; collective.
 
     Args:
         space: The mesh.
         bodies: Body of each node, and number of bodies.
-        fixed: Which components are held at a value at each node, shape (nodes, d).
-        springs: The springs.
+        motions: The motions at the nodes, shape (nodes, d, m).
+        held: Products of :func:`held_products`.
         contacts: The contacts. They resist motions along their normals, with friction
             all motions.
-        faces: The loose rigid faces.
 
     Returns:
         The sums over all ranks, shape (bodies m, bodies m), body by body.
     """
     body, count = bodies
-    motions = body_motions(space, body, count).values
-    by_all = block_diagonal(_held(space, bodies, motions, fixed, springs, faces))
+    by_all = block_diagonal(held)
     for contact in contacts:
         by_all = by_all + _by_contact(space, body, count, motions, contact)
     return by_all
 
 
-def _held(
+def held_products(
     space: Space,
     bodies: tuple[np.ndarray, int],
     motions: np.ndarray,
     fixed: np.ndarray,
-    springs: Sequence[BoundSpring],
-    faces: Sequence[RigidFace],
+    springs: Sequence[BoundSpring] = (),
+    faces: Sequence[RigidFace] = (),
 ) -> np.ndarray:
-    """Sum up products of motions that supports and springs resist; collective."""
+    """Sum up products of the m motions that supports and springs resist; collective.
+
+    Args:
+        space: The mesh.
+        bodies: Body of each node, and number of bodies.
+        motions: The motions at the nodes, shape (nodes, d, m).
+        fixed: Which components are held at a value at each node, shape (nodes, d).
+        springs: The springs; springs that are left out hold nothing.
+        faces: The loose rigid faces, which resist their given motions.
+
+    Returns:
+        The sums over all ranks, shape (bodies, m, m).
+    """
     body, count = bodies
     held = _held_by_supports(space, body, count, motions, fixed, faces)
     for spring in springs:

@@ -22,14 +22,14 @@ from erc_contact.model.contacts import bind_contact
 from erc_contact.model.dimension import check_dimension, check_half_plane
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.held_motions import free_motions, resisted_by_all
+from erc_contact.model.held_motions import held_products, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.law_state import state_of
 from erc_contact.model.load_balance import Relief, relief_of
 from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
-from erc_contact.model.motions import bodies_of_nodes
+from erc_contact.model.motions import bodies_of_nodes, body_motions, motions_not_held
 from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.nodal import at_nodes
 from erc_contact.model.point_law import PointLaw
@@ -94,7 +94,7 @@ class Model(Space):
         unheld: The motions that nothing holds, and their anchors.
         relief: What takes up a small resultant of loads on these; None without any.
         free_motions: Rigid motions that neither supports nor anchors hold, Functions of
-            V, see :func:`free_motions`.
+            V, see :func:`motions_not_held`.
         is_later_step: Whether the scene is a step of a history after another one.
         greatest_before: The sizes of the history before this step, 0 without one.
         gap_limits: Polynomials below the gap that were found [length], shape (f, c, m),
@@ -149,15 +149,17 @@ class Model(Space):
         check_neighbours(self, self.loose_faces, self.held, self.contacts)
         check_beside_cuts(self, self.preloads, self._held_facets(), self.contacts)
         self.bodies = bodies_of_nodes(self)
-        by_all = resisted_by_all(
-            self, self.bodies, self.held, self.springs, self.contacts, self.loose_faces
-        )
-        self.unheld = find_unheld(self, self.bodies, self.fixed, by_all, self.contacts)
+        motions = body_motions(self, *self.bodies)
+        resisting = self.springs, self.loose_faces
+        held = held_products(self, self.bodies, motions.values, self.held, *resisting)
+        by_all = resisted_by_all(self, self.bodies, motions.values, held, self.contacts)
+        self.unheld = find_unheld(self, self.bodies, motions, self.fixed, by_all, self.contacts)
         self.anchor()
         self.bind_connections()
-        self.free_motions = free_motions(
-            self, self.bodies, self.held_or_anchored, self.springs, self.loose_faces
-        )
+        if self.unheld.functions:
+            fixed = self.held_or_anchored
+            held = held_products(self, self.bodies, motions.values, fixed, *resisting)
+        self.free_motions = motions_not_held(self, self.bodies[0], motions.values, held)
 
     def bind_supports_and_loads(self, scene: Scene) -> None:
         """Put the supports and loads of a scene on the mesh; collective."""

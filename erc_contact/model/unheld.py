@@ -22,7 +22,7 @@ from erc_contact.mesh.graphs import components
 from erc_contact.model.body_motions import BodyMotions, Group, Unheld, motions_together
 from erc_contact.model.body_words import boundary_parts, hinge_words, lying_words
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import body_motions, kernel
+from erc_contact.model.motions import kernel
 from erc_contact.model.over_ranks import marks_of_owners
 from erc_contact.model.space import Space
 
@@ -37,6 +37,7 @@ SAME_WEIGHT = 6
 def find_unheld(
     space: Space,
     bodies: tuple[np.ndarray, int],
+    motions: BodyMotions,
     fixed: np.ndarray,
     by_all: np.ndarray,
     contacts: Sequence[ContactOnMesh],
@@ -46,13 +47,13 @@ def find_unheld(
     Args:
         space: The mesh.
         bodies: Body of each node, and number of bodies.
+        motions: The m rigid motions of the bodies.
         fixed: Which components supports prescribe at each node, shape (nodes, d).
-        by_all: Products of the m motions of bodies that anything resists, shape (bodies
-            m, bodies m).
+        by_all: Products of the motions that anything resists, shape (bodies m, bodies
+            m).
         contacts: The contacts.
     """
     body, count = bodies
-    motions = body_motions(space, body, count)
     m = motions.values.shape[2]
     groups = []
     functions: list[fem.Function] = []

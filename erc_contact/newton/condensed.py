@@ -28,10 +28,10 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from scipy.sparse import coo_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.ranks import from_first
+from erc_contact.base.sparse import Places
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.field_map import FieldMap
@@ -114,6 +114,8 @@ class Condensed:
         fields = FieldMap(self.forms, stiffness, self.size, glued_A, self.matrix, self.loads)
         self._fields = fields
         self.assembly = Assembly(self.forms, fields.readings, fields.columns, self.size, path)
+        if self.assembly.positions is not None:
+            self._by_fields = Places(*self.assembly.positions, (self.size, fields.size))
 
     def run(self, work: Callable[[], Any]) -> Any:
         """Do work on rank 0 with the help of the other ranks; return its result.
@@ -151,8 +153,7 @@ class Condensed:
         """Return dR/du_A at u_A [force/length], shape (A, A), on rank 0."""
         self.move(u_A)
         entries = self._on_all_ranks("tangent")
-        by_fields = coo_array((entries, self.assembly.positions), (self.size, self._fields.size))
-        dense = np.asarray(by_fields.tocsr() @ self._fields.derivative)
+        dense = np.asarray(self._by_fields.of(entries) @ self._fields.derivative)
         if not self.multipliers:
             dense += self.matrix
         return dense

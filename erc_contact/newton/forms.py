@@ -46,9 +46,9 @@ class Reader:
         self.equations: list[fem.Form] = []
         self.tangents: list[list[fem.Form]] = [[] for _ in range(count)]
 
-    def add(self, equations: Ufl, tangents: list[tuple[int, Ufl]]) -> None:
+    def add(self, equations: fem.Form, tangents: list[tuple[int, Ufl]]) -> None:
         """Add equations and their derivatives by the fields of some numbers."""
-        self.equations.append(compiled.form(equations))
+        self.equations.append(equations)
         for number, tangent in tangents:
             self.tangents[number].append(compiled.form(tangent))
 
@@ -122,8 +122,10 @@ class ContactForms:
             # One module for each contact: contacts that are alike have the same one.
             of_contact = [*forms, *(form for part in derivatives for _, form in part)]
             compiled.compile_together(model.comm, of_contact, [at_points])
-            self.equations.append(compiled.form(forms[0]))
-            for (field, form), by_fields in zip(parts, derivatives, strict=True):
+            of_parts = [compiled.form(form) for form in forms]
+            self.equations.append(of_parts[0])
+            fields = [field for field, _ in parts]
+            for field, form, by_fields in zip(fields, of_parts, derivatives, strict=True):
                 is_jump = field is not self.u
                 reader = readers.setdefault(
                     field, Reader(number if is_jump else None, len(self.fields))
