@@ -146,6 +146,9 @@ class Places:
         self._matrix = csr_array((np.zeros(len(numbers)), numbers % width, begin), shape=shape)
 
     def of(self, values: np.ndarray) -> csr_array:
-        """Return the matrix of values, which add up where places coincide."""
+        """Return the matrix of values, which add up where places coincide.
+
+        The next call writes over it.
+        """
         self._matrix.data = np.bincount(self._entry, values, self._matrix.nnz)
         return self._matrix

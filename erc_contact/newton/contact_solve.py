@@ -23,7 +23,6 @@ from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import (
-    CRAWLS,
     ENDLESS,
     ROUND_OFF_HIDES,
     DiscreteSolution,
@@ -150,8 +149,6 @@ class ContactSolve:
             elif outcome.friction > 1.0 and not gap:
                 # Across gaps it may end for other reasons than friction.
                 raise NotConverged(self._sliding(outcome), tuple(self.rungs))
-            if outcome.reason == CRAWLS:
-                states["crawling"] = state
             slow += outcome.reason == "diverged_linear_solve"
             # Other attempts end in the same round-off.
             if slow == SLOW_ATTEMPTS or outcome.reason == ROUND_OFF_HIDES:

@@ -195,7 +195,7 @@ def attempts(
     Args:
         method: The method whose solution is wanted.
         known: Names of the starts that are known; the caller adds to them between two
-            attempts, "crawling" where an attempt has ended because it crawls.
+            attempts.
         friction: Whether the scene has friction.
         gap: Whether it has a gap.
         loose: Whether supports leave a body rigid motions.
@@ -364,8 +364,8 @@ def _proximal_problems() -> Generator[Shares, float | None, None]:
             if weight == 0.0:
                 return
             pulls.append(pull)
-            softer = SOFTER * weight
-            weight = softer if softer > SOFTEST else 0.0
+            # Round-off in powers of the factor does not matter.
+            weight = SOFTER * weight if weight > 2 * SOFTEST else 0.0
         elif weight == 0.0 and _pulls_for_ever(pulls):
             return
         else:

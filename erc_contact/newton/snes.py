@@ -54,8 +54,6 @@ LATEST = 10
 """Steps after which any change is a crawl [-]."""
 FEW = 3
 """Changes in a step that are no crawl: so many points soon know their states."""
-CRAWLS = "states keep changing"
-"""Reason of an attempt that crawls."""
 ENDLESS = "residual grows without end"
 """Why an attempt ends whose steps go far away: which way, round-off may say."""
 ASTRAY = 1e5
@@ -321,15 +319,14 @@ class _StoppingTest:
         changes = self._changes
         if len(changes) < EARLIEST or changes[-1] == 0:
             return ""
-        if len(changes) >= LATEST:
-            return CRAWLS
+        is_crawl = len(changes) >= LATEST
         _, *closed = counts
         for steps, fall, share in CRAWLING:
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
             if last > max(fall * before, share * sum(closed), FEW * steps):
-                return CRAWLS
-        return ""
+                is_crawl = True
+        return "states keep changing" if is_crawl else ""
 
     def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
