@@ -42,18 +42,14 @@ IMBALANCE = 1e-6
 
 In exact numbers there is none.
 """
-CRAWLING = ((3, 0.5, 0.5), (2, 0.8, 0.0))
+CRAWLING = ((2, 0.8, 0.0, 6), (3, 0.5, 0.5, 9), (5, 0.5, 0.0, 0))
 """When changes of the status count as a crawl.
 
 In so many steps there are more than this share of the changes in as many steps before,
-and more than this share of the closed points.
+more than this share of the closed points, and more than so many.
 """
 EARLIEST = 5
 """Steps that an attempt takes at least, whatever changes [-]."""
-LATEST = 10
-"""Steps after which any change is a crawl [-]."""
-FEW = 3
-"""Changes in a step that are no crawl: so many points soon know their states."""
 ENDLESS = "residual grows without end"
 """Why an attempt ends whose steps go far away: which way, round-off may say."""
 ASTRAY = 1e5
@@ -319,14 +315,14 @@ class _StoppingTest:
         changes = self._changes
         if len(changes) < EARLIEST or changes[-1] == 0:
             return ""
-        is_crawl = len(changes) >= LATEST
         _, *closed = counts
-        for steps, fall, share in CRAWLING:
+        for steps, fall, share, few in CRAWLING:
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
-            if last > max(fall * before, share * sum(closed), FEW * steps):
-                is_crawl = True
-        return "states keep changing" if is_crawl else ""
+            is_seen = len(changes) >= 2 * steps
+            if is_seen and last > max(fall * before, share * sum(closed), few):
+                return "states keep changing"
+        return ""
 
     def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
