@@ -90,8 +90,7 @@ def test_states_in_space_are_found(friction, bed, degree, solver, monkeypatch):
         ),
     )
     wanted = ec.solve(scene, body, degree=degree).force("bottom").force
-    monkeypatch.setattr(snes, "CRAWLING", ((1, -1.0, -1.0),))
-    monkeypatch.setattr(snes, "FEW", -1)
+    monkeypatch.setattr(snes, "CRAWLING", ((1, -1.0, -1.0, -1),))
     monkeypatch.setattr(snes, "EARLIEST", 2)
     solution = ec.solve(scene, body, degree=degree, solver=solver)
     assert "interior start" in solution.reason
