@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 import ufl
 from mpi4py import MPI
-from ufl.algorithms import strip_variables
 
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
@@ -26,7 +25,7 @@ from erc_contact.model.expressions import Everywhere, OfNumbers
 from erc_contact.model.law_entries import StateField, entries, size_of, state_after
 from erc_contact.model.space import Space
 from erc_contact.model.stand_ins import stand_in
-from erc_contact.model.symbolic import varies_in_cells, without_derivatives
+from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import (
     Potential,
@@ -202,8 +201,7 @@ class LawCode:
 
     def _compiled(self, expression: Ufl) -> OfNumbers:
         """Compile an expression of numbers at points; collective."""
-        # Variables have numbers, by which equal laws of two processes would differ.
-        plain = strip_variables(without_derivatives(expression))
+        plain = without_variables(without_derivatives(expression))
         return OfNumbers(plain, self._comm, is_matrix=True)
 
 

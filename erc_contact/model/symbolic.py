@@ -11,6 +11,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
 from ufl.corealg.traversal import traverse_unique_terminals, unique_pre_traversal
 from ufl.utils.stacks import StackDict
 
@@ -87,6 +89,26 @@ def without_derivatives(expression: Ufl) -> Ufl:
         return expression
     with method_caches_off():
         return ufl.algorithms.expand_derivatives(expression)
+
+
+class _Stripped(MultiFunction):
+    """Replace the variables of an expression by what they stand for."""
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, _: Ufl, stands_for: Ufl, label: Ufl) -> Ufl:
+        """Return the first operand of a variable."""
+        return stands_for
+
+
+def without_variables(expression: Ufl) -> Ufl:
+    """Strip an expression without derivatives of its variables.
+
+    They have numbers, by which equal expressions of two processes would differ and be
+    compiled twice. UFL's own ``strip_variables`` visits a common part of an expression
+    as often as it is used, which takes seconds for a law.
+    """
+    return map_expr_dag(_Stripped(), expression)
 
 
 def constant_value(expression: Ufl) -> np.ndarray:
