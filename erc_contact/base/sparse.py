@@ -141,7 +141,9 @@ class Places:
 
     def __init__(self, rows: np.ndarray, columns: np.ndarray, shape: tuple[int, int]) -> None:
         height, width = shape
-        numbers, self._entry = np.unique(rows * width + columns, return_inverse=True)
+        # PETSc's rows have 32 bits, which the number of a place may exceed.
+        places = rows.astype(np.int64) * width + columns
+        numbers, self._entry = np.unique(places, return_inverse=True)
         begin = np.searchsorted(numbers, width * np.arange(height + 1))
         self._matrix = csr_array((np.zeros(len(numbers)), numbers % width, begin), shape=shape)
 

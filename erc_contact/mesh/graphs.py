@@ -17,6 +17,7 @@ def components(count: int, edges: np.ndarray) -> np.ndarray:
         count: Number of vertices.
         edges: Pairs of vertices, shape (n, 2).
     """
+    # Most meshes are one body, and most scenes have no pair.
     if count <= 1 or not len(edges):
         return np.arange(count)
     links = sparse.coo_array((np.ones(len(edges), dtype=bool), edges.T), (count, count))

@@ -157,6 +157,7 @@ class Model(Space):
         self.anchor()
         self.bind_connections()
         if self.unheld.functions:
+            # Anchors hold motions, too.
             fixed = self.held_or_anchored
             held = held_products(self, self.bodies, motions.values, fixed, *resisting)
         self.free_motions = motions_not_held(self, self.bodies[0], motions.values, held)

@@ -224,6 +224,8 @@ class CentralPath:
         _, dy, dv = self._add_directions()
         share = min(1.0, self._longest(dy, dv) + CORRECTED)
         products = (self._y + share * dy) * (self._v + share * dv)
+        # A product far below mu ends the next step at its bound, a product far above it
+        # is the last to fall.
         most = FAR * self._next_mu
         change = np.clip(products, self._next_mu / FAR, most) - products
         self._aim(np.where(self._used, self._t + np.maximum(change, -most), 0.0))
@@ -280,7 +282,7 @@ class CentralPath:
         self._set_affine(self._weights, self._offsets)
 
     def _add_directions(self) -> Directions:
-        """Return the directions of r, y and v at the solution that the forms read."""
+        """Keep and return the directions of r, y and v at the solution in the forms."""
         r = np.einsum("nab,nb->na", self._weights, self._trials()) + self._offsets
         dr = r - self._r
         dy = np.where(self._used, -dr @ self._sides, 0.0)

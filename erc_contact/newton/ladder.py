@@ -37,7 +37,7 @@ STEPS_OF_NEIGHBOURS = 20
 """Limit of Newton steps of a problem that is near the problem before.
 
 So are problems with softer springs or less friction. Those that are solved mostly take
-1 to 5 steps, and 17 at most.
+1 to 5 steps, and seldom more than 17.
 """
 GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
 """Shares of the gaps when they are opened in steps.
@@ -215,6 +215,8 @@ def attempts(
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
             yield Attempt(method, first, proximal=True)
+        # Lowering friction costs less than springs by another method, and an end of it
+        # tells the friction that is needed.
         yield from _lowered(method, nodal, known) if slides else ()
         if not is_nodal and "nodal" not in known:
             yield from _by_nodal(method, nodal, first, proximal=True)
@@ -269,6 +271,7 @@ def _first(
         yield Attempt(method, "glued")
     else:
         yield Attempt(method, first, hurried=convex)
+        # They lead to the solution of a quadratic programme, else near one at best.
         if convex:
             yield from _interior(method, nodal, known)
             yield Attempt(method, first)

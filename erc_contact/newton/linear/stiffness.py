@@ -47,9 +47,10 @@ from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
 
 DENSE = 1e6
-"""Cube of the size of L, over the size of the body, from which S_L is not solved with.
+"""Cube of the size of L over the number of unknowns from which S_L is only read.
 
-A plain factor then costs less, as in leaves of one row of cells, of which L is half.
+A plain factor then solves at less cost, as in leaves of one row of cells, of which L is
+half.
 """
 
 
