@@ -30,8 +30,7 @@ from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
 from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
-from erc_contact.model.contact_data import ContactData
-from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.contact_values import ContactData, friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONCAVE

@@ -23,7 +23,7 @@ from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
-from erc_contact.model.contact_data import ContactData
+from erc_contact.model.contact_values import ContactData
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences

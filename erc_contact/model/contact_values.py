@@ -1,12 +1,18 @@
-"""Evaluate friction parameters, gap and springs of a contact on its facets."""
+"""Evaluate the data of a contact on its facets, at its nodes, or at any points."""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from erc_contact.model.expressions import evaluate
+import numpy as np
+from dolfinx import mesh as dmesh
+
+from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.space import Space
+from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
 
@@ -53,3 +59,125 @@ def spring_displacement(
     _, r_t, _ = split(r, contact.trace.normals_at(points))
     k = stiffness[..., None]
     return np.divide(-r_t, k, out=np.zeros_like(r_t), where=k > 0)
+
+
+class ContactData:
+    """Evaluate the data of a contact at any points of its facets.
+
+    Construction is collective. The methods get ``facet``, the number in the contact of
+    each of n facets, and ``x``, q points of each [length], shape (n, q, d).
+    """
+
+    def __init__(self, contact: ContactOnMesh, mesh: dmesh.Mesh) -> None:
+        self.contact = contact
+        self._gap = None
+        if contact.gap is not None:
+            self._gap = Everywhere(contact.gap, mesh)
+        self._normal = None
+        if contact.given_normal is not None:
+            self._normal = Everywhere(contact.given_normal, mesh)
+        self._stiffness = None
+        if contact.stiffness is not None:
+            self._stiffness = Everywhere(contact.stiffness, mesh)
+        self._tangential_stiffness = None
+        if contact.tangential_stiffness is not None:
+            self._tangential_stiffness = Everywhere(contact.tangential_stiffness, mesh)
+        self._parameters = {}
+        if contact.friction is not None:
+            for name, value in contact.friction.parameters.items():
+                self._parameters[name] = Everywhere(value, mesh)
+
+    def gap(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the gap at the points [length], shape (n, q)."""
+        if self._gap is None:
+            return np.zeros(x.shape[:2])
+        return self._gap(x, self.contact.facets[facet])
+
+    def stiffness(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray | None:
+        """Evaluate k_n of the foundation at the points [force/length^3], shape (n, q).
+
+        None if it is rigid.
+        """
+        if self._stiffness is None:
+            return None
+        return self._stiffness(x, self.contact.facets[facet])
+
+    def tangential_stiffness(self, facet: np.ndarray, x: np.ndarray) -> np.ndarray | None:
+        """Evaluate k_t of the foundation as :meth:`stiffness` does."""
+        if self._tangential_stiffness is None:
+            return None
+        return self._tangential_stiffness(x, self.contact.facets[facet])
+
+    def normal(self, facet: np.ndarray, x: np.ndarray, interpolated: np.ndarray) -> np.ndarray:
+        """Evaluate the unit normal that the scene gives at the points.
+
+        Args:
+            facet: Numbers of the facets, shape (n,).
+            x: Points [length], shape (n, q, d).
+            interpolated: The normals that the contact has there, shape (n, q or 1, d).
+
+        Returns:
+            Shape (n, q, d); ``interpolated`` where the scene gives none that varies.
+        """
+        if self._normal is None:
+            return interpolated
+        normal = self._normal(x, self.contact.facets[facet])
+        return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def bound(self, facet: np.ndarray, x: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+        """Evaluate the friction bound at the points [force/area], shape (n, q).
+
+        Args:
+            facet: Numbers of the facets, shape (n,).
+            x: Points [length], shape (n, q, d).
+            pressure: Pressures there [force/area], shape (n, q).
+        """
+        facets = self.contact.facets[facet]
+        parameters = {name: value(x, facets) for name, value in self._parameters.items()}
+        return self.contact.friction_bound(pressure, parameters)
+
+
+def at_nodes(space: Space, contact: ContactOnMesh, gap: Ufl | None) -> ContactOnMesh:
+    """Return a contact with its data as Functions; collective.
+
+    See :meth:`erc_contact.model.model.Model.at_nodes`.
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        gap: Its gap by Bernstein coefficients [length], UFL, or None.
+    """
+    friction = contact.friction
+    trace = contact.trace
+    if trace.before is not None:
+        before = trace.before.copy()
+        space.to_coefficients(before.x.array.reshape(-1, space.d), [contact])
+        trace = replace(trace, before=before)
+    # The projection holds between Bernstein coefficients, so the gap is given by its
+    # own; stiffnesses and parameters of the law are values at the nodes.
+    stiffnesses = {}
+    for name in ("stiffness", "tangential_stiffness"):
+        stiffness = getattr(contact, name)
+        if stiffness is not None:
+            stiffnesses[name] = _values(space, contact, stiffness)
+    if friction is not None:
+        parameters = {}
+        for name, value in friction.parameters.items():
+            parameters[name] = _values(space, contact, value)
+        friction = replace(friction, parameters=parameters)
+    return replace(contact, gap=gap, friction=friction, trace=trace, **stiffnesses)
+
+
+def _values(space: Space, contact: ContactOnMesh, value: Ufl) -> Ufl:
+    """Return data that vary in cells by their values at the nodes, UFL."""
+    if not varies_in_cells(value):
+        return value
+    values = evaluate(value, space.mesh, space.facet_points, contact.facets)
+    return _nodal(space, contact, values)
+
+
+def _nodal(space: Space, contact: ContactOnMesh, values: np.ndarray) -> Ufl:
+    """Make a scalar, UFL, from its values at the nodes of a contact, shape (f, m)."""
+    function = space.function()
+    function.x.array.reshape(-1, space.d)[:, 0] = values_of_nodes(contact.trace.here, values)
+    return function[0]

@@ -21,7 +21,6 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.array_code import array_code
-from erc_contact.model.stand_ins import POINT_CHUNK, line_of_points, stand_in
 from erc_contact.model.symbolic import (
     constant_value,
     has_fields,
@@ -31,6 +30,33 @@ from erc_contact.model.symbolic import (
     without_derivatives,
 )
 from erc_contact.model.tables import on_mesh
+
+POINT_CHUNK = 4096
+"""Number of points at which an expression is evaluated at once."""
+
+
+@cache
+def line_of_points() -> dmesh.Mesh:
+    """Make a mesh whose POINT_CHUNK cells carry the values of as many points.
+
+    It has no other meaning.
+    """
+    return dmesh.create_interval(MPI.COMM_SELF, POINT_CHUNK, (0.0, 1.0))
+
+
+@cache
+def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
+    """Make the space of functions with a value of this shape for each point."""
+    V = fem.functionspace(line_of_points(), ("DG", 0, shape))
+    # Values of points are written in the order of the cells.
+    assert np.array_equal(V.dofmap.list[:, 0], np.arange(POINT_CHUNK))
+    return V
+
+
+@cache
+def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
+    """Make a function that stands for a value of a shape at each point."""
+    return fem.Function(_numbers(shape))
 
 
 def evaluate(

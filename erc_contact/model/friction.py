@@ -17,8 +17,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import OfNumbers
-from erc_contact.model.stand_ins import stand_in
+from erc_contact.model.expressions import OfNumbers, stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
 from erc_contact.model.tables import written_out
 from erc_contact.model.users import call_of_user, scalar

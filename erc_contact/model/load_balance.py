@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.mesh.surface import swept
-from erc_contact.model.body_motions import BodyMotions, Group, Unheld, motions_together
+from erc_contact.model.motions import BodyMotions, Group, Unheld, motions_together
 from erc_contact.model.space import Space
 
 ROUND_OFF = 1e-13

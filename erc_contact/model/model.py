@@ -17,7 +17,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.connections import Connections
 from erc_contact.model.constitution import Constitution
-from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
+from erc_contact.model.contact_values import at_nodes, friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.dimension import check_dimension, check_half_plane
 from erc_contact.model.expressions import Everywhere
@@ -31,7 +31,6 @@ from erc_contact.model.loads import bind_loads, sum_of
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes, body_motions, motions_not_held
 from erc_contact.model.neighbours import check_neighbours
-from erc_contact.model.nodal import at_nodes
 from erc_contact.model.point_law import PointLaw
 from erc_contact.model.potential import ConvexConstitution, Linearised
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of

@@ -28,9 +28,14 @@ from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.user_data import without_plain_numbers
 from erc_contact.model.users import call_of_user
-from erc_contact.model.values import DATA_DEGREE, by_region, number, parameter
+from erc_contact.model.values import (
+    DATA_DEGREE,
+    by_region,
+    number,
+    parameter,
+    without_plain_numbers,
+)
 from erc_contact.scene.material import Material, mandel_basis, tensor_basis
 from erc_contact.scene.strain import GivenStrain
 

@@ -19,10 +19,9 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.mesh.graphs import components
-from erc_contact.model.body_motions import BodyMotions, Group, Unheld, motions_together
 from erc_contact.model.body_words import boundary_parts, hinge_words, lying_words
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import kernel
+from erc_contact.model.motions import BodyMotions, Group, Unheld, kernel, motions_together
 from erc_contact.model.over_ranks import marks_of_owners
 from erc_contact.model.space import Space
 

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
@@ -20,9 +22,9 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import lattice
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.expressions import at_cells, evaluate
 from erc_contact.model.space import Space
-from erc_contact.model.user_data import without_plain_numbers
+from erc_contact.model.tables import on_mesh
 from erc_contact.model.users import call_of_user, scalar, vector
 from erc_contact.scene.material import Material
 from erc_contact.scene.potential import Potential
@@ -32,6 +34,20 @@ DATA_DEGREE = 4
 
 The solver and the reconstruction of stresses share it.
 """
+
+
+def without_plain_numbers(expression: Ufl, mesh: dmesh.Mesh, *, of_material: bool = False) -> Ufl:
+    """Replace the plain numbers of a UFL expression by Constants; collective.
+
+    Expressions that differ only in these numbers are then compiled once. Tables become
+    Functions on the mesh, see :func:`erc_contact.model.tables.on_mesh`.
+    """
+    expression = on_mesh(expression, mesh, at_cells, of_material=of_material)
+    constants = {}
+    for terminal in traverse_unique_terminals(expression):
+        if isinstance(terminal, ufl.classes.FloatValue):
+            constants[terminal] = compiled.constant(mesh, float(terminal))
+    return ufl.replace(expression, constants)
 
 
 def parameter(owner: Any, name: str) -> Any:

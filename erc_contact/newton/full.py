@@ -32,11 +32,10 @@ from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath, follow
 from erc_contact.newton.linear.krylov import fgmres
-from erc_contact.newton.linear.loose_energies import imbalance, rough_energy
 from erc_contact.newton.linear.multigrid import ROUGH, Multigrid
-from erc_contact.newton.one_sided_tangent import PRESSING, contact_normals
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import laws_of
+from erc_contact.newton.singular_values import PRESSING, contact_normals
 from erc_contact.newton.snes import IMBALANCE, Status
 from erc_contact.newton.tangent import Tangent
 
@@ -158,7 +157,7 @@ class FullSpace:
         contact_forces.scale(-1.0 / self.length)
         # Contacts that nothing presses have forces of round-off.
         least = SOLVED / IMBALANCE * self.force / self.length
-        part = imbalance(self.elastic, x, contact_forces, least)
+        part = self.elastic.imbalance(x, contact_forces, least)
         contact_forces.destroy()
         return part <= IMBALANCE
 
@@ -173,7 +172,7 @@ class FullSpace:
             return False
         force = self.vector()
         self.function(None, x, force)
-        energy = rough_energy(self.elastic, force) * self.force**2
+        energy = self.elastic.rough_energy(force) * self.force**2
         force.destroy()
         return energy <= tolerance**2
 
@@ -197,7 +196,7 @@ class FullSpace:
         The elastic diagonal scales it. It is one without friction, where solutions are
         unique as far as the body is held. Otherwise it is the lesser one of two
         tangents: at x, and, if this changes the contact status, at x pressed into the
-        foundation (:mod:`erc_contact.newton.one_sided_tangent`).
+        foundation (:mod:`erc_contact.newton.singular_values`).
         """
         if all(contact.friction is None for contact in self.model.contacts):
             return 1.0

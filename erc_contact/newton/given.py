@@ -18,13 +18,14 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.files.displacements import FileField
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.arguments import check_arguments
-from erc_contact.newton.given_tractions import given_multipliers
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
@@ -167,3 +168,49 @@ def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Funct
     for done in (matrix, loads, residual, x, work):
         done.destroy()
     return tuple(multipliers)
+
+
+def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[str, fem.Function]:
+    """Return given tractions as Functions [force/area], by the names of contacts.
+
+    Args:
+        model: The scene on a mesh.
+        traction: Tractions on the parts that contacts are named after.
+
+    Raises:
+        InputError: If no contact has a name, or values do not fit the nodes.
+    """
+    if not isinstance(traction, Mapping):
+        raise InputError(
+            f"certify: traction is {checks.description(traction)}; give a mapping from the names of"
+            " contacts, e.g. {'bottom': (points, values)}."
+        )
+    multipliers = {}
+    names = {contact.name for contact in model.contacts}
+    for name, values in traction.items():
+        if name not in names:
+            known = ", ".join(sorted(names)) or "none"
+            raise InputError(f"certify: traction is for {name!r}; the contacts are {known}.")
+        contact = model.contact(name)
+        multiplier = model.function()
+        nodal = multiplier.x.array.reshape(-1, model.d)
+        nodes = np.unique(contact.trace.here.nodes)
+        nodal[nodes] = contact.sign * _at_nodes(model, contact, nodes, values)
+        if not np.isfinite(nodal).all():
+            raise InputError(f"certify: the traction on {name!r} is not finite everywhere.")
+        multipliers[name] = multiplier
+    return multipliers
+
+
+def _at_nodes(
+    model: Model, contact: ContactOnMesh, nodes: np.ndarray, traction: AnyField
+) -> np.ndarray:
+    """Return a traction at nodes of this side of a contact, (nodes, d)."""
+    what = f"certify: the traction on {contact.name!r}"
+    # A Function is read at the nodes of this side, which is the softer body's.
+    if isinstance(traction, fem.Function) and contact.is_exchanged:
+        raise InputError(
+            f"{what} is a Function, and must be the traction on the softer body; give a "
+            "callable of points, or (points, values)."
+        )
+    return nodal_values(model, traction, nodes, what)

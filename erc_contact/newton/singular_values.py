@@ -1,10 +1,18 @@
-"""Estimate the least singular value of the tangent for all degrees of freedom."""
+"""Tell whether the tangent at a solution is singular, on both sides of its kinks.
+
+Where a point touches without pressure the equations of a contact have a kink. The
+tangent at the state and the tangent under pressure differ there, and the second may be
+singular alone. So both are looked at: a state is pressed into the foundation by a tiny
+length.
+"""
 
 from __future__ import annotations
 
 import numpy as np
+from dolfinx import fem
 from petsc4py import PETSc
 
+from erc_contact.model.model import Model
 from erc_contact.newton.linear.krylov import Apply, fgmres
 
 REGULARITY_TOLERANCE = 1e-4
@@ -15,6 +23,20 @@ NO_INVERSE = 1e-9
 Beside the branch of demos/many_solutions.py the value is 1e-4 to 1e-1, on it 1e-15 to
 1e-10.
 """
+PRESSING = 1e-5
+"""Length by which a state is pressed, over the size of the displacement [-]."""
+
+
+def contact_normals(model: Model) -> fem.Function:
+    """Return the displacement along all normals at the contacts [-]; collective.
+
+    Between bodies it is the least one with the normals as jumps. It is zero elsewhere.
+    """
+    normals = model.function()
+    for contact in model.contacts:
+        contact.trace.assign(normals.x.array, contact.trace.normals)
+    normals.x.scatter_forward()
+    return model.connections.least_displacement(normals)
 
 
 def least_singular_value(

@@ -18,10 +18,9 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import matrix_of, summed
 from erc_contact.newton.forms import ContactForms, Reader
-from erc_contact.newton.linear.krylov import set_up
+from erc_contact.newton.linear.krylov import set_up, shell
 from erc_contact.newton.linear.motion_springs import MotionSprings
 from erc_contact.newton.linear.multigrid import Multigrid
-from erc_contact.newton.linear.shells import shell
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.springs import Springs

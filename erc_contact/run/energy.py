@@ -52,20 +52,29 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import tractions_of
+from erc_contact.admissible.elastic import given_strains
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding
+from erc_contact.error.load_work import assembled
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, spring_energy, strain_energy
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.contacts import bind_contact
+from erc_contact.model.law_entries import place_of
+from erc_contact.model.law_state import ValuesAt
 from erc_contact.model.model import Model
+from erc_contact.model.potential import StrainOf
+from erc_contact.model.space import circumferences
+from erc_contact.newton.solution import Solution
 from erc_contact.results.profile import contact_of
-from erc_contact.run.body_work import work_in_body, work_of_strains
-from erc_contact.run.plastic_work import plastic_energies
+
+PLASTIC_STRAIN = "plastic_strain"
+"""Name of the entry of a state, a tensor, whose growth takes work."""
 
 
 @dataclass(frozen=True)
@@ -291,3 +300,133 @@ def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np
     t = np.einsum("nm,nmi->ni", shape_t, t[number])
     u = np.einsum("nm,nmi->ni", shape_u, u[number])
     return t.reshape(x.shape), u.reshape(x.shape)
+
+
+def work_in_body(pair: Admissible, before: Admissible | None) -> float:
+    """Compute the work of the loads in the body [force length]; collective."""
+    model = pair.model
+    total = 0.5 * _work_of_body_force(model, model, pair)
+    if before is not None:
+        # (f + f_old)/2 . (u - u_old), each product on the mesh of its displacement
+        old = before.model
+        total -= 0.5 * _work_of_body_force(old, old, before)
+        crossed = _work_of_body_force(old, model, pair) - _work_of_body_force(model, old, before)
+        total += 0.5 * crossed
+    return total
+
+
+def work_of_strains(pair: Admissible, before: Admissible | None) -> float:
+    """Compute what given strains take from the body [force length]; collective.
+
+    Only ``eps - eps_0`` stores energy, so a given strain that grows under a stress
+    takes its work: ``-int (sigma^ + sigma^_old)/2 : (eps_0 - eps_0old)``.
+    """
+    total = -0.5 * _stress_on_strains(pair.model, pair)
+    if before is not None:
+        # Each product is on the mesh of its stress, as for body forces.
+        total -= 0.5 * _stress_on_strains(pair.model, before)
+        total += 0.5 * _stress_on_strains(before.model, pair)
+        total += 0.5 * _stress_on_strains(before.model, before)
+    return total
+
+
+def _stress_on_strains(given: Model, pair: Admissible) -> float:
+    """Compute ``int sigma^ : eps_0`` on the mesh of sigma^ [force length]; collective.
+
+    Args:
+        given: Model of the scene that has eps_0.
+        pair: The pair of sigma^.
+    """
+    model = pair.model
+    if given.strains is None:
+        return 0.0
+    cells = pair.cell_geometry
+    owned = model.domain.owned_cells
+    there = given
+    if given is not model:
+        there = Model(given.scene, model.domain, model.degree)
+    shape, points, weights = macro_points(model.d, model.degree)
+    strain = given_strains(there, cells, points, owned)
+    sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), strain.shape[2])
+    means = np.einsum("nqs,nqs,q->n", sigma, np.broadcast_to(strain, sigma.shape), weights)
+    local = float(cells.volume[:owned] @ means)
+    return float(model.comm.allreduce(local, MPI.SUM))
+
+
+def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
+    """Compute the work of a body force on u^ of a pair [force length]; collective.
+
+    Args:
+        loads: Model of the scene that has the body force.
+        model: Model of the pair, on whose mesh the work is.
+        pair: The admissible pair.
+    """
+    if loads.body_force is None:
+        return 0.0
+    there = model if loads is model else Model(loads.scene, model.domain, model.degree)
+    return assembled(there, there.loads(pair.displacement, on=[None]))
+
+
+@dataclass(frozen=True)
+class PlasticEnergies:
+    """Hold the energies of a step [force length].
+
+    Attributes:
+        stored: Elastic energy at its end.
+        work: Plastic work of the step.
+    """
+
+    stored: float
+    work: float
+
+
+def plastic_energies(solution: Solution, last: Solution | None) -> PlasticEnergies | None:
+    """Compute the energies of a step; None without plastic strain; collective.
+
+    Args:
+        solution: The solution at its end.
+        last: The solution at its begin; None from rest.
+    """
+    model = solution.model
+    shapes = getattr(solution.scene.material, "state", {})
+    if shapes.get(PLASTIC_STRAIN) != (3, 3) or model.linearised is None:
+        return None
+    before = model.linearised.law.state
+    assert before is not None
+    after = model.linearised.state_at_end(solution.u)
+    assert after is not None
+    stress = model.linearised.stress_at_end(solution.u)
+    old_stress = None
+    if last is not None and last.model.linearised is not None:
+        old_stress = last.model.linearised.stress_at_end(last.u).on(model)
+    strain_at = StrainOf(model, solution.u)
+    in_space = model.linearised.law.in_space
+    place = place_of(shapes, PLASTIC_STRAIN)
+
+    def mean_stress(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        of_begin = 0.0 if old_stress is None else old_stress.at(x, cells)
+        return 0.5 * (stress.at(x, cells) + of_begin)
+
+    def elastic(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        return in_space(strain_at(x, cells)) - after.at(x, cells)[..., place]
+
+    def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        return (after.at(x, cells) - before.at(x, cells))[..., place]
+
+    stored = 0.5 * _work(model, stress.at, elastic)
+    return PlasticEnergies(stored, _work(model, mean_stress, growth))
+
+
+def _work(model: Model, stress_at: ValuesAt, strain_at: ValuesAt) -> float:
+    """Integrate the product of two fields over the bodies; collective."""
+    points, weights = rule(model.d, 2 * model.degree - 1)
+    cells = model.owned_cells
+    corners = model.cell_corners()[cells]
+    x = np.matmul(barycentric(points), corners)
+    density = (stress_at(x, cells) * strain_at(x, cells)).sum(axis=-1)
+    if model.axisymmetric:
+        density = density * circumferences(x)
+    # The weights of the rule have the sum 1.
+    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2, 6)[model.d - 2]
+    local = float(volume @ (density @ weights))
+    return float(model.comm.allreduce(local, MPI.SUM))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from contextlib import suppress
 from time import perf_counter
+from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -12,25 +14,24 @@ from mpi4py import MPI
 from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.admissible.pair import Admissible
+from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+from erc_contact.error.numbers import Bounds
 from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import DEFAULT
 from erc_contact.newton.plausibility import DoubtsOfRun
 from erc_contact.newton.solve import solved
-from erc_contact.run.aiming import Aiming
+from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
-from erc_contact.run.endings import AT_REST, NO_STRESS, NO_TRUE_SHAPE, ending, other_methods
 from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
-from erc_contact.run.new_mesh import new_mesh
-from erc_contact.run.new_step import new_step
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import CURVED, HEADER, Step, line
 
@@ -40,6 +41,77 @@ NEWTON_SHARE = 0.1
 The error of the mesh to come is taken as 2^-k of the last one: uniform refinement of
 degree k leaves no less.
 """
+OUT_OF_MEMORY = 55
+"""PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
+AT_REST = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
+"""Outcome of a run whose body is at rest."""
+NO_STRESS = (
+    "The body has no stress but round-off: it moves as a rigid body or expands freely. Its "
+    "relative error is zero by convention."
+)
+"""Outcome of a run whose body has no stress."""
+NO_TRUE_SHAPE = " The body is the given mesh with its flat facets: no true shape of it is known."
+"""End of the outcome where the geometry of the body is unknown."""
+
+
+def ending(failure: BaseException, interrupts: Interrupts, where: str) -> str:
+    """Return the outcome of a run that a failure ends; "" if it must be raised.
+
+    Args:
+        failure: What was raised.
+        interrupts: The signals of the run.
+        where: How far it came, e.g. " at t = 1".
+    """
+    if isinstance(failure, (InputError, NotConverged)):
+        return f"Stopped{where}: {failure}"
+    petsc_code = getattr(failure, "ierr", None)
+    if isinstance(failure, MemoryError) or petsc_code == OUT_OF_MEMORY:
+        return f"Stopped{where}: the memory does not suffice for what comes next ({failure})."
+    if isinstance(failure, StopIteration):
+        return f"Stopped{where}: by the callback. {failure}".rstrip()
+    if interrupts.ended(failure):
+        return f"Interrupted{where}."
+    return ""
+
+
+def other_methods(steps: Sequence[Step]) -> str:
+    """Say on how many meshes the default method did not converge; empty if on none."""
+    default = type(DEFAULT).__name__
+    others = [step.method for step in steps if step.method != default]
+    if not others:
+        return ""
+    meshes = f"{len(others)} of {len(steps)} meshes"
+    return f" {others[0]} on {meshes}, where {DEFAULT} did not converge."
+
+
+class Aiming(Protocol):
+    """Follow the goal of a run; collective.
+
+    See :class:`erc_contact.error.goals.controller.GoalController`.
+
+    Attributes:
+        before: What was carried to the last mesh.
+    """
+
+    before: dict[str, float]
+
+    @property
+    def bounds(self) -> Bounds | None: ...  # noqa: D102
+
+    @property
+    def reached(self) -> bool: ...  # noqa: D102
+
+    @property
+    def words(self) -> str: ...  # noqa: D102
+
+    def measure(self, error: ConstitutiveError, carried: dict[str, float] | None) -> None:
+        """Measure the interval on a mesh, or estimate it."""
+
+    def finish(self, error: ConstitutiveError) -> None:
+        """Measure the interval on the last mesh of a run."""
+
+    def marked(self, error: ConstitutiveError) -> ConstitutiveError:
+        """Return an error whose cells count by their share in the interval."""
 
 
 class Loop:
@@ -270,11 +342,23 @@ class Loop:
         return self.aim.reached
 
     def _next(self, error: ConstitutiveError, interrupts: Interrupts) -> tuple[Domain, float]:
-        """Make the next mesh, and tell the wall time of making it [s]; collective."""
+        """Make the next mesh, and tell the wall time of making it [s]; collective.
+
+        Raises:
+            InputError: If the strategy returns no Domain on some rank.
+        """
+        plan = self.plan
         seen = error if self.aim is None else self.aim.marked(error)
         with stage(self.comm, f"making mesh {len(self.steps) + 1}"):
-            plan = self.plan
-            return new_mesh(plan.strategy, seen, plan.accuracy, plan.max_cells, interrupts)
+            started = perf_counter()
+            domain = together(self.comm, plan.strategy.next, seen, plan.accuracy, plan.max_cells)
+            interrupts.check()
+            seconds = self.comm.allreduce(perf_counter() - started, MPI.MAX)
+        if not self.comm.allreduce(isinstance(domain, Domain), MPI.LAND):
+            raise InputError(
+                f"The strategy gave {checks.description(domain)}; its next() must return a Domain."
+            )
+        return domain, seconds
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
         """End the run with what it has, or raise.
@@ -314,3 +398,36 @@ class Loop:
             settings=self.plan.arguments(SETTINGS),
             bounds=self.aim.bounds if self.aim else None,
         )
+
+
+def new_step(error: ConstitutiveError, mesh_seconds: float, began: float) -> Step:
+    """Make the row of a mesh; collective.
+
+    Args:
+        error: The error on the mesh.
+        mesh_seconds: Wall time of making the mesh [s].
+        began: Time at which the run began, as ``perf_counter`` has it [s].
+    """
+    admissible = error.admissible
+    solution = admissible.solution
+    model = solution.model
+    domain = solution.domain
+    scale = error.scale or 1.0
+    greatest = peaks(admissible)
+    return Step(
+        cells=domain.cells,
+        vertices=domain.vertices,
+        dofs=model.V.dofmap.index_map.size_global * domain.dim,
+        newton_steps=solution.newton_steps,
+        method=type(solution.method).__name__,
+        eps=error.relative,
+        eps_bulk=error.bulk_error / scale,
+        eps_contact=error.contact_error / scale,
+        eps_geometry=error.geometry_error / scale,
+        solve_seconds=solution.seconds,
+        equilibrate_seconds=admissible.seconds,
+        error_seconds=error.seconds,
+        mesh_seconds=mesh_seconds,
+        seconds=model.comm.allreduce(perf_counter() - began, MPI.MAX),
+        **greatest,
+    )

@@ -33,7 +33,7 @@ from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.simplex import rule
-from erc_contact.model.contact_data import ContactData
+from erc_contact.model.contact_values import ContactData
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences

@@ -27,9 +27,9 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
 from erc_contact.newton.linear.changed import ChangedBlocks, ChangedEntries
 from erc_contact.newton.linear.galerkin import CoarseMatrices, levels_of
+from erc_contact.newton.linear.krylov import preconditioner
 from erc_contact.newton.linear.mumps import Factor, factorised
 from erc_contact.newton.linear.p_coarsening import TwoLevels
-from erc_contact.newton.linear.shells import preconditioner
 
 
 class Hierarchy:

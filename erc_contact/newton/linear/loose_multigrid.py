@@ -1,11 +1,10 @@
 """The elastic equations of a model with loose rigid faces, solved with multigrid.
 
-The motions of the faces are eliminated (:mod:`.eliminated_faces`): the matrix is ``A -
+The motions of the faces are eliminated (:mod:`.face_motions`): the matrix is ``A -
 K_R K_RR^-1 K_R^T`` with A the matrix of the faces at rest, K or K with something at the
-contact. It is applied, not assembled. Its inverse is ``A^-1 + W S^-1 W^T``
-(:mod:`.face_motions`), so that a cycle for A, and few vectors W that are about right,
-precondition it as well as the cycle does A alone. W and S are made once, for the first
-matrix.
+contact. It is applied, not assembled. Its inverse is ``A^-1 + W S^-1 W^T``, so that a
+cycle for A, and few vectors W that are about right, precondition it as well as the
+cycle does A alone. W and S are made once, for the first matrix.
 """
 
 from __future__ import annotations
@@ -18,11 +17,9 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.eliminated_faces import EliminatedFaces
-from erc_contact.newton.linear.face_motions import FaceMotions
-from erc_contact.newton.linear.krylov import conjugate_gradients
+from erc_contact.newton.linear.face_motions import EliminatedFaces, FaceMotions
+from erc_contact.newton.linear.krylov import conjugate_gradients, preconditioner, shell
 from erc_contact.newton.linear.multigrid import ROUGH, TRY_DIRECT, Multigrid
-from erc_contact.newton.linear.shells import preconditioner, shell
 
 LIFTING = 1e-2
 """Tolerance of W, which only preconditions [-]."""

@@ -12,8 +12,7 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.eliminated_faces import EliminatedFaces
-from erc_contact.newton.linear.face_motions import FaceMotions
+from erc_contact.newton.linear.face_motions import EliminatedFaces, FaceMotions
 from erc_contact.newton.linear.mumps import Factor
 from erc_contact.newton.linear.stiffness import Stiffness
 

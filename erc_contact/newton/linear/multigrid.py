@@ -23,8 +23,7 @@ from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
 from erc_contact.newton.linear.elastic import AssembledElastic
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
-from erc_contact.newton.linear.krylov import conjugate_gradients
-from erc_contact.newton.linear.shells import shell
+from erc_contact.newton.linear.krylov import conjugate_gradients, fgmres, shell
 from erc_contact.newton.linear.traces import IterativeTraces
 
 ROUGH, EXACT = 1e-4, 1e-12
@@ -38,6 +37,8 @@ TRY_DIRECT = (
     "are hard for multigrid."
 )
 """What a user can do where multigrid fails."""
+DISTANCE_TOLERANCE = 0.1
+"""Tolerance of the linear solve that measures the distance to the solution [-]."""
 ENOUGH = 1e3
 """A residual of so many tolerances is enough; what is left is balanced again [-]."""
 
@@ -231,11 +232,47 @@ class Multigrid(AssembledElastic):
         self.free_stiffness()
         free_dropped(self.model.comm)
 
-    def weak_glue(self) -> PETSc.Mat:
-        """Return the glue that holds a loose body, else zero [force/length]."""
+    def rough_energy(self, force: PETSc.Vec) -> float:
+        """Estimate ``R.K^-1 R`` of forces R, where a weak glue holds a loose body."""
         weak = self.glue.matrix()
         weak.scale(weak_share(self.model))
-        return weak
+        u = force.duplicate()
+        glue_force = force.duplicate()
+
+        def weakly_glued(y: PETSc.Vec, result: PETSc.Vec) -> None:
+            self.times(y, result)
+            weak.mult(y, glue_force)
+            result.axpy(1.0, glue_force)
+
+        fgmres(weakly_glued, self.cycle, force, u, DISTANCE_TOLERANCE)
+        energy = float(force.dot(u))
+        for done in (weak, u, glue_force):
+            done.destroy()
+        return energy
+
+    def imbalance(self, x: PETSc.Vec, other_forces: PETSc.Vec, least: float) -> float:
+        """Return the resultant of K x on free motions over the contact forces [-].
+
+        It is round-off.
+
+        Args:
+            x: The unknowns of a model with free motions, in any scale.
+            other_forces: What the contact forces are beside K x, in the same scale;
+                they become the contact forces, in place.
+            least: Contact forces of round-off, below which they do not count less.
+        """
+        forces = self.matrix.createVecRight()
+        self.times(x, forces)
+        motions = free_motions(self.model, self.matrix)
+        resultants = [motion.dot(forces) for motion in motions.getVecs()]
+        other_forces.axpy(1.0, forces)
+        other_forces.array[self.fixed] = 0.0
+        size = max(other_forces.norm(), least)
+        forces.destroy()
+        for motion in motions.getVecs():
+            motion.destroy()
+        motions.destroy()
+        return float(np.linalg.norm(resultants)) / size
 
     def _solved(
         self,
