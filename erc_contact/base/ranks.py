@@ -39,6 +39,11 @@ def distinct_rows(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
     return np.unique(every, axis=0 if every.ndim > 1 else None)
 
 
+def greatest(comm: MPI.Comm, values: np.ndarray) -> float:
+    """Return the greatest absolute value of all ranks, on all ranks; 0 without any."""
+    return float(comm.allreduce(float(abs(values).max(initial=0.0)), MPI.MAX))
+
+
 def union(comm: MPI.Comm, values: Iterable[Any]) -> set[Any]:
     """Return the values of all ranks, on all ranks."""
     return set().union(*comm.allgather(set(values)))

@@ -112,6 +112,12 @@ def summed(parts: Sequence[PETSc.Mat], total: PETSc.Mat | None) -> PETSc.Mat:
     return total
 
 
+def entries_of(matrix: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows of this rank, columns and values of the entries of a matrix."""
+    begin, columns, values = matrix.getValuesCSR()
+    return np.repeat(np.arange(len(begin) - 1), np.diff(begin)), columns, values
+
+
 def times(matrix: PETSc.Mat, dense: np.ndarray) -> np.ndarray:
     """Return the product of a sparse matrix of this rank and a dense matrix (n, k)."""
     begin, columns, values = matrix.getValuesCSR()

@@ -62,7 +62,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import barycentric, lattice
 from erc_contact.model.forces import Force
 from erc_contact.model.friction import depends_on_pressure
-from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises
 from erc_contact.model.values import DATA_DEGREE
@@ -241,7 +241,7 @@ class ConstitutiveError:
         :meth:`profile`.
 
         Args:
-            quantity: A quantity of :func:`erc_contact.model.maximum.greatest`.
+            quantity: A quantity of :func:`erc_contact.model.maximum.find_maximum`.
             stress: Which stress has it, see :func:`erc_contact.results.mean_stress`.
 
         Raises:
@@ -253,7 +253,7 @@ class ConstitutiveError:
         def stresses() -> np.ndarray:
             return von_mises(mean_stress(pair, stress))
 
-        return greatest(self.model, quantity, u, stresses, self.profile)
+        return find_maximum(self.model, quantity, u, stresses, self.profile)
 
     @property
     def best_stress_error(self) -> float:

@@ -82,8 +82,7 @@ def _work_of_loads(
 
     Cells at the cut have their share of the loads, too.
     """
-    indicator = model.domain.function("DG", 0)
-    indicator.x.array[is_of_half[model.nodes].any(axis=1)] = 1.0
+    indicator = model.indicator(is_of_half[model.nodes].any(axis=1))
     direction = compiled.constant(model.mesh, axis)
     work = 0.0
     loads = model.loads(indicator * direction)

@@ -219,9 +219,8 @@ def prescribed_at(space: Space, numbers: np.ndarray, fixed: np.ndarray) -> np.nd
     table = np.zeros((len(numbers), space.d), dtype=np.int8)
     if len(numbers) == 0:
         return table > 0
-    first, last = space.V.dofmap.index_map.local_range
-    owned = (numbers >= first) & (numbers < last)
-    table[owned] = fixed[numbers[owned] - first]
+    owned, nodes = space.find_owned(numbers)
+    table[owned] = fixed[nodes]
     return np.asarray(space.comm.allreduce(table, MPI.SUM)) > 0
 
 

@@ -17,6 +17,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.ranks import greatest
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.traced import field_of
@@ -25,7 +26,7 @@ from erc_contact.mesh.simplex import lagrange, nodes, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import Friction, bind_friction
-from erc_contact.model.last_step import LastStep
+from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.normals import gap_vectors, normal_field, normals_of_side, turns
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, Trace
@@ -37,8 +38,6 @@ SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
 FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
-INTERPOLATION_ROUND_OFF = 1e-12
-"""Difference of a motion from its interpolant that is round-off, over its size [-]."""
 
 
 def bind_contact(
@@ -320,13 +319,8 @@ def foundation_motion(
     points, weights = rule(space.d - 1, 2 * space.degree + 2)
     shape = lagrange(space.d - 1, space.degree, points)
     difference = evaluate(motion, space.mesh, points, facets) - np.matmul(shape, at_nodes)
-    n = trace.normals_at(points)
-    difference = difference - (difference * n).sum(axis=-1, keepdims=True) * n
-    local = [abs(difference).max(initial=0.0), abs(at_nodes).max(initial=0.0)]
-    greatest, size = (space.comm.allreduce(float(value), MPI.MAX) for value in local)
-    if greatest <= INTERPOLATION_ROUND_OFF * size:
-        return field, None
-    return field, space.facet_areas(facets) * ((difference**2).sum(axis=-1) @ weights)
+    size = greatest(space.comm, at_nodes)
+    return field, lost_on_facets(space, trace, difference, size, points, weights)
 
 
 def counted_from(

@@ -20,12 +20,12 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import of_all
+from erc_contact.base.ranks import greatest, of_all
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.simplex import barycentric, lagrange, rule
+from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.law_entries import StateField
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace
+from erc_contact.model.trace import Trace, split
 
 INTERPOLATION_ROUND_OFF = 1e-12
 """Difference of interpolants that is round-off, over the greatest displacement [-]."""
@@ -111,17 +111,41 @@ class LastStep:
         # What is lost: the old field less its interpolant, at points of a rule that is
         # exact for the square of both, without the normal part.
         points, weights = rule(d - 1, 2 * max(space.degree, self.space.degree))
-        places = np.matmul(barycentric(points), space.facet_corners(facets))
+        places = trace.here.points_at(points)
         exact = interpolate(places.reshape(-1, d), corners, old_values, self.space.degree)
         shape = lagrange(d - 1, space.degree, points)
         difference = exact.reshape(places.shape) - np.matmul(shape, values[nodes])
-        n = trace.normals_at(points)
-        difference -= (difference * n).sum(axis=-1, keepdims=True) * n
-        greatest = space.comm.allreduce(float(abs(difference).max(initial=0.0)), MPI.MAX)
-        if greatest <= INTERPOLATION_ROUND_OFF * abs(old_values).max(initial=0.0):
-            return before, None
-        means = (difference**2).sum(axis=-1) @ weights
-        return before, space.facet_areas(facets) * means
+        size = float(abs(old_values).max(initial=0.0))
+        return before, lost_on_facets(space, trace, difference, size, points, weights)
+
+
+def lost_on_facets(
+    space: Space,
+    trace: Trace,
+    difference: np.ndarray,
+    size: float,
+    points: np.ndarray,
+    weights: np.ndarray,
+) -> np.ndarray | None:
+    """Integrate the square of the tangential part of a difference; collective.
+
+    Args:
+        space: The mesh.
+        trace: The displacement of a contact.
+        difference: A displacement less its interpolant at points of the facets
+            [length], shape (f, q, d).
+        size: Greatest component of the displacement, on all ranks [length].
+        points: Reference points of a rule, shape (q, d-1).
+        weights: Its weights, shape (q,).
+
+    Returns:
+        ``int_F |s - I s|^2`` [length^(d+1)], shape (f,); None where it is round-off on
+        all facets.
+    """
+    _, tangential, _ = split(difference, trace.normals_at(points))
+    if greatest(space.comm, tangential) <= INTERPOLATION_ROUND_OFF * size:
+        return None
+    return trace.here.areas * ((tangential**2).sum(axis=-1) @ weights)
 
 
 def gathered_facets(

@@ -25,7 +25,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.named import INSIDE_CELLS
-from erc_contact.mesh.simplex import barycentric
+from erc_contact.mesh.simplex import measures
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.law_entries import StateField, entries, size_of
 from erc_contact.model.space import Space
@@ -92,7 +92,7 @@ class LawState:
         values = _function(space, size)
         W = values.function_space
         cells = space.owned_cells
-        x = np.matmul(barycentric(W.element.interpolation_points), space.cell_corners()[cells])
+        x = space.cell_points(W.element.interpolation_points, cells)
         blocks = values.x.array.reshape(-1, size)
         blocks[W.dofmap.list[cells].ravel()] = values_at(x, cells).reshape(-1, size)
         values.x.scatter_forward()
@@ -114,11 +114,10 @@ class LawState:
                     "body."
                 )
         cells = space.owned_cells
-        corners = space.cell_corners()[cells]
         of_old = LawState(finer).in_cells(cells)
-        places = barycentric(finer.function_space.element.interpolation_points)
-        of_new = Everywhere(new, space.mesh)(np.matmul(places, corners), cells)
-        volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+        points = finer.function_space.element.interpolation_points
+        of_new = Everywhere(new, space.mesh)(space.cell_points(points, cells), cells)
+        volume = measures(space.cell_corners()[cells])
         sums = []
         for field in (of_new - of_old, of_old):
             local = float(volume @ (field**2).sum(axis=-1).mean(axis=1))

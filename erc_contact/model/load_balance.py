@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import factorial
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
+from erc_contact.mesh.simplex import measures
 from erc_contact.mesh.surface import swept
 from erc_contact.model.motions import BodyMotions, Group, Unheld, motions_together
 from erc_contact.model.space import Space
@@ -138,10 +138,9 @@ def taking_up(space: Space, functions: Sequence[fem.Function], works: np.ndarray
     for motion in functions:
         of_cells.append(motion.x.array.reshape(-1, space.d)[space.vertices].mean(axis=1))
     shapes = np.stack(of_cells, axis=2)
-    corners = space.cell_corners()
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / factorial(space.d)
     owned = slice(0, space.domain.owned_cells)
-    local = np.einsum("c,cdk,cdl->kl", volume[owned], shapes[owned], shapes[owned])
+    volume = measures(space.cell_corners()[owned])
+    local = np.einsum("c,cdk,cdl->kl", volume, shapes[owned], shapes[owned])
     products = space.comm.allreduce(local, MPI.SUM)
     return -shapes @ np.linalg.solve(products, works)
 

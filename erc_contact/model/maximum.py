@@ -112,7 +112,7 @@ class Maximum:
         return None
 
 
-def greatest(
+def find_maximum(
     model: Model,
     quantity: str,
     displacement: fem.Function,

@@ -25,6 +25,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.ranks import greatest
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.normals import spread, vertex_normals
 from erc_contact.mesh.simplex import barycentric, rule
@@ -63,8 +64,7 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
 
 def turns(comm: MPI.Comm, of_corners: np.ndarray) -> bool:
     """Tell whether normals at vertices turn along any facet; collective."""
-    change = abs(of_corners - of_corners[:, :1]).max(initial=0.0)
-    return bool(comm.allreduce(float(change), MPI.MAX) > SAME_NORMAL)
+    return greatest(comm, of_corners - of_corners[:, :1]) > SAME_NORMAL
 
 
 def normal_field(

@@ -9,6 +9,12 @@ from petsc4py import PETSc
 from erc_contact.model.space import Space
 
 
+def sum_over_ranks(values: fem.Function) -> None:
+    """Add up what all ranks have at common nodes, in place; collective."""
+    values.x.scatter_reverse(la.InsertMode.add)
+    values.x.scatter_forward()
+
+
 def marked_by_any(space: Space, *marks: np.ndarray) -> list[np.ndarray]:
     """Return which nodes any rank marks; collective.
 
@@ -20,8 +26,7 @@ def marked_by_any(space: Space, *marks: np.ndarray) -> list[np.ndarray]:
     columns = shared.x.array.reshape(-1, space.d)
     for column, of_rank in zip(columns.T, marks, strict=False):
         column[:] = of_rank
-    shared.x.scatter_reverse(la.InsertMode.add)
-    shared.x.scatter_forward()
+    sum_over_ranks(shared)
     return [columns[:, i] > 0 for i in range(len(marks))]
 
 

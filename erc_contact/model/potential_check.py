@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.mesh.simplex import rule
 from erc_contact.model.model import Model
 from erc_contact.model.point_law import Search
 
@@ -39,7 +39,7 @@ def check_potential(model: Model) -> None:
     name = type(model.scene.material).__name__
     cells = model.owned_cells[:: max(1, len(model.owned_cells) // MOST_CELLS)]
     middle, _ = rule(model.d, 1)
-    x = np.matmul(barycentric(middle), model.cell_corners()[cells])
+    x = model.cell_points(middle, cells)
     eps = _strains(len(law.rows))
     shape = (len(cells), *eps.shape)
     eps = np.broadcast_to(eps, shape)

@@ -33,7 +33,7 @@ from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import area_ratio
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
-from erc_contact.model.trace import split
+from erc_contact.model.trace import split, tangents
 from erc_contact.model.turning import turning_of
 
 OPEN, SLIP, STICK = 0, 1, 2
@@ -91,8 +91,7 @@ def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.
     samples, weights = rule(model.d - 1, model.contact_degree)
     sampled = evaluate(traction, model.mesh, samples, contact.facets)
     if model.axisymmetric:
-        places = np.matmul(barycentric(samples), contact.trace.here.corners)
-        sampled = sampled / circumferences(places)[..., None]
+        sampled = sampled / circumferences(contact.trace.here.points_at(samples))[..., None]
     turning = turning_of(contact.trace)
     degree = model.degree if turning is None else turning.degree
     project = projection(model.d - 1, degree, samples, weights)
@@ -225,7 +224,7 @@ def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarra
     table = np.stack(np.broadcast_arrays(*columns.values()), axis=2)
     vertices = model.global_numbers(contact.trace.here.nodes[:, : model.d])
     if model.d == 2:
-        _turn_facets(table, vertices, _tangents(contact.sign * contact.direction))
+        _turn_facets(table, vertices, *tangents(contact.sign * contact.direction))
     # Each facet comes from its owner alone.
     owned = contact.trace.here.owned
     table, vertices = of_all(model.comm, table[owned], vertices[owned])
@@ -282,7 +281,7 @@ def _columns(
         gap = evaluate(contact.gap, model.mesh, points, facets)
     if model.d == 2:
         # In the plane slip and shear have a sign.
-        tangent = _tangents(n)
+        (tangent,) = tangents(n)
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
     columns = _places(model, contact)
@@ -315,8 +314,7 @@ def given_way(
     The tractions r [force/area] are not about rings, as its stiffness is.
     """
     if model.axisymmetric:
-        places = np.matmul(barycentric(points), contact.trace.here.corners)
-        r = circumferences(places)[..., None] * r
+        r = circumferences(contact.trace.here.points_at(points))[..., None] * r
     return spring_displacement(model, contact, r, points)
 
 
@@ -329,22 +327,17 @@ def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     return {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
 
 
-def _tangents(n: np.ndarray) -> np.ndarray:
-    """Return the unit tangents that belong to normals in 2D, shape (..., 2)."""
-    return np.stack([-n[..., 1], n[..., 0]], axis=-1)
-
-
-def _turn_facets(table: np.ndarray, vertices: np.ndarray, tangents: np.ndarray) -> None:
+def _turn_facets(table: np.ndarray, vertices: np.ndarray, along: np.ndarray) -> None:
     """Give all facets in 2D the direction of the tangent, in place.
 
     Args:
         table: Rows of the points of each facet, which begin with x and y, shape
             (f, q, c).
         vertices: Vertices of each facet, shape (f, 2).
-        tangents: Unit tangents, shape (f, 2).
+        along: Unit tangents, shape (f, 2).
     """
     chord = table[:, -1, :2] - table[:, 0, :2]
-    backward = (chord * tangents).sum(axis=1) < 0
+    backward = (chord * along).sum(axis=1) < 0
     table[backward] = table[backward, ::-1]
     vertices[backward] = vertices[backward, ::-1]
 

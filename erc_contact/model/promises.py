@@ -21,8 +21,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import greatest
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import barycentric, rule
+from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
@@ -93,7 +94,7 @@ def _check_material(model: Model) -> None:
     name = type(model.scene.material).__name__
     points, _ = rule(model.d, 4)
     cells = model.owned_cells
-    x = np.matmul(barycentric(points), model.cell_corners()[cells])
+    x = model.cell_points(points, cells)
     law = model.constitution
     size = law.stiffness.size
     C = law.stiffness(x, cells).reshape(-1, size, size)
@@ -167,7 +168,7 @@ def _check_data(model: Model, contact: ContactOnMesh) -> None:
     They must be finite, and the parameters >= 0.
     """
     what = f"Contact({contact.name!r})"
-    x = np.matmul(barycentric(model.facet_samples), contact.trace.here.corners)
+    x = contact.trace.here.points_at(model.facet_samples)
     parameters = contact.friction.parameters if contact.friction else {}
     for name, value in parameters.items():
         values = Everywhere(value, model.mesh)(x, contact.facets)
@@ -215,7 +216,7 @@ def _check_normal(model: Model, contact: ContactOnMesh) -> None:
         direction = contact.sign * contact.direction[worst]
         worst_of_rank = float(cosine[worst]), tuple(place.tolist()), tuple(direction.tolist())
     least, place, direction = min(comm.allgather(worst_of_rank))
-    steepest = comm.allreduce(float(abs(cosine).max(initial=0.0)), MPI.MAX)
+    steepest = greatest(comm, cosine)
     declared = [entry for entry in model.scene.contacts if entry.facets == contact.name]
     if declared[0].normal == "gap" and steepest < EXACT_PROMISE:
         flat = "(0.0, -1.0)" if model.d == 2 else "(0.0, 0.0, -1.0)"
@@ -262,7 +263,7 @@ def _check_supports_in_gap(model: Model) -> None:
             beyond = abs(beyond)
         excess = np.where(prescribed, beyond, -np.inf).max(initial=-np.inf)
         worst = model.comm.allreduce(float(excess), MPI.MAX)
-        largest = model.comm.allreduce(float(abs(values).max(initial=0)), MPI.MAX)
+        largest = greatest(model.comm, values)
         if worst > max(1e-12 * model.domain.extent, 1e-9 * largest):
             pushed = f"A support pushes {contact.name!r} into the foundation"
             if contact.against is not None:

@@ -32,6 +32,7 @@ from erc_contact.mesh.simplex import (
     node_vertices,
     nodes,
     outward_normals,
+    rule,
 )
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import Side
@@ -202,6 +203,16 @@ class Space:
         """Return the global numbers of degrees of freedom of this rank, shape (n,)."""
         return self.global_numbers(dofs // self.d) * self.d + dofs % self.d
 
+    def find_owned(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tell which nodes this rank owns, shape (n,), and return their local numbers.
+
+        Args:
+            numbers: Global numbers of nodes, shape (n,).
+        """
+        first, last = self.V.dofmap.index_map.local_range
+        owned = (numbers >= first) & (numbers < last)
+        return owned, numbers[owned] - first
+
     def facet_numbers(self, facets: np.ndarray) -> np.ndarray:
         """Return the indices of facets given as (cell, local facet), shape (n,)."""
         cell_to_facet = self.mesh.topology.connectivity(self.d, self.d - 1)
@@ -285,6 +296,31 @@ class Space:
     def cell_corners(self) -> np.ndarray:
         """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
         return self.mesh.geometry.x[cell_nodes(self.mesh.geometry), : self.d]
+
+    def cell_points(self, points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the places of reference points (q, d) in cells [length], (n, q, d)."""
+        return np.matmul(barycentric(points), self.cell_corners()[cells])
+
+    def cell_rule(self, degree: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return points of a rule in the owned cells, and weights with their volumes.
+
+        Args:
+            degree: Degree of the polynomials that it integrates exactly.
+
+        Returns:
+            Points [length], shape (n, q, d), and weights [length^d], shape (n, q); of
+            an axisymmetric body they are volumes of rings.
+        """
+        points, weights = rule(self.d, degree)
+        x = self.cell_points(points, self.owned_cells)
+        volumes = measures(self.cell_corners()[self.owned_cells])[:, None] * weights
+        return x, volumes * circumferences(x) if self.axisymmetric else volumes
+
+    def indicator(self, cells: np.ndarray) -> fem.Function:
+        """Return the function that is 1 in some cells and 0 in all others."""
+        indicator = self.domain.function("DG", 0)
+        indicator.x.array[cells] = 1.0
+        return indicator
 
     def outward_normals(self, facets: np.ndarray) -> np.ndarray:
         """Compute the outward unit normals of facets (cell, local facet), (n, d)."""

@@ -16,7 +16,7 @@ import ufl
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import barycentric, bernstein, coefficients, projection, rule
+from erc_contact.mesh.simplex import bernstein, coefficients, projection, rule
 from erc_contact.model.space import Space, circumferences
 from erc_contact.model.trace import Side, split
 from erc_contact.scene.spring import Spring
@@ -91,7 +91,7 @@ class BoundSpring:
         """Return the circumferences at points of the facets, or 1, shape (f, q, 1)."""
         if not self.space.axisymmetric:
             return np.ones((1, 1, 1))
-        return circumferences(np.matmul(barycentric(points), self.side.corners))[..., None]
+        return circumferences(self.side.points_at(points))[..., None]
 
     def is_stiffer(self, stiffness: float, than: np.ndarray) -> np.ndarray:
         """Tell where k is more than a stiffness of each facet, shape (f,)."""

@@ -210,9 +210,7 @@ def _in_region(space: Space, region: str | None, expression: Ufl) -> Ufl:
     """Return a given strain that is zero outside a region; collective."""
     if region is None:
         return expression
-    indicator = space.domain.function("DG", 0)
-    indicator.x.array[space.domain.region(region)] = 1.0
-    return indicator * expression
+    return space.indicator(space.domain.region(region)) * expression
 
 
 def _out_of_plane(strain: GivenStrain, material: Any, parameters: Mapping[str, Ufl]) -> Ufl:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.ranks import greatest
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.meridian import nodes_on_axis
 from erc_contact.model.over_ranks import marks_of_owners
@@ -141,9 +141,9 @@ def _jumps(space: Space, nodes: np.ndarray, at_nodes: np.ndarray) -> bool:
         nodes: Nodes of the facets, shape (f, m).
         at_nodes: The values of each facet there, shape (f, m).
     """
-    greatest = space.comm.allreduce(float(abs(at_nodes).max(initial=0.0)), MPI.MAX)
+    largest = greatest(space.comm, at_nodes)
     if not np.isfinite(at_nodes).all():
         return False  # refused for that
     of_node = np.zeros(space.node_count)
     of_node[nodes] = at_nodes
-    return bool((abs(of_node[nodes] - at_nodes) > EQUAL_VALUES * greatest).any())
+    return bool((abs(of_node[nodes] - at_nodes) > EQUAL_VALUES * largest).any())

@@ -59,6 +59,26 @@ def dofs_of(nodes: np.ndarray, d: int) -> np.ndarray:
     return (nodes[..., None] * d + np.arange(d)).ravel()
 
 
+def places_of(values: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """Return the places of values among different numbers in any order."""
+    order = np.argsort(among)
+    return order[np.searchsorted(among, values, sorter=order)]
+
+
+def tangents(n: np.ndarray) -> list[np.ndarray]:
+    """Return d - 1 orthonormal tangents to unit normals, each of their shape (..., d).
+
+    In the plane a normal out of a body and the tangent turn counterclockwise.
+    """
+    if n.shape[-1] == 2:
+        return [np.stack([-n[..., 1], n[..., 0]], axis=-1)]
+    # The axis of the least component is far from the normal.
+    axes = np.eye(3)[abs(n).argmin(axis=-1)]
+    first = np.cross(n, axes)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return [first, np.cross(n, first)]
+
+
 @dataclass(frozen=True, eq=False)
 class Side:
     """Hold the facets of one body at a contact; ``Space.side`` makes it.
@@ -122,6 +142,10 @@ class Side:
     def shares_of_nodes(self) -> np.ndarray:
         """Return barycentric coordinates of the nodes of a facet, shape (m, d)."""
         return barycentric(nodes(self.d - 1, self.degree))
+
+    def points_at(self, points: np.ndarray) -> np.ndarray:
+        """Return the places of reference points (q, d-1) on the facets, (f, q, d)."""
+        return np.matmul(barycentric(points), self.corners)
 
     @property
     def places(self) -> np.ndarray:

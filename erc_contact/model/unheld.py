@@ -16,8 +16,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
+from erc_contact.base.ranks import greatest
 from erc_contact.mesh.graphs import components
 from erc_contact.model.body_words import boundary_parts, hinge_words, lying_words
 from erc_contact.model.foundation import ContactOnMesh
@@ -159,7 +159,7 @@ def _anchors(
     anchors = np.zeros(fixed.shape, dtype=bool)
     for _ in range(values.shape[2]):
         sizes = weights * np.linalg.norm(left, axis=1)
-        most = comm.allreduce(float(sizes.max(initial=0.0)), MPI.MAX)
+        most = greatest(comm, sizes)
         # Of equal ones the first one by its place is taken, on any number of ranks.
         best = np.flatnonzero(np.round(sizes / most, SAME_WEIGHT) >= 1.0)
         offers = [(*x[dof // space.d].tolist(), int(dof % space.d), int(dof)) for dof in best]

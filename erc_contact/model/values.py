@@ -168,10 +168,8 @@ def by_region(space: Space, what: str, value: Mapping[str, Any]) -> Ufl:
         covered[cells] += 1
         if callable(entry):
             # A callable counts in its region only.
-            indicator = space.domain.function("DG", 0)
-            indicator.x.array[cells] = 1.0
             of_region = number(space, entry, f"{what} in {region!r}", of_material=True)
-            terms.append(indicator * of_region)
+            terms.append(space.indicator(cells) * of_region)
         else:
             numbers.x.array[cells] = float(entry)
     # Each cell must be in one region. Ghosts are counted by their owners.

@@ -12,17 +12,18 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from dolfinx import la
 from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import greatest
 from erc_contact.mesh.domain import Domain
 from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.of_nodes import values_of_nodes
+from erc_contact.model.over_ranks import sum_over_ranks
 from erc_contact.model.profile import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
@@ -102,15 +103,14 @@ def last_step(solution: Solution) -> LastStep:
             w = w - trace.of(contact.moved.x.array)
         contacts[contact.name] = contact.facets, contact.sign * w
     before = model.greatest_before
-    moved = float(abs(solution.u.x.array).max(initial=0.0))
-    greatest = Greatest(
-        max(model.comm.allreduce(moved, MPI.MAX), before.displacement),
+    sizes = Greatest(
+        max(greatest(model.comm, solution.u.x.array), before.displacement),
         max(load_size(model, solution.stiffness.load_vector()), before.load),
     )
     state = None
     if model.linearised is not None:
         state = model.linearised.state_at_end(solution.u)
-    return LastStep(model, contacts, greatest, state)
+    return LastStep(model, contacts, sizes, state)
 
 
 def _given_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
@@ -138,8 +138,7 @@ def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     sum_of_moves = model.function()
     of_node = sum_of_moves.x.array.reshape(-1, model.d)
     np.add.at(of_node, side.nodes[side.owned], moves[..., None])
-    sum_of_moves.x.scatter_reverse(la.InsertMode.add)
-    sum_of_moves.x.scatter_forward()
+    sum_over_ranks(sum_of_moves)
     return of_node == 0.0
 
 

@@ -14,7 +14,7 @@ from erc_contact.base.sparse import sparse
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.groups import NOBODY
 from erc_contact.model.model import Model
-from erc_contact.model.trace import dofs_of
+from erc_contact.model.trace import dofs_of, places_of
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""
@@ -42,9 +42,8 @@ class Entries:
             columns: Numbers of its columns.
             identity: Whether rows without entries are rows of the identity.
         """
-        order_of_rows, order_of_columns = np.argsort(rows), np.argsort(columns)
-        row = order_of_rows[np.searchsorted(rows, self.rows, sorter=order_of_rows)]
-        column = order_of_columns[np.searchsorted(columns, self.columns, sorter=order_of_columns)]
+        row = places_of(self.rows, rows)
+        column = places_of(self.columns, columns)
         others = np.setdiff1d(np.arange(len(rows)), row)
         if not identity:
             others = others[:0]

@@ -23,7 +23,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import together
 from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import times
-from erc_contact.model.trace import dofs_of
+from erc_contact.model.trace import dofs_of, places_of
 from erc_contact.newton.contact_nodes import Entries, Reading
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -133,9 +133,7 @@ class FieldMap:
             local: Degrees of freedom of this rank that are read.
             rows: Global numbers of all that are read, shape (n,).
         """
-        order = np.argsort(rows)
-        numbers = self._model.global_dofs(local)
-        place = order[np.searchsorted(rows, numbers, sorter=order)]
+        place = places_of(self._model.global_dofs(local), rows)
         column = np.full(self._model.fixed.size, -1)
         column[local] = self.size + place
         self.columns.append(column)
@@ -154,9 +152,8 @@ class FieldMap:
             rows = np.union1d(rows, here)
             visible = dofs_of(np.unique(model.contacts[contact].trace.here.nodes), model.d)
             local = np.union1d(local, visible)
-        order = np.argsort(rows)
         row_of = np.full(model.fixed.size, -1)
-        row_of[local] = order[np.searchsorted(rows, model.global_dofs(local), sorter=order)]
+        row_of[local] = places_of(model.global_dofs(local), rows)
         matrix: PETSc.Mat | None = None
         if self._on_first:
             columns = self._unknowns
@@ -178,9 +175,7 @@ class FieldMap:
             row = np.concatenate([row, here])
             column = np.concatenate([column, there])
             value = np.concatenate([value, -np.ones(len(here))])
-        order = np.argsort(rows)
-        places = order[np.searchsorted(rows, row, sorter=order)]
-        read = self._stiffness.basis.read(len(rows), places, column, value)
+        read = self._stiffness.basis.read(len(rows), places_of(row, rows), column, value)
         if change is None:
             return read
         return change.matrix(rows, rows, identity=True).matMult(read)
@@ -201,8 +196,7 @@ class FieldMap:
             self.multipliers.contacts, self.multipliers.multipliers, strict=True
         ):
             dofs = dofs_of(nodes.here, self._model.d)
-            order = np.argsort(dofs)
-            places = order[np.searchsorted(dofs, entries.rows, sorter=order)]
+            places = places_of(entries.rows, dofs)
             by_forces = basis.read(len(dofs), places, entries.columns, entries.values)
             of_reactions = basis.first(by_forces, self._unknowns)
             parts.append((times(of_reactions, matrix), -times(of_reactions, loads)))

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.ranks import greatest
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.files.displacements import FileField
 from erc_contact.model.foundation import ContactOnMesh
@@ -72,7 +73,7 @@ def solution_of(
     finite = comm.allreduce(bool(np.isfinite(values).all()), MPI.LAND)
     if not finite:
         raise InputError("certify: the displacement is not finite everywhere.")
-    largest = comm.allreduce(float(abs(values).max(initial=0.0)), MPI.MAX)
+    largest = greatest(comm, values)
     if largest > LARGEST * domain.extent:
         raise InputError(
             f"certify: the displacement is up to {largest:.3g}, in a body of the size "
@@ -84,7 +85,7 @@ def solution_of(
         face.follow(model.prescribed, values)
     fixed = model.supported.ravel()
     prescribed = model.prescribed.x.array
-    off = float(abs(values.ravel() - prescribed)[fixed].max(initial=0.0))
+    off = greatest(comm, (values.ravel() - prescribed)[fixed])
     displacement.x.array[:] = np.where(fixed, prescribed, values.ravel())
     displacement.x.scatter_forward()
 
@@ -106,7 +107,7 @@ def solution_of(
         stiffness=elastic,
         seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
     )
-    return solution, comm.allreduce(off, MPI.MAX)
+    return solution, off
 
 
 def with_nitsche_tractions(solution: Solution) -> Solution | None:

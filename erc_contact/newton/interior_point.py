@@ -37,6 +37,7 @@ from petsc4py import PETSc
 
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
+from erc_contact.model.trace import tangents
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
@@ -155,7 +156,8 @@ class CentralPath:
             owned = contact.trace.here.owned
             normals = evaluate(contact.normal, model.mesh, forms.points, contact.facets)[owned]
             self._shapes.append((len(normals), len(forms.points)))
-            axes.append(_frames(normals.reshape(-1, model.d)))
+            flat = normals.reshape(-1, model.d)
+            axes.append(np.stack([flat, *tangents(flat)], axis=1))
             opens.append(np.full(len(axes[-1]), not contact.bilateral))
             parameters = friction_parameters(model, contact, forms.points)
             of_owned = {name: values[owned] for name, values in parameters.items()}
@@ -341,17 +343,6 @@ class CentralPath:
     def _sum(self, values: np.ndarray) -> float:
         """Return the sum over all ranks."""
         return float(self._comm.allreduce(float(values.sum()), MPI.SUM))
-
-
-def _frames(normals: np.ndarray) -> np.ndarray:
-    """Return orthonormal axes as rows, normals (n, d) first, shape (n, d, d)."""
-    if normals.shape[1] == 2:
-        tangents = np.column_stack([-normals[:, 1], normals[:, 0]])
-        return np.stack([normals, tangents], axis=1)
-    least = np.eye(3)[abs(normals).argmin(axis=1)]
-    first = np.cross(normals, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([normals, first, np.cross(normals, first)], axis=1)
 
 
 def _sides(d: int) -> np.ndarray:

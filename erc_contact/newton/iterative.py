@@ -13,6 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from erc_contact.base.ranks import greatest
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.carried import Carried
@@ -170,8 +171,7 @@ class Iterative:
         stretch.x.array[:] -= u.x.array
         pull = self.elastic.glue.times(stretch).x.array[owned]
         comm = self.model.comm
-        local_length = float(abs(u.x.array).max(initial=0.0))
-        self._length = comm.allreduce(local_length, MPI.MAX) or 1.0
+        self._length = greatest(comm, u.x.array) or 1.0
         self._force = float(np.sqrt(comm.allreduce(np.dot(pull, pull), MPI.SUM))) or 1.0
         return u
 

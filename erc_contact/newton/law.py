@@ -35,11 +35,9 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
-from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.law_state import carried
 from erc_contact.model.model import Model
 from erc_contact.model.potential import StrainOf
-from erc_contact.model.space import circumferences
 from erc_contact.model.values import DATA_DEGREE
 from erc_contact.newton.contact_solve import Solver
 from erc_contact.newton.methods import Method
@@ -161,16 +159,8 @@ class _Change:
         self._comm = model.comm
         self._law = linearised.law
         is_plain = not linearised.varies_in_cells and model.degree == 1
-        points, weights = rule(model.d, 1 if is_plain else DATA_DEGREE)
         self._cells = model.owned_cells
-        corners = model.cell_corners()[self._cells]
-        self._x = np.matmul(barycentric(points), corners)
-        volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
-        # The sum of the weights is arbitrary: only ratios of energies count but for the
-        # misfit, which has the volume of the simplex.
-        self._weights = volume[:, None] * weights / weights.sum() / (2, 6)[model.d - 2]
-        if model.axisymmetric:
-            self._weights = self._weights * circumferences(self._x)
+        self._x, self._weights = model.cell_rule(1 if is_plain else DATA_DEGREE)
         places = self._x, self._cells
         self._strain = linearised.strain_at(*places)
         self._step = StrainOf(model, u)(*places) - self._strain

@@ -7,14 +7,13 @@ load in the wrong unit, show here, too.
 
 from __future__ import annotations
 
-from math import factorial
-
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
-from erc_contact.mesh.simplex import rule
+from erc_contact.base.ranks import greatest
+from erc_contact.mesh.simplex import measures, rule
 from erc_contact.model.body_words import lying_words
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
@@ -59,8 +58,7 @@ def doubts(solution: Solution) -> Doubts:
     model = solution.model
     if solution.at_rest:
         return {}
-    local = float(abs(solution.u.x.array).max(initial=0.0))
-    moved = model.comm.allreduce(local, MPI.MAX)
+    moved = greatest(model.comm, solution.u.x.array)
     found: Doubts = {}
     least_side = float(model.domain.sides.min())
     if moved > least_side:
@@ -163,11 +161,10 @@ def _rotated(solution: Solution) -> tuple[float, float]:
     gradient = np.linalg.solve(edges, moved[:, 1:] - moved[:, :1])
     skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
     rotation = np.linalg.norm(skew, axis=(1, 2)) / np.sqrt(2.0)
-    volume = abs(np.linalg.det(edges)) / factorial(d)
+    volume = measures(corners)
     local = np.array([volume[rotation > ROTATION].sum(), volume.sum()])
     beyond, whole = model.comm.allreduce(local, MPI.SUM)
-    most = model.comm.allreduce(float(rotation.max(initial=0.0)), MPI.MAX)
-    return float(beyond / whole), most
+    return float(beyond / whole), greatest(model.comm, rotation)
 
 
 def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved: float) -> Doubts:

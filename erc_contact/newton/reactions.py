@@ -34,7 +34,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import diagonal, sparse, sparse_like
+from erc_contact.base.sparse import diagonal, entries_of, sparse, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.connections import prescribed_at
 from erc_contact.model.groups import NOBODY, Groups
@@ -105,9 +105,8 @@ class MultiplierMap:
             numbers = [k for k, bound in enumerate(model.contacts) if bound.against is None]
         to_coefficients = coefficients(model.d - 1, model.degree)
         change = self.rows.change_of_basis(to_coefficients, numbers, self.free)
-        begin, columns, values = change.getValuesCSR()
-        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        return Entries(self.rows.dofs[row], self.rows.dofs[columns], values)
+        row, column, values = entries_of(change)
+        return Entries(self.rows.dofs[row], self.rows.dofs[column], values)
 
     def forces_on(self, numbers: list[int]) -> Entries:
         """Return the matrix from forces ``B^T e`` to e of some contacts.
@@ -152,10 +151,9 @@ class MultiplierMap:
 
     def _entries(self, matrix: PETSc.Mat) -> Entries:
         """Return the entries of a matrix from nodes to rows, by nodes of this side."""
-        begin, columns, values = matrix.getValuesCSR()
-        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
+        row, column, values = entries_of(matrix)
         used = values != 0
-        return Entries(self.rows.dofs[row[used]], self._dofs[columns[used]], values[used])
+        return Entries(self.rows.dofs[row[used]], self._dofs[column[used]], values[used])
 
     def _from_forces(self, forces: PETSc.Mat) -> list[PETSc.Mat]:
         """Return the matrices from nodal forces to the multipliers of all contacts.
@@ -266,13 +264,11 @@ class Reactions:
         self.map = MultiplierMap(model)
         self._model = model
         self._like = like
-        low, high = model.V.dofmap.index_map.local_range
-        numbers = self.map.groups.numbers
-        owned = (numbers >= low) & (numbers < high)
         groups = self.map.groups
+        owned, nodes = model.find_owned(groups.numbers)
         is_free = groups.is_free[groups.group, :, groups.slot]
-        is_read = np.zeros((high - low, model.d), dtype=bool)
-        is_read[numbers[owned] - low] = is_free[owned]
+        is_read = np.zeros((model.V.dofmap.index_map.size_local, model.d), dtype=bool)
+        is_read[nodes] = is_free[owned]
         self.is_read = is_read.ravel()
         self.matrices = [distributed(like, entries) for entries in self.map.multipliers]
 

@@ -8,8 +8,9 @@ the laws have the same resultant.
 
 from __future__ import annotations
 
-from dolfinx import fem, la
+from dolfinx import fem
 
+from erc_contact.model.over_ranks import sum_over_ranks
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.reactions import MultiplierMap
 
@@ -33,8 +34,7 @@ def laws_of(forms: ContactForms, multiplier_map: MultiplierMap) -> list[fem.Func
     for k, multiplier in enumerate(multipliers):
         equations = model.function()
         fem.assemble_vector(equations.x.array, forms.equations[k])
-        equations.x.scatter_reverse(la.InsertMode.add)
-        equations.x.scatter_forward()
+        sum_over_ranks(equations)
         of_contact = rows.places[k][is_shared[rows.places[k]]]
         nodes = model.local_nodes(rows.here[of_contact])
         visible = nodes >= 0

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
+from erc_contact.base.ranks import greatest
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import barycentric, in_space
+from erc_contact.mesh.simplex import in_space
 from erc_contact.mesh.tags import listed
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.maximum import Maximum, greatest
+from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
@@ -178,10 +178,8 @@ class Solution:
         at_rest = displacement_at_rest(self.model, loads)
         if at_rest is None:
             return displacement_back_at_rest(self.model, loads, self.u) is not None
-        moved = float(abs(self.u.x.array - at_rest.x.array).max(initial=0.0))
-        return bool(
-            self.domain.comm.allreduce(moved, MPI.MAX) <= REST_ROUND_OFF * self.domain.extent
-        )
+        moved = greatest(self.domain.comm, self.u.x.array - at_rest.x.array)
+        return moved <= REST_ROUND_OFF * self.domain.extent
 
     def force(self, part: str) -> Force:
         """Return the force and the moment on a boundary part; collective.
@@ -306,11 +304,11 @@ class Solution:
         """Return the greatest value of a quantity and its place; collective.
 
         It may be the "von Mises" stress, the "pressure", ...: see
-        :func:`erc_contact.model.maximum.greatest`. "displacement" reads u, "von
+        :func:`erc_contact.model.maximum.find_maximum`. "displacement" reads u, "von
         Mises" the elastic stress at the middle of each cell, and quantities of contacts
         read :meth:`profile`.
         """
-        return greatest(self.model, quantity, self.u, self._von_mises, self.profile)
+        return find_maximum(self.model, quantity, self.u, self._von_mises, self.profile)
 
     def at(self, points: Any) -> ElasticValues:
         """Return displacement and elastic stress at points; collective.
@@ -369,7 +367,7 @@ class Solution:
         parameters = friction_parameters(model, contact, points)
         if not model.axisymmetric:
             return contact.friction_bound(pressure, parameters)
-        places = np.matmul(barycentric(points), contact.trace.here.corners)
+        places = contact.trace.here.points_at(points)
         # Bounds on rings are limits at the axis: 0 over 0.
         rings = np.maximum(circumferences(places), np.finfo(float).tiny)
         return contact.friction_bound(rings * pressure, parameters) / rings

@@ -37,6 +37,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import CONCAVE, CONSTANT
 from erc_contact.model.model import Model
+from erc_contact.model.trace import tangents
 
 DIRECTIONS = 8
 """Number of sides of the polygon round the circle of friction in space."""
@@ -234,15 +235,15 @@ def _forces(model: Model, contact: ContactOnMesh, motions: np.ndarray, friction:
 
     for direction in _normals(contact):
         n = np.broadcast_to(direction[owned, None, :], w.shape[:3])
-        tangents = _tangents(n)
+        directions = tangents(n)
         if slope.any() and not is_free:
             around = np.cos(np.pi / DIRECTIONS) if d == 3 else 1.0
-            for along in _polygon(tangents):
+            for along in _polygon(directions):
                 add(slope[..., None] / around * along - n, 1.0, 0.0, np.inf)
         else:
             add(-n, 1.0, normal_least, np.inf)
         if limit.any():
-            for tangent in tangents:
+            for tangent in directions:
                 add(tangent, 0.0, -limit, limit)
     return _joined(columns)
 
@@ -278,21 +279,12 @@ def _friction(model: Model, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndar
     return bound, none, False
 
 
-def _tangents(n: np.ndarray) -> list[np.ndarray]:
-    """Return d - 1 orthonormal tangents to normals (f, v, d)."""
-    if n.shape[-1] == 2:
-        return [np.stack([-n[..., 1], n[..., 0]], axis=-1)]
-    axes = np.eye(3)[abs(n).argmin(axis=-1)]
-    first = np.cross(n, axes)
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    return [first, np.cross(n, first)]
-
-
-def _polygon(tangents: list[np.ndarray]) -> list[np.ndarray]:
+def _polygon(directions: list[np.ndarray]) -> list[np.ndarray]:
     """Return directions of friction: two in the plane, else corners of a polygon."""
-    if len(tangents) == 1:
-        return [tangents[0], -tangents[0]]
-    first, second = tangents
+    first, *others = directions
+    if not others:
+        return [first, -first]
+    (second,) = others
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     return [np.cos(angle) * first + np.sin(angle) * second for angle in angles]
 

@@ -36,6 +36,16 @@ step may differ from it, where its traction made a node stick or slip that does 
 the solution. Work on this difference is no slip of the step: it is in the work of the
 contacts alone.
 
+A linear elastic body with a plastic strain p stores ``int sigma : (eps - p)/2``, and a
+plastic strain that grows takes
+
+    int (sigma_n + sigma_(n-1))/2 : (p_n - p_(n-1))
+
+from it, by the trapezoidal rule. Part of this is heat, and part is stored by hardening.
+
+Each product of body forces or given strains is on the mesh of its displacement or
+stress: the scene of the other end of the step is put on that mesh, too.
+
 Moduli and springs that change between two steps do a work that is in none of these,
 ``int eps_n : (C_n - C_(n-1)) eps_(n-1)/2`` and alike for springs.
 
@@ -69,7 +79,6 @@ from erc_contact.model.law_entries import place_of
 from erc_contact.model.law_state import ValuesAt
 from erc_contact.model.model import Model
 from erc_contact.model.potential import StrainOf
-from erc_contact.model.space import circumferences
 from erc_contact.newton.solution import Solution
 from erc_contact.results.profile import contact_of
 
@@ -109,7 +118,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
     """
     pair = error.admissible
     before = None if last is None else last.admissible
-    work = work_in_body(pair, before)
+    work = _work_in_body(pair, before)
     contact_work = 0.0
     sides = {side for contact in pair.model.scene.contacts for side in contact.sides}
     parts = _working(pair)
@@ -121,15 +130,15 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
             contact_work += of_part
         else:
             work += of_part
-    plastic = plastic_energies(error.solution, None if last is None else last.solution)
+    plastic = _plastic_energies(error.solution, None if last is None else last.solution)
     if plastic is None:
         work_of_yielding = 0.0
         stored = strain_energy(pair, pair.displacement).value
     else:
-        work_of_yielding = plastic.work
-        stored = plastic.stored + spring_energy(pair.model, pair.displacement).value
+        elastic_energy, work_of_yielding = plastic
+        stored = elastic_energy + spring_energy(pair.model, pair.displacement).value
     if pair.model.linearised is None:
-        work += work_of_strains(pair, before)
+        work += _work_of_strains(pair, before)
     floor = ROUND_OFF * stored
     work_of_friction = 0.0
     dissipated = 0.0
@@ -201,7 +210,7 @@ def _traction_at_begin(
         )
         friction = bind_contact(model, declared, model.modulus).friction
         points, weights = rule(model.d - 1, 2 * model.degree)
-        x = np.matmul(barycentric(points), contact.trace.here.corners)
+        x = contact.trace.here.points_at(points)
         carried, _ = _carried(before, contact.side_names[0], x)
         values = np.matmul(projection(model.d - 1, model.degree, points, weights), carried)
     return replace(traction, contact=replace(contact, friction=friction), values=values)
@@ -302,7 +311,7 @@ def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np
     return t.reshape(x.shape), u.reshape(x.shape)
 
 
-def work_in_body(pair: Admissible, before: Admissible | None) -> float:
+def _work_in_body(pair: Admissible, before: Admissible | None) -> float:
     """Compute the work of the loads in the body [force length]; collective."""
     model = pair.model
     total = 0.5 * _work_of_body_force(model, model, pair)
@@ -315,7 +324,7 @@ def work_in_body(pair: Admissible, before: Admissible | None) -> float:
     return total
 
 
-def work_of_strains(pair: Admissible, before: Admissible | None) -> float:
+def _work_of_strains(pair: Admissible, before: Admissible | None) -> float:
     """Compute what given strains take from the body [force length]; collective.
 
     Only ``eps - eps_0`` stores energy, so a given strain that grows under a stress
@@ -367,21 +376,11 @@ def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
     return assembled(there, there.loads(pair.displacement, on=[None]))
 
 
-@dataclass(frozen=True)
-class PlasticEnergies:
-    """Hold the energies of a step [force length].
+def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float, float] | None:
+    """Compute elastic energy at the end and plastic work of a step; collective.
 
-    Attributes:
-        stored: Elastic energy at its end.
-        work: Plastic work of the step.
-    """
-
-    stored: float
-    work: float
-
-
-def plastic_energies(solution: Solution, last: Solution | None) -> PlasticEnergies | None:
-    """Compute the energies of a step; None without plastic strain; collective.
+    None without plastic strain. Stress and plastic strain are the fields of the
+    solution, interpolated at the points where the body remembers its state.
 
     Args:
         solution: The solution at its end.
@@ -413,20 +412,14 @@ def plastic_energies(solution: Solution, last: Solution | None) -> PlasticEnergi
     def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         return (after.at(x, cells) - before.at(x, cells))[..., place]
 
-    stored = 0.5 * _work(model, stress.at, elastic)
-    return PlasticEnergies(stored, _work(model, mean_stress, growth))
+    stored = 0.5 * _integral(model, stress.at, elastic)
+    return stored, _integral(model, mean_stress, growth)
 
 
-def _work(model: Model, stress_at: ValuesAt, strain_at: ValuesAt) -> float:
+def _integral(model: Model, stress_at: ValuesAt, strain_at: ValuesAt) -> float:
     """Integrate the product of two fields over the bodies; collective."""
-    points, weights = rule(model.d, 2 * model.degree - 1)
+    x, weights = model.cell_rule(2 * model.degree - 1)
     cells = model.owned_cells
-    corners = model.cell_corners()[cells]
-    x = np.matmul(barycentric(points), corners)
     density = (stress_at(x, cells) * strain_at(x, cells)).sum(axis=-1)
-    if model.axisymmetric:
-        density = density * circumferences(x)
-    # The weights of the rule have the sum 1.
-    volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / (2, 6)[model.d - 2]
-    local = float(volume @ (density @ weights))
+    local = float((weights * density).sum())
     return float(model.comm.allreduce(local, MPI.SUM))

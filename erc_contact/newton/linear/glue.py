@@ -21,7 +21,7 @@ from petsc4py import PETSc
 
 from erc_contact.mesh.simplex import measures
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.over_ranks import matrix_of_ranks
+from erc_contact.model.over_ranks import matrix_of_ranks, sum_over_ranks
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, dofs_of
 
@@ -89,8 +89,7 @@ class Glue:
         diagonal = self._space.function()
         used = self.free & (self.rows == self.columns)
         np.add.at(diagonal.x.array, self.rows[used], self.values[used])
-        diagonal.x.scatter_reverse(la.InsertMode.add)
-        diagonal.x.scatter_forward()
+        sum_over_ranks(diagonal)
         return diagonal.x.array
 
 
@@ -100,8 +99,7 @@ def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
     for contact in contacts:
         side = contact.trace.here
         _add_of_facets(space, side, side.nodes, glue.x.array.reshape(-1, space.d))
-    glue.x.scatter_reverse(la.InsertMode.add)
-    glue.x.scatter_forward()
+    sum_over_ranks(glue)
     return glue
 
 

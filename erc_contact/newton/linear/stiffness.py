@@ -37,9 +37,10 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import distinct_rows, from_first, gathered, of_all
-from erc_contact.base.sparse import times
+from erc_contact.base.sparse import entries_of, times
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import marked_by_any
+from erc_contact.model.trace import places_of
 from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.jump_basis import JumpBasis
@@ -96,9 +97,7 @@ def contact_layer(model: Model) -> Layer:
     off_contact = np.setdiff1d(others, on_contact)
 
     all_numbers = np.concatenate([on_contact, off_contact])
-    order = np.argsort(all_numbers)
-    place = order[np.searchsorted(all_numbers, numbers, sorter=order)]
-    return Layer(len(on_contact), all_numbers, dofs, place)
+    return Layer(len(on_contact), all_numbers, dofs, places_of(numbers, all_numbers))
 
 
 class Stiffness(Elastic):
@@ -328,10 +327,9 @@ class Stiffness(Elastic):
         What is left of it on free motions is round-off of stiff bodies, and taken away.
         """
         matrix = self.reduced(count)[0].copy()
-        a = self.contact_size
         assert self.glued_by is not None
-        begin, columns, values = self.glued_by.getValuesCSR()
-        matrix[:a, :a][np.repeat(np.arange(a), np.diff(begin)), columns] -= values
+        rows, columns, values = entries_of(self.glued_by)
+        matrix[rows, columns] -= values
         if self.motions:
             kernel = self.kernel(count)
             matrix -= kernel @ (kernel.T @ matrix)

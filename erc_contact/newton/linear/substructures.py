@@ -27,6 +27,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.sparse import sparse_like
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import sum_over_ranks
 from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.glue import Glue
 from erc_contact.newton.linear.mumps import dense_factor, dense_solve
@@ -164,8 +165,7 @@ def _touching(model: Model, glue: Glue) -> np.ndarray:
     touched[: model.V.dofmap.index_map.size_local] = True
     count.x.array.reshape(-1, model.d)[touched] = 1.0
     here = count.x.array > 0
-    count.x.scatter_reverse(la.InsertMode.add)
-    count.x.scatter_forward()
+    sum_over_ranks(count)
     return np.where(here, count.x.array, 0.0).astype(np.int64)
 
 

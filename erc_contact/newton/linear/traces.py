@@ -18,7 +18,7 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.exceptions import together
-from erc_contact.base.sparse import times
+from erc_contact.base.sparse import entries_of, times
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
 from erc_contact.model.trace import dofs_of
@@ -151,7 +151,7 @@ class IterativeTraces:
     def _nodal(self, values: np.ndarray) -> fem.Function:
         """Return values (n, d) as a Function, at nodes that this rank owns."""
         nodal = self.model.function()
-        owned, local = _owned(self.model, self.numbers)
+        owned, local = self.model.find_owned(self.numbers)
         nodal.x.array.reshape(-1, self.model.d)[local] = values[owned]
         return nodal
 
@@ -190,9 +190,8 @@ def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def _sums_of_squares(matrix: PETSc.Mat) -> np.ndarray:
     """Return the sum of the squares of the entries of each row of a matrix."""
-    begin, _, values = matrix.getValuesCSR()
-    rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-    return np.bincount(rows, values**2, len(begin) - 1)
+    rows, _, values = entries_of(matrix)
+    return np.bincount(rows, values**2, matrix.getSize()[0])
 
 
 def _on_surface(jumps: PETSc.Mat, matrix: np.ndarray) -> np.ndarray:
@@ -208,14 +207,7 @@ def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndar
         numbers: Global numbers of the nodes of the surface, shape (n,).
         values: Values at the nodes of this rank, right on their owners, (nodes d,).
     """
-    owned, local = _owned(model, numbers)
+    owned, local = model.find_owned(numbers)
     nodal = np.zeros((len(numbers), model.d))
     nodal[owned] = values.reshape(-1, model.d)[local]
     return np.asarray(model.comm.allreduce(nodal))
-
-
-def _owned(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the nodes of the surface that this rank owns, and their local numbers."""
-    low, high = model.V.dofmap.index_map.local_range
-    owned = (numbers >= low) & (numbers < high)
-    return owned, numbers[owned] - low
