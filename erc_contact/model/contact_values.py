@@ -70,18 +70,14 @@ class ContactData:
 
     def __init__(self, contact: ContactOnMesh, mesh: dmesh.Mesh) -> None:
         self.contact = contact
-        self._gap = None
-        if contact.gap is not None:
-            self._gap = Everywhere(contact.gap, mesh)
-        self._normal = None
-        if contact.given_normal is not None:
-            self._normal = Everywhere(contact.given_normal, mesh)
-        self._stiffness = None
-        if contact.stiffness is not None:
-            self._stiffness = Everywhere(contact.stiffness, mesh)
-        self._tangential_stiffness = None
-        if contact.tangential_stiffness is not None:
-            self._tangential_stiffness = Everywhere(contact.tangential_stiffness, mesh)
+
+        def everywhere(value: Ufl | None) -> Everywhere | None:
+            return None if value is None else Everywhere(value, mesh)
+
+        self._gap = everywhere(contact.gap)
+        self._normal = everywhere(contact.given_normal)
+        self._stiffness = everywhere(contact.stiffness)
+        self._tangential_stiffness = everywhere(contact.tangential_stiffness)
         self._parameters = {}
         if contact.friction is not None:
             for name, value in contact.friction.parameters.items():
@@ -173,11 +169,6 @@ def _values(space: Space, contact: ContactOnMesh, value: Ufl) -> Ufl:
     if not varies_in_cells(value):
         return value
     values = evaluate(value, space.mesh, space.facet_points, contact.facets)
-    return _nodal(space, contact, values)
-
-
-def _nodal(space: Space, contact: ContactOnMesh, values: np.ndarray) -> Ufl:
-    """Make a scalar, UFL, from its values at the nodes of a contact, shape (f, m)."""
     function = space.function()
     function.x.array.reshape(-1, space.d)[:, 0] = values_of_nodes(contact.trace.here, values)
     return function[0]

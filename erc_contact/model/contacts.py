@@ -27,6 +27,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep, lost_on_facets
+from erc_contact.model.loads import sum_of
 from erc_contact.model.normals import gap_vectors, normal_field, normals_of_side, turns
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, Trace
@@ -61,33 +62,31 @@ def bind_contact(
     sign = -1.0 if is_exchanged else 1.0
     what = f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
-    gap = None
+    gaps = []
     if contact.gap != 0:
-        gap = number(space, contact.gap, f"{what}: gap", surface)
+        gaps.append(number(space, contact.gap, f"{what}: gap", surface))
     if callable(contact.gap):
-        values = evaluate(gap, space.mesh, space.facet_points, facets)
+        values = evaluate(gaps[0], space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     normal, direction, of_corners, given_normal = _normal(space, contact, here, surface, sign)
     of_gap = None
     if of_corners is not None:
         normal = normal / ufl.sqrt(ufl.dot(normal, normal))
-        if gap is not None and contact.normal is None:
+        if gaps and contact.normal is None:
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
-            gap = ufl.sqrt(ufl.dot(field, field)) * gap
+            gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     trace = Trace(here, direction, None, there, of_corners)
     between = None
     if space.domain.distance(contact.facets, contact.against) > 0:
         # Facing facets are one facet in their parameters, so this is linear on each. A
         # jump that is equal to it brings both points together.
         vectors, between = normal_field(space, facets, trace.to_partners)
-        away = ufl.dot(vectors, normal)
-        gap = away if gap is None else gap + away
+        gaps.append(ufl.dot(vectors, normal))
     motion = None
     if contact.motion is not None:
         motion = components(space, contact.motion, f"{what}: motion")
-        away = ufl.dot(motion, normal)
-        gap = away if gap is None else gap + away
+        gaps.append(ufl.dot(motion, normal))
     friction = _friction(space, contact, facets)
     stiffnesses = {}
     for name in ("normal", "tangential"):
@@ -114,7 +113,7 @@ def bind_contact(
         normal=normal,
         given_normal=given_normal,
         friction=friction,
-        gap=gap,
+        gap=sum_of(gaps),
         gap_varies=callable(contact.gap) or motion is not None or between is not None,
         bilateral=contact.bilateral,
         stiffness=stiffnesses.get("normal"),

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import block_diagonal, summed
+from erc_contact.model.motions import sum_products
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
@@ -39,9 +39,13 @@ def resisted_by_all(
         The sums over all ranks, shape (bodies m, bodies m), body by body.
     """
     body, count = bodies
-    by_all = block_diagonal(held)
+    every = np.arange(count)
+    m = motions.shape[2]
+    of_bodies = np.zeros((count, m, count, m))
+    of_bodies[every, :, every] = held
+    by_all = of_bodies.reshape(count * m, count * m)
     for contact in contacts:
-        by_all = by_all + _by_contact(space, body, count, motions, contact)
+        by_all += _by_contact(space, body, count, motions, contact)
     return by_all
 
 
@@ -67,42 +71,17 @@ def held_products(
         The sums over all ranks, shape (bodies, m, m).
     """
     body, count = bodies
-    held = _held_by_supports(space, body, count, motions, fixed, faces)
-    for spring in springs:
-        nodes, resisted = spring.resisted(motions)
-        held = held + summed(space, body[nodes], count, resisted)
-    return held
-
-
-def _held_by_supports(
-    space: Space,
-    body: np.ndarray,
-    count: int,
-    motions: np.ndarray,
-    fixed: np.ndarray,
-    faces: Sequence[RigidFace],
-) -> np.ndarray:
-    """Sum up products of the motions that supports resist; collective.
-
-    Args:
-        space: The mesh.
-        body: Body of each node.
-        count: Number of bodies.
-        motions: The m motions at the nodes, shape (nodes, d, m).
-        fixed: Which components supports hold at each node, shape (nodes, d).
-        faces: The loose rigid faces.
-
-    Returns:
-        The sums over all ranks, shape (bodies, m, m).
-    """
     owned = space.V.dofmap.index_map.size_local
-    resisted = motions[:owned] * fixed[:owned, :, None]
-    total = summed(space, body[:owned], count, resisted)
+    by_supports = motions[:owned] * fixed[:owned, :, None]
+    held = sum_products(space, body[:owned], count, by_supports)
     for face in faces:
         number = face.body(body)
         of_face = (face.motion(motions) * face.sizes[:, None])[~face.free]
-        total[number] += of_face.T @ of_face
-    return total
+        held[number] += of_face.T @ of_face
+    for spring in springs:
+        nodes, by_spring = spring.resisted(motions)
+        held += sum_products(space, body[nodes], count, by_spring)
+    return held
 
 
 def _by_contact(

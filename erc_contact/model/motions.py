@@ -213,7 +213,7 @@ def motions_not_held(
     return functions
 
 
-def summed(space: Space, body: np.ndarray, count: int, resisted: np.ndarray) -> np.ndarray:
+def sum_products(space: Space, body: np.ndarray, count: int, resisted: np.ndarray) -> np.ndarray:
     """Sum up products of resisted components over each body; collective.
 
     Args:
@@ -237,7 +237,7 @@ def kernel(products: np.ndarray) -> np.ndarray:
     """Find the combinations of m motions that nothing resists, shape (m, free).
 
     Args:
-        products: A matrix of :func:`summed`, shape (m, m).
+        products: A matrix of :func:`sum_products`, shape (m, m).
     """
     values, vectors = np.linalg.eigh(products)
     return vectors[:, values <= FREE_SHARE * max(values[-1], 1.0)]

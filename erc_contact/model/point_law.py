@@ -321,7 +321,7 @@ class PointLaw:
         if not self._code.has_conjugate:
             return self._supremum(stress, search, x, cells)
         energy, numbers = self._minimum(stress, search, x, cells)
-        values = self._code.dual({self._code.row: numbers}, len(numbers))
+        values = self._evaluate(self._code.dual, numbers)
         strain = values.reshape(*stress.shape[:2], len(self._code.known))
         return energy, strain[..., : stress.shape[-1]]
 
@@ -365,11 +365,11 @@ class PointLaw:
         shape = stress.shape[:2]
         numbers = self._numbers_at(stress, x, cells)
         if not self.is_plane:
-            return self._conjugate_of(numbers)[:, 0].reshape(shape), numbers
+            return self._evaluate(self._code.conjugate, numbers)[:, 0].reshape(shape), numbers
         zz = HOOP_ROWS[-1]
         numbers[:, zz] = search.near.ravel()
         beside = np.broadcast_to(search.beside, shape).ravel()
-        values = self._conjugate_of(numbers)
+        values = self._evaluate(self._code.conjugate, numbers)
         best, best_out = values[:, 0].copy(), numbers[:, zz].copy()
         left = np.arange(len(numbers))
         for _ in range(STEPS_OUT_OF_PLANE):
@@ -381,7 +381,7 @@ class PointLaw:
                 break
             left = left[goes_on]
             numbers[left, zz] -= step[goes_on]
-            values = self._conjugate_of(numbers[left])
+            values = self._evaluate(self._code.conjugate, numbers[left])
             less = values[:, 0] < best[left]
             best[left[less]] = values[less, 0]
             best_out[left[less]] = numbers[left[less], zz]
@@ -450,30 +450,29 @@ class PointLaw:
 
     def _value(self, sigma: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Return ``sigma : eps - psi(eps)`` for strains among numbers, shape (n,)."""
-        energy = self._code.energy({self._code.row: numbers}, len(numbers))[:, 0]
+        energy = self._evaluate(self._code.energy, numbers)[:, 0]
         return np.asarray((sigma * numbers[:, self.rows]).sum(axis=1) - energy)
 
     def _stresses(self, numbers: np.ndarray) -> np.ndarray:
         """Return psi' that the body has for strains among numbers, shape (n, s)."""
-        values = self._code.stress({self._code.row: numbers}, len(numbers))
-        return np.asarray(values[:, : len(self.rows)])
+        return self._evaluate(self._code.stress, numbers)[:, : len(self.rows)]
 
     def _tangents(self, numbers: np.ndarray) -> np.ndarray:
         """Return psi'' for strains among numbers, shape (n, s, s)."""
-        values = self._code.tangent({self._code.row: numbers}, len(numbers))
+        values = self._evaluate(self._code.tangent, numbers)
         known, size = len(self._code.known), len(self.rows)
         return np.asarray(values.reshape(len(values), known, known)[:, :size, :size])
 
-    def _conjugate_of(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the compiled conjugate for the numbers of points."""
-        return self._code.conjugate({self._code.row: numbers}, len(numbers))
+    def _evaluate(self, part: OfNumbers, numbers: np.ndarray) -> np.ndarray:
+        """Return a compiled part of the law for the numbers of points, (n, size)."""
+        return np.asarray(part({self._code.row: numbers}, len(numbers)))
 
     def _at(
         self, part: OfNumbers, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray
     ) -> np.ndarray:
         """Evaluate a compiled part of the law, shape (n, q, size)."""
         numbers = self._numbers_at(tensor, x, cells)
-        values = part({self._code.row: numbers}, len(numbers))
+        values = self._evaluate(part, numbers)
         return values.reshape(*tensor.shape[:2], values.shape[-1])
 
     def _numbers_at(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:

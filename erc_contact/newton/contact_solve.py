@@ -16,7 +16,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.interrupts import check_interrupts
-from erc_contact.model.friction import CONSTANT
+from erc_contact.model.friction import depends_on_pressure
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.ladder import NODAL, Attempt, attempts
@@ -121,16 +121,17 @@ class ContactSolve:
         friction = any(contact.friction is not None for contact in self.model.contacts)
         gap = any(contact.gap is not None for contact in self.model.contacts)
         loose = bool(self.model.free_motions)
+        grows = any(depends_on_pressure(contact.friction) for contact in self.model.contacts)
         for attempt in attempts(
             self.method,
             states,
             friction=friction,
             gap=gap,
             loose=loose,
-            slides=loose and _friction_grows(self.model),
+            slides=loose and grows,
             fallback=self.fallback,
             nodal_first=nodal_first,
-            convex=not _friction_grows(self.model),
+            convex=not grows,
         ):
             if attempt.start not in states:
                 continue
@@ -264,12 +265,6 @@ class ContactSolve:
             forms=self.solver.forms,
             carried=solution.carried,
         )
-
-
-def _friction_grows(model: Model) -> bool:
-    """Tell whether the bound of a friction grows with the pressure."""
-    frictions = [contact.friction for contact in model.contacts]
-    return any(law is not None and law.dependence != CONSTANT for law in frictions)
 
 
 def _has_strong_friction(model: Model) -> bool:

@@ -20,7 +20,6 @@ the deflation.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
@@ -77,15 +76,10 @@ def other_states(
         directions.append(stiffness.gather(field)[: problem.size])
     states = problem.run(lambda: _Search(problem, first, directions).states(most))
     solutions = []
-    for state in states:
-        solutions.append(
-            DiscreteSolution(
-                u=stiffness.expand(guess, state.displacement, state.force),
-                multipliers=problem.multipliers_at(state.displacement),
-                distance=state.distance,
-                least_singular_value=state.least_singular_value,
-            )
-        )
+    for u_A, force, distance, least in states:
+        u_of_state = stiffness.expand(guess, u_A, force)
+        multipliers = problem.multipliers_at(u_A)
+        solutions.append(DiscreteSolution(u_of_state, multipliers, distance, least))
     return solutions
 
 
@@ -105,24 +99,6 @@ def _unit_slips(model: Model) -> list[fem.Function]:
     return fields
 
 
-@dataclass(frozen=True, eq=False)
-class _CondensedSolution:
-    """Hold a solution of the condensed problem.
-
-    Attributes:
-        displacement: u_A [length].
-        force: Contact forces at A [force].
-        distance: Energy norm of the distance to the exact solution [sqrt(force
-            length)].
-        least_singular_value: Least singular value of the scaled tangent [-].
-    """
-
-    displacement: np.ndarray
-    force: np.ndarray
-    distance: float
-    least_singular_value: float
-
-
 class _Search:
     """Search solutions on rank 0, within :meth:`Condensed.run`.
 
@@ -138,8 +114,14 @@ class _Search:
         self.along = along
         self.solutions = [start]
 
-    def states(self, most: int) -> list[_CondensedSolution]:
-        """Find other solutions, at most so many."""
+    def states(self, most: int) -> list[tuple[np.ndarray, np.ndarray, float, float]]:
+        """Find other solutions, at most so many.
+
+        Returns:
+            Of each u_A [length], contact forces at A [force], energy norm of the
+            distance to the exact solution [sqrt(force length)], and least singular
+            value of the scaled tangent [-].
+        """
         problem = self.problem
         for start in self._starts():
             x = self.newton(start)
@@ -149,14 +131,9 @@ class _Search:
                     break
         states = []
         for x in self.solutions[1:]:
-            states.append(
-                _CondensedSolution(
-                    displacement=x,
-                    force=problem.matrix @ x - problem.loads,
-                    distance=self.dense.distance(problem.residual(x)),
-                    least_singular_value=self.dense.least_singular_value(x),
-                )
-            )
+            force = problem.matrix @ x - problem.loads
+            distance = self.dense.distance(problem.residual(x))
+            states.append((x, force, distance, self.dense.least_singular_value(x)))
         self.dense.destroy()
         return states
 

@@ -5,7 +5,6 @@ Symbols: R residual, A and K as in :mod:`erc_contact.newton.condensed`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,19 +23,6 @@ MOST_FORCES = 1e6
 """Bound of forces that cancel in the residual, over forces with the glue [-]."""
 INVERSE_ITERATIONS = 4
 """Steps of the inverse iteration for the least singular value."""
-
-
-@dataclass(frozen=True, eq=False)
-class AttemptState:
-    """Hold the last state of an attempt, on rank 0.
-
-    Attributes:
-        displacement: u_A [length].
-        residual: R(u_A) [force].
-    """
-
-    displacement: np.ndarray
-    residual: np.ndarray
 
 
 def follow_path(problem: Condensed, start: np.ndarray) -> tuple[np.ndarray, int, bool]:
@@ -89,8 +75,8 @@ class Dense:
         self.jacobian.setUp()
         self.elastic: PETSc.KSP | None = None
 
-    def solve(self, start: np.ndarray, step: Attempt) -> tuple[AttemptState, Outcome]:
-        """Make one attempt; return the last state and how the attempt ended.
+    def solve(self, start: np.ndarray, step: Attempt) -> tuple[np.ndarray, Outcome]:
+        """Make one attempt; return the last state u_A and how the attempt ended.
 
         Args:
             start: The displacement where Newton's method starts [length].
@@ -99,9 +85,9 @@ class Dense:
         x = self.vector()
         x.array[:] = start / self.problem.length
         outcome = attempt(self, x, step, self.tolerance)
-        u = self._displacement(x)
+        u_A = self._displacement(x)
         x.destroy()
-        return AttemptState(u, self.problem.residual(u)), outcome
+        return u_A, outcome
 
     def vector(self) -> PETSc.Vec:
         """Return a new vector of unknowns."""

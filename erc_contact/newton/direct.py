@@ -19,11 +19,11 @@ from erc_contact.newton.dense import Dense, follow_path
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath
-from erc_contact.newton.ladder import Attempt, Shares, following
+from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome, outcome_of_path
+from erc_contact.newton.snes import DiscreteSolution, Outcome, outcome_of_path, solve_in_turn
 
 
 class Direct:
@@ -96,33 +96,30 @@ class Direct:
         def work() -> tuple[Outcome, Any, Any]:
             dense = Dense(problem, tolerance)
             u_A = problem.from_contact(state)
-            steps = 0
-            friction = 0.0
-            problems = attempt.problems()
-            shares: Shares | None = next(problems)
-            while shares is not None:
+
+            def solve(shares: Shares) -> tuple[Outcome, float]:
+                nonlocal u_A
                 problem.set_shares(shares.friction, shares.gap)
                 problem.hold(shares.springs, u_A)
                 last, outcome = dense.solve(u_A, attempt)
-                steps += outcome.steps
-                pull = None
+                moved = 0.0
                 if outcome.converged:
-                    pull = shares.springs * float(np.linalg.norm(last.displacement - u_A))
-                    u_A = last.displacement
-                    friction = shares.friction
-                shares = following(problems, pull)
-            contacts = problem.counts(u_A) if friction > 1.0 else ()
+                    moved = float(np.linalg.norm(last - u_A))
+                    u_A = last
+                return outcome, moved
+
+            outcome = solve_in_turn(attempt, solve)
+            contacts = problem.counts(u_A) if outcome.friction > 1.0 else ()
             problem.set_shares(1.0, 1.0)
             problem.hold(0.0, u_A)
             results = None
             if attempt.final and outcome.converged:
-                distance = dense.distance(last.residual)
+                distance = dense.distance(problem.residual(u_A))
                 least = dense.least_singular_value(u_A)
                 force = problem.matrix @ u_A - problem.loads
                 results = distance, least, u_A, force
             dense.destroy()
-            whole = replace(outcome, steps=steps, friction=friction, contacts=contacts)
-            return whole, u_A[: self.elastic.contact_size], results
+            return replace(outcome, contacts=contacts), u_A[: self.elastic.contact_size], results
 
         outcome, state, results = problem.run(work)
         if results is None:

@@ -20,11 +20,17 @@ from erc_contact.newton.carried import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.ladder import Attempt, Shares, following
+from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import DiscreteSolution, Outcome, attempt, outcome_of_path
+from erc_contact.newton.snes import (
+    DiscreteSolution,
+    Outcome,
+    attempt,
+    outcome_of_path,
+    solve_in_turn,
+)
 
 
 class Iterative:
@@ -100,25 +106,22 @@ class Iterative:
         problem = self._problems[method]
         x = problem.vector()
         x.array[:] = self.elastic.start(state) / problem.length
-        steps = 0
-        friction = 0.0
-        problems = step.problems()
-        shares: Shares | None = next(problems)
-        while shares is not None:
+
+        def solve(shares: Shares) -> tuple[Outcome, float]:
             problem.set_shares(shares.friction, shares.gap)
             problem.hold(shares.springs, x)
             before = x.copy()
             outcome = attempt(problem, x, step, tolerance)
-            steps += outcome.steps
-            pull = None
+            moved = 0.0
             if outcome.converged:
-                pull = shares.springs * _distance(x, before)
-                friction = shares.friction
-            shares = following(problems, pull)
-            if not outcome.converged:
+                moved = _distance(x, before)
+            else:
                 before.copy(x)
             before.destroy()
-        contacts = problem.counts(x) if friction > 1.0 else ()
+            return outcome, moved
+
+        outcome = solve_in_turn(step, solve)
+        contacts = problem.counts(x) if outcome.friction > 1.0 else ()
         problem.set_shares(1.0, 1.0)
         problem.hold(0.0, x)
         v, multipliers = problem.fields(x)
@@ -129,8 +132,7 @@ class Iterative:
             least = problem.least_singular_value(x)
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
-        whole = replace(outcome, steps=steps, friction=friction, contacts=contacts)
-        return whole, v, solution
+        return replace(outcome, contacts=contacts), v, solution
 
     def _full(self, forms: ContactForms) -> FullSpace:
         """Return the contact problem of some forms for all degrees of freedom."""

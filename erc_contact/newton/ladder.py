@@ -130,7 +130,8 @@ class Attempt:
     def problems(self) -> Generator[Shares, float | None, None]:
         """Generate the problems of the sequence; the last problem is the scene's.
 
-        It is sent the pull of the springs, None after a problem without solution.
+        It is sent the pull of the springs, their weight times what the state moved, in
+        any unit of length; None after a problem without solution.
         """
         if self.proximal:
             yield from _proximal_problems()
@@ -393,17 +394,3 @@ def _stiffer(method: Nitsche) -> Iterator[Attempt]:
         yield Attempt(stiffer, start, final=False)
         start = "stiffer"
     yield Attempt(method, "stiffer")
-
-
-def following(problems: Generator[Shares, float | None, None], pull: float | None) -> Shares | None:
-    """Return the next problem of a sequence; None at its end.
-
-    Args:
-        problems: The sequence.
-        pull: Weight of the springs times what the state moved, in any unit of length;
-            None if the problem before has no solution.
-    """
-    try:
-        return problems.send(pull)
-    except StopIteration:
-        return None

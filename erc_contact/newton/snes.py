@@ -7,7 +7,8 @@ units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -21,7 +22,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
-from erc_contact.newton.ladder import Attempt
+from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 
 SNES_PREFIX = "erc_contact_"
@@ -215,6 +216,37 @@ def attempt(
     snes.destroy()
     f.destroy()
     return outcome
+
+
+def solve_in_turn(step: Attempt, solve: Callable[[Shares], tuple[Outcome, float]]) -> Outcome:
+    """Solve the problems of an attempt in turn.
+
+    Args:
+        step: The attempt.
+        solve: Solves a problem from the last state that solves a problem. It returns
+            how this ended, and how far the state moved if it converged, in any unit of
+            length.
+
+    Returns:
+        How the last problem ended, with the steps of all problems, and the share of
+        friction of the last problem that was solved.
+    """
+    steps = 0
+    friction = 0.0
+    problems = step.problems()
+    shares: Shares | None = next(problems)
+    while shares is not None:
+        outcome, moved = solve(shares)
+        steps += outcome.steps
+        pull = None
+        if outcome.converged:
+            pull = shares.springs * moved
+            friction = shares.friction
+        try:
+            shares = problems.send(pull)
+        except StopIteration:
+            shares = None
+    return replace(outcome, steps=steps, friction=friction)
 
 
 def outcome_of_path(steps: int, is_known: bool) -> Outcome:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -201,14 +201,8 @@ class Solution:
         :func:`erc_contact.model.forces.by_cause`.
         """
         nodal = self._nodal_reactions()
-
-        def force_on(part: str) -> Force:
-            return part_force(self.model, part, nodal)
-
-        def force_in_body() -> Force:
-            return body_force(self.model)
-
-        return by_cause(self.model, force_on, force_in_body)
+        force_on = partial(part_force, self.model, nodal=nodal)
+        return by_cause(self.model, force_on, partial(body_force, self.model))
 
     def motion(self, part: str) -> Motion:
         """Return displacement and rotation of a rigid face; collective.

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -123,7 +124,7 @@ def solve(
         <Solution of degree 1 on 16 cells by Nitsche(theta=0, gamma=10.0),
          3 Newton steps>
     """
-    solution = solved(
+    solution = solve_quietly(
         scene,
         domain,
         method,
@@ -137,7 +138,7 @@ def solve(
     return solution
 
 
-def solved(
+def solve_quietly(
     scene: Scene,
     domain: Domain,
     method: Method | None,
@@ -225,17 +226,9 @@ def _solved_with_forces(
         forces = np.array([preload.force for preload in with_forces(scene)])
         shifts = np.where(shifts == 0.0, forces / shanks, shifts)
 
-    def solve(scene: Scene) -> Solution:
-        return solved(
-            scene,
-            domain,
-            method,
-            degree=degree,
-            after=after,
-            start=start,
-            tolerance=None,
-            solver=solver,
-        )
+    arguments: dict[str, Any] = {"degree": degree, "after": after, "start": start}
+    arguments |= {"tolerance": None, "solver": solver}
+    solve = partial(solve_quietly, domain=domain, method=method, **arguments)
 
     def solve_near(scene: Scene, near: Solution) -> Solution:
         return Nearby(near, solver, after).solve(scene)
@@ -315,7 +308,7 @@ class Nearby:
                 # The direct solver takes over from multigrid where it may.
                 if self._solver != "auto" or not near.stiffness.iterative:
                     raise
-        return solved(
+        return solve_quietly(
             scene,
             near.domain,
             near.method,

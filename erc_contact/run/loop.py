@@ -27,7 +27,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import DEFAULT
 from erc_contact.newton.plausibility import DoubtsOfRun
-from erc_contact.newton.solve import solved
+from erc_contact.newton.solve import solve_quietly
 from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.foreseen import too_many_cells
@@ -266,7 +266,7 @@ class Loop:
         start = last.solution if last else None
         admissible: Admissible | None = None
         while admissible is None:
-            solution = solved(
+            solution = solve_quietly(
                 plan.scene,
                 domain,
                 plan.method,

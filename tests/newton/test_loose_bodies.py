@@ -27,7 +27,7 @@ from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.iterative import Iterative
-from erc_contact.newton.ladder import NEWTON_STEPS, SOFTEST, Attempt, following
+from erc_contact.newton.ladder import NEWTON_STEPS, SOFTEST, Attempt
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.snes import IMBALANCE
@@ -226,6 +226,14 @@ def test_springs_that_pull_for_ever_are_given_up(solver):
     for rung in proximal:
         (steps,) = re.findall(r" (\d+) steps \(", rung)
         assert int(steps) < 100
+
+
+def following(problems, pull):
+    """Next problem of a sequence, None at its end."""
+    try:
+        return problems.send(pull)
+    except StopIteration:
+        return None
 
 
 @pytest.mark.serial
