@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.ranks import distinct_rows
 from erc_contact.model.groups import NOBODY, Groups
-from erc_contact.model.over_ranks import matrix_of_ranks, product
+from erc_contact.model.over_ranks import matrix_of_common_entries, product
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace, dofs_of
 
@@ -70,7 +70,9 @@ class Connections:
     @cached_property
     def is_joint(self) -> np.ndarray:
         """Tell which of them are in groups of several pairs, shape (nodes,)."""
-        return self._marked((self._pairs_of_groups > 1)[self.groups.group])
+        of_pairs = self.groups.group_of_row[: self._pair_count]
+        pairs_of_groups = np.bincount(of_pairs, minlength=len(self.groups.whole))
+        return self._marked((pairs_of_groups > 1)[self.groups.group])
 
     @cached_property
     def has_several(self) -> np.ndarray:
@@ -92,7 +94,8 @@ class Connections:
     def projection(self) -> PETSc.Mat:
         """Return the map of :meth:`least_displacement`."""
         blocks = np.matmul(self.groups.inverse, self.groups.whole)
-        return self._matrix(self.groups.between_nodes(blocks), self.groups.numbers)
+        changed = dofs_of(self.groups.numbers, self._space.d)
+        return matrix_of_common_entries(self._space, self.groups.between_nodes(blocks), changed)
 
     def let_go(self, x: PETSc.Vec, y: PETSc.Vec, is_read: np.ndarray) -> None:
         """Set y to the part ``(I - P) x`` that contacts do not read; collective.
@@ -116,7 +119,8 @@ class Connections:
         is_free = np.zeros(groups.projector.shape[:3])
         is_free[groups.group, :, groups.slot] = self._free
         identity = is_free[..., None] * np.eye(is_free.shape[-1])
-        return self._matrix(groups.between_nodes(identity - groups.projector), None)
+        entries = groups.between_nodes(identity - groups.projector)
+        return matrix_of_common_entries(self._space, entries)
 
     @cached_property
     def couplings(self) -> PETSc.Mat:
@@ -127,7 +131,7 @@ class Connections:
             blocks = np.matmul(blocks, blocks)
         d = self._space.d
         blocks = np.repeat(np.sign(blocks), d, axis=1)
-        return self._matrix(self.groups.between_nodes(blocks), None)
+        return matrix_of_common_entries(self._space, self.groups.between_nodes(blocks))
 
     def jump(self, number: int) -> PETSc.Mat:
         """Return the map from u to the jump of a contact at its nodes on this side.
@@ -153,7 +157,7 @@ class Connections:
         rows = np.tile(here, 2)
         columns = np.concatenate([here, there])
         values = np.repeat([1.0, -1.0], len(here))
-        return self._matrix((rows, columns, values), pairs[:, 0])
+        return matrix_of_common_entries(self._space, (rows, columns, values), here)
 
     def pairs_at(self, numbers: np.ndarray) -> np.ndarray:
         """Return the pairs whose first node is among some nodes, shape (p, 2).
@@ -173,39 +177,12 @@ class Connections:
         """Return the maps to jumps that were made."""
         return {}
 
-    @cached_property
-    def _pairs_of_groups(self) -> np.ndarray:
-        """Count the pairs of each group, shape (G,)."""
-        of_pairs = self.groups.group_of_row[: self._pair_count]
-        return np.bincount(of_pairs, minlength=len(self.groups.whole))
-
     def _marked(self, which: np.ndarray) -> np.ndarray:
         """Mark nodes of groups (N,) among the nodes of this rank, shape (nodes,)."""
         marked = np.zeros(self._space.node_count, dtype=bool)
         local = self._space.local_nodes(self.groups.numbers[which])
         marked[local[local >= 0]] = True
         return marked
-
-    def _matrix(
-        self, entries: tuple[np.ndarray, np.ndarray, np.ndarray], replaced: np.ndarray | None
-    ) -> PETSc.Mat:
-        """Make a matrix of all ranks from entries that all of them have; collective.
-
-        Args:
-            entries: Rows, columns and values.
-            replaced: Global numbers of nodes whose rows are not rows of the identity;
-                None if no row is a row of the identity.
-        """
-        space = self._space
-        first, last = (number * space.d for number in space.V.dofmap.index_map.local_range)
-        rows, columns, values = entries
-        owned = (rows >= first) & (rows < last)
-        rows, columns, values = rows[owned], columns[owned], values[owned]
-        if replaced is not None:
-            others = np.setdiff1d(np.arange(first, last), dofs_of(replaced, space.d))
-            rows, columns = (np.concatenate([places, others]) for places in (rows, columns))
-            values = np.concatenate([values, np.ones(len(others))])
-        return matrix_of_ranks(space, rows, columns, values)
 
 
 def prescribed_at(space: Space, numbers: np.ndarray, fixed: np.ndarray) -> np.ndarray:

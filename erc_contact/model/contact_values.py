@@ -10,7 +10,6 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
@@ -170,5 +169,5 @@ def _values(space: Space, contact: ContactOnMesh, value: Ufl) -> Ufl:
         return value
     values = evaluate(value, space.mesh, space.facet_points, contact.facets)
     function = space.function()
-    function.x.array.reshape(-1, space.d)[:, 0] = values_of_nodes(contact.trace.here, values)
+    function.x.array.reshape(-1, space.d)[:, 0] = contact.trace.here.values_of_nodes(values)
     return function[0]

@@ -27,9 +27,9 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep, lost_on_facets
-from erc_contact.model.loads import sum_of
 from erc_contact.model.normals import gap_vectors, normal_field, normals_of_side, turns
 from erc_contact.model.space import Space
+from erc_contact.model.symbolic import sum_of
 from erc_contact.model.trace import Side, Trace
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.model.values import components, number, parameter

@@ -25,7 +25,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import coefficients, in_space, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.meridian import facet_shares
+from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
@@ -280,7 +280,7 @@ def _of_multiplier(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.nd
     to_coefficients = coefficients(model.d - 1, model.degree)
     of_nodes = trace.coefficients(values)
     if model.axisymmetric:
-        factors = facet_shares(model, contact.facets)[..., None]
+        factors = nodal_shares(model, contact.facets)[trace.here.nodes][..., None]
         of_nodes = np.divide(of_nodes, factors, out=of_nodes, where=factors > 0)
     return np.einsum("cn,fci->fni", to_coefficients, shares * of_nodes)
 

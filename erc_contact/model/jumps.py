@@ -15,7 +15,6 @@ from erc_contact.mesh.quadrature import facet_pieces, piece_samples, polynomials
 from erc_contact.mesh.simplex import barycentric, node_vertices, nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.space import Space
 
 JUMP = 0.36
@@ -79,14 +78,13 @@ def gap_by_coefficients(space: Space, contact: ContactOnMesh, gaps: np.ndarray) 
     function = space.function()
     nodal = function.x.array.reshape(-1, space.d)
     of_facets = contact.trace.here.nodes
-    if space.degree == 1 or contact.bilateral:
-        nodal[:, 0] = values_of_nodes(contact.trace.here, gaps)
-        space.to_coefficients(nodal, [contact])
-        return function[0]
-    lengths = contact.gap_lengths
+    is_plain = space.degree == 1 or contact.bilateral
+    lengths = np.ones((1, 1)) if is_plain else contact.gap_lengths
     gaps = gaps / lengths
-    nodal[:, 0] = values_of_nodes(contact.trace.here, gaps)
+    nodal[:, 0] = contact.trace.here.values_of_nodes(gaps)
     space.to_coefficients(nodal, [contact])
+    if is_plain:
+        return function[0]
     ends = gaps[:, node_vertices(space.d - 1, space.degree)]
     low = np.minimum(ends.min(axis=2), gaps)
     high = np.maximum(ends.max(axis=2), gaps)

@@ -12,7 +12,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.space import Space
-from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.symbolic import sum_of, varies_in_cells
 from erc_contact.model.users import IN_UFL, call_of_user, vector
 from erc_contact.model.values import DATA_DEGREE, parameter, value_of, without_plain_numbers
 from erc_contact.scene.load import Load
@@ -60,11 +60,6 @@ def bind_loads(space: Space, loads: Sequence[Load]) -> tuple[list[SurfaceLoad], 
             ds = space.ds(space.domain.tag(load.facets))
             on_surface.append(SurfaceLoad(load.facets, ds, density))
     return on_surface, sum_of(in_body)
-
-
-def sum_of(terms: Sequence[Ufl]) -> Ufl | None:
-    """Add up UFL terms; None if there are none."""
-    return sum(terms[1:], start=terms[0]) if terms else None
 
 
 def _density(space: Space, load: Load) -> Ufl:

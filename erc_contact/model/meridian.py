@@ -235,8 +235,3 @@ def nodal_shares(space: Space, facets: np.ndarray) -> np.ndarray:
     factors = np.ones(space.node_count)
     np.divide(radius * of_nodes, of_rings, out=factors, where=of_rings > 0)
     return factors
-
-
-def facet_shares(space: Space, facets: np.ndarray) -> np.ndarray:
-    """Return the :func:`nodal_shares` at the nodes of facets, shape (f, m)."""
-    return nodal_shares(space, facets)[space.facet_nodes(facets)]

@@ -85,6 +85,30 @@ def matrix_of_ranks(
     return matrix
 
 
+def matrix_of_common_entries(
+    space: Space,
+    entries: tuple[np.ndarray, np.ndarray, np.ndarray],
+    replaced: np.ndarray | None = None,
+) -> PETSc.Mat:
+    """Make a sparse matrix from entries that all ranks have; collective.
+
+    Args:
+        space: The mesh.
+        entries: Global degrees of freedom of rows and of columns, and values.
+        replaced: Degrees of freedom whose rows are not rows of the identity; None if no
+            row is a row of the identity.
+    """
+    first, last = (number * space.d for number in space.V.dofmap.index_map.local_range)
+    rows, columns, values = entries
+    owned = (rows >= first) & (rows < last)
+    rows, columns, values = rows[owned], columns[owned], values[owned]
+    if replaced is not None:
+        others = np.setdiff1d(np.arange(first, last), replaced)
+        rows, columns = (np.concatenate([places, others]) for places in (rows, columns))
+        values = np.concatenate([values, np.ones(len(others))])
+    return matrix_of_ranks(space, rows, columns, values)
+
+
 def marks_of_owners(space: Space, marks: np.ndarray) -> np.ndarray:
     """Return marks (nodes, d) as the owners of the nodes have them; collective."""
     of_ranks = space.function()

@@ -31,7 +31,6 @@ from erc_contact.mesh.sides import inner_facets
 from erc_contact.mesh.simplex import barycentric
 from erc_contact.mesh.tags import listed
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.joint_sides import indicators
 from erc_contact.model.space import Space
 from erc_contact.scene.preload import Preload
 from erc_contact.scene.tied import Tied
@@ -186,7 +185,7 @@ def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
             f"Preload({joint.name!r}): the axis of the cut is {tuple(axis.tolist())}; the cut"
             " through an axisymmetric bolt is level, with the axis (0, 1)."
         )
-    first, _ = indicators(space, (joint.name, joint.against))
+    first, _ = space.sides_of_joint((joint.name, joint.against))
     is_first = first.x.array > 0.5
     marks = space.function()
     marks.x.array.reshape(-1, space.d)[joint.trace.here.nodes] = 1.0

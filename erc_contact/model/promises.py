@@ -15,6 +15,7 @@ checks are numerical, at samples. They have the same result on all ranks.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,13 @@ from erc_contact.base.ranks import greatest
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import gap_at_nodes
+from erc_contact.model.contacts import bind_contact
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.law_check import check_law
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
-from erc_contact.model.nearby import nearby_model
 from erc_contact.model.potential_check import check_potential
 from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
@@ -71,11 +72,34 @@ def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = 
 
 
 def bind_nearby(scene: Scene, near: Model) -> Model:
-    """Put a scene on a mesh that is moved a little, and check what is new; collective.
+    """Put a moved scene on a mesh, and check what is new; collective.
 
-    See :func:`erc_contact.model.nearby.nearby_model`.
+    The model shares with the other one what is the same.
+
+    Args:
+        scene: A scene with other loads, values of supports, shifts of preloads, given
+            strains, or contacts. A contact is the object of ``near``, unless something
+            has moved in it.
+        near: The model of the scene that it is moved from.
+
+    Raises:
+        InputError: If supports contradict each other, a load cannot be worked with, or
+            a check fails.
+        NotHeldError: If loads are not in balance on a motion that nothing holds.
     """
-    model = nearby_model(scene, near)
+    model = copy(near)
+    model.scene = scene
+    model.bind_supports_and_loads(scene)
+    if scene.ties != near.scene.ties or scene.strains != near.scene.strains:
+        model.bind_strains(scene)
+    model.contacts = []
+    entries = zip(scene.contacts, near.scene.contacts, near.contacts, strict=True)
+    for entry, near_entry, contact in entries:
+        # Forms with the contact of the other model serve this one, too.
+        is_same = entry is near_entry
+        model.contacts.append(contact if is_same else bind_contact(model, entry, model.modulus))
+    model.anchor()
+    model.bind_connections()
     for contact, contact_before in zip(model.contacts, near.contacts, strict=True):
         if contact is not contact_before:
             _check_data(model, contact)

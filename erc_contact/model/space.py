@@ -322,6 +322,25 @@ class Space:
         indicator.x.array[cells] = 1.0
         return indicator
 
+    def sides_of_joint(self, names: tuple[str, str]) -> list[fem.Function]:
+        """Return the indicators of the regions on both sides of a joint.
+
+        Args:
+            names: Names of its parts, which are glued.
+        """
+        assert self.domain.interface_map is not None
+        assert self.domain.cell_tags is not None
+        tags = self.domain.cell_tags
+        sides = []
+        for name in names:
+            of_side = np.zeros(len(tags.values), dtype=bool)
+            for interface in self.domain.interface_map.interfaces:
+                if name in interface.names:
+                    regions = interface.regions[interface.names.index(name)]
+                    of_side |= np.isin(tags.values, regions)
+            sides.append(self.indicator(tags.indices[of_side]))
+        return sides
+
     def outward_normals(self, facets: np.ndarray) -> np.ndarray:
         """Compute the outward unit normals of facets (cell, local facet), (n, d)."""
         return outward_normals(self.cell_corners()[facets[:, 0]], facets[:, 1])

@@ -60,6 +60,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
     error = None
     on_facets = []
     loose_faces = []
+    or_axis = " or the axis, where u_r = 0," if space.axisymmetric else ""
     for support in supports:
         facets = space.domain.facets(support.facets)
         what = f"{type(support).__name__}({support.facets!r})"
@@ -89,7 +90,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
             differs = abs(values[nodes, i] - at_nodes) > tolerance
             if (fixed[nodes, i] & differs).any():
                 error = InputError(
-                    f"{what} contradicts another support{_or_axis(space)} at a common node in"
+                    f"{what} contradicts another support{or_axis} at a common node in"
                     f" component {i}; make the values agree there, or free a component (None)."
                 )
             values[nodes, i] = at_nodes
@@ -118,11 +119,6 @@ def dirichlet_conditions(space: Space, prescribed: fem.Function, fixed: np.ndarr
     """
     dofs = np.flatnonzero(fixed).astype(np.int32)
     return [fem.dirichletbc(prescribed, [dofs, dofs], space.V)]
-
-
-def _or_axis(space: Space) -> str:
-    """Return what else prescribes a displacement, in words."""
-    return " or the axis, where u_r = 0," if space.axisymmetric else ""
 
 
 def _rigid_values(space: Space, rigid: Any, face: RigidFace, nodes: np.ndarray) -> np.ndarray:

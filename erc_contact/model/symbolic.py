@@ -5,6 +5,7 @@ Nothing here is compiled.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,11 @@ from ufl.utils.stacks import StackDict
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
+
+
+def sum_of(terms: Sequence[Ufl]) -> Ufl | None:
+    """Add up UFL terms; None if there are none."""
+    return sum(terms[1:], start=terms[0]) if terms else None
 
 
 def varies(expression: Ufl) -> bool:

@@ -13,7 +13,6 @@ import ufl
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.joint_sides import indicators
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace
 from erc_contact.scene.tied import Tied
@@ -74,7 +73,7 @@ def tie_forces(
     sides = []
     shared = []
     assert tie.against is not None
-    for indicator in indicators(space, (tie.name, tie.against)):
+    for indicator in space.sides_of_joint((tie.name, tie.against)):
         sides.append(residual(indicator * ufl.TestFunction(space.V)))
         with_others = np.zeros((space.node_count, 1), dtype=bool)
         for cells, nodes in claims:

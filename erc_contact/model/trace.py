@@ -24,6 +24,8 @@ from dolfinx import fem
 
 from erc_contact.mesh.simplex import barycentric, coefficients, measures, node_vertices, nodes
 
+CONTINUOUS = 1e-9
+"""Difference of two facets at a node that counts as none, over the greatest value."""
 ALL = slice(None)
 """All facets."""
 
@@ -146,6 +148,30 @@ class Side:
     def points_at(self, points: np.ndarray) -> np.ndarray:
         """Return the places of reference points (q, d-1) on the facets, (f, q, d)."""
         return np.matmul(barycentric(points), self.corners)
+
+    def values_of_nodes(self, values: np.ndarray) -> np.ndarray:
+        """Return one value at each node from values of its facets, shape (nodes,).
+
+        Where facets differ, as of data that jump between them, it is the mean weighted
+        with their areas. So the sum of weights times values in the rule at the nodes is
+        kept. A rank has all facets at the nodes of its own cells, so it needs no
+        communication.
+
+        Args:
+            values: The values, shape (f, m).
+        """
+        result = np.zeros(self.node_count)
+        result[self.nodes] = values
+        differs = abs(result[self.nodes] - values) > CONTINUOUS * abs(values).max(initial=0.0)
+        if not differs.any():
+            return result
+        jumps = np.zeros(self.node_count, dtype=bool)
+        jumps[self.nodes[differs]] = True
+        areas = np.broadcast_to(self.areas[:, None], self.nodes.shape)
+        area = np.bincount(self.nodes.ravel(), areas.ravel(), self.node_count)
+        weighted = np.bincount(self.nodes.ravel(), (areas * values).ravel(), self.node_count)
+        result[jumps] = weighted[jumps] / area[jumps]
+        return result
 
     @property
     def places(self) -> np.ndarray:

@@ -22,7 +22,6 @@ from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import Greatest, LastStep
-from erc_contact.model.of_nodes import values_of_nodes
 from erc_contact.model.over_ranks import sum_over_ranks
 from erc_contact.model.profile import STICK
 from erc_contact.newton.rest import load_size
@@ -123,7 +122,7 @@ def _given_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     r = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
     of_facets = spring_displacement(model, contact, r, points)
     here = contact.trace.here
-    of_nodes = [values_of_nodes(here, of_facets[..., axis]) for axis in range(model.d)]
+    of_nodes = [here.values_of_nodes(of_facets[..., axis]) for axis in range(model.d)]
     return np.stack(of_nodes, axis=-1)[here.nodes]
 
 

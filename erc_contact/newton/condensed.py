@@ -34,11 +34,11 @@ from erc_contact.base.ranks import from_first
 from erc_contact.base.sparse import Places
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
+from erc_contact.newton.contact_nodes import contact_normals
 from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.shared_laws import laws_of
-from erc_contact.newton.singular_values import contact_normals
 
 SMALL_FORCE = 1e-6
 """Contact forces that count as none, over the forces with the contact glued [-]."""

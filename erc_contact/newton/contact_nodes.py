@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+from dolfinx import fem
 from petsc4py import PETSc
 
 from erc_contact.base.ranks import of_all
@@ -14,10 +15,18 @@ from erc_contact.base.sparse import sparse
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.groups import NOBODY
 from erc_contact.model.model import Model
+from erc_contact.model.over_ranks import matrix_of_common_entries
 from erc_contact.model.trace import dofs_of, places_of
 
 NO_ENTRY = 1e-14
 """Entry of a matrix of Bernstein coefficients that is round-off [-]."""
+PRESSING = 1e-5
+"""Length by which a state is pressed, over the size of the displacement [-].
+
+Where a point touches without pressure the equations of a contact have a kink. The
+tangent at the state and the tangent under pressure differ there, and the second may be
+singular alone. So both are looked at.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +42,16 @@ class Entries:
     rows: np.ndarray
     columns: np.ndarray
     values: np.ndarray
+
+    def of_all_ranks(self, model: Model, *, identity: bool = False) -> PETSc.Mat:
+        """Make a matrix of all ranks, which all have these entries; collective.
+
+        Args:
+            model: The scene on a mesh.
+            identity: Whether rows without entries are rows of the identity.
+        """
+        entries = self.rows, self.columns, self.values
+        return matrix_of_common_entries(model, entries, self.rows if identity else None)
 
     def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> PETSc.Mat:
         """Make a matrix between degrees of freedom, on this rank.
@@ -181,6 +200,18 @@ class RowsOfAll:
     def dofs(self) -> np.ndarray:
         """Return the global degrees of freedom of the nodes on this side, (n d,)."""
         return dofs_of(self.here, self.d)
+
+
+def contact_normals(model: Model) -> fem.Function:
+    """Return the displacement along all normals at the contacts [-]; collective.
+
+    Between bodies it is the least one with the normals as jumps. It is zero elsewhere.
+    """
+    normals = model.function()
+    for contact in model.contacts:
+        contact.trace.assign(normals.x.array, contact.trace.normals)
+    normals.x.scatter_forward()
+    return model.connections.least_displacement(normals)
 
 
 def neighbours(facets: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,10 +11,10 @@ import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
+from erc_contact.newton.contact_nodes import PRESSING
 from erc_contact.newton.interior_point import follow
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.mumps import dense_factor
-from erc_contact.newton.singular_values import PRESSING
 from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, Status, attempt
 
 SOLVED_DENSE = 1e-12
@@ -149,7 +149,7 @@ class Dense:
 
         The elastic diagonal scales it. It is the lesser one of two tangents: at u_A,
         and at u_A pressed into the foundation
-        (:mod:`erc_contact.newton.singular_values`).
+        (:data:`.contact_nodes.PRESSING`).
         """
         pressed = u_A + PRESSING * self.problem.length * self.problem.normals
         return min(self._by_inverse_iteration(u_A), self._by_inverse_iteration(pressed))

@@ -28,14 +28,14 @@ from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
+from erc_contact.newton.contact_nodes import PRESSING, contact_normals
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath, follow
-from erc_contact.newton.linear.krylov import fgmres
+from erc_contact.newton.linear.krylov import fgmres, set_up
 from erc_contact.newton.linear.multigrid import ROUGH, Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import laws_of
-from erc_contact.newton.singular_values import PRESSING, contact_normals
 from erc_contact.newton.snes import IMBALANCE, Status
 from erc_contact.newton.tangent import Tangent
 
@@ -86,7 +86,7 @@ class FullSpace:
         self._rows = ~self._fixed
         """Degrees of freedom of this rank whose row has contact terms."""
         if forms.method.multiplier:
-            self._reactions = Reactions(model, elastic.matrix)
+            self._reactions = Reactions(model)
             self._rows = self._reactions.is_read
         self._tangent = Tangent(self.forms, elastic, self._reactions, length, force)
         self._elastic_residual = self.vector()
@@ -131,7 +131,7 @@ class FullSpace:
         snes.setJacobian(self._renew, self._tangent.matrix)
         snes.setUseEW(True, version=2, rtol_0=FORCING, rtol_max=FORCING, alpha=1.3, threshold=0.01)
         snes.setMaxLinearSolveFailures(2)
-        self._tangent.prepare(snes.getKSP())
+        set_up(snes.getKSP(), self._tangent.precondition)
         snes.getKSP().setTolerances(atol=0.3 * SOLVED)
 
     def round_off(self, x: PETSc.Vec) -> tuple[float, float]:
@@ -196,7 +196,7 @@ class FullSpace:
         The elastic diagonal scales it. It is one without friction, where solutions are
         unique as far as the body is held. Otherwise it is the lesser one of two
         tangents: at x, and, if this changes the contact status, at x pressed into the
-        foundation (:mod:`erc_contact.newton.singular_values`).
+        foundation (:data:`.contact_nodes.PRESSING`).
         """
         if all(contact.friction is None for contact in self.model.contacts):
             return 1.0
@@ -241,10 +241,6 @@ class FullSpace:
         self._tangent.renew()
 
     # -- states
-
-    def set_shares(self, friction: float, gap: float) -> None:
-        """Set the shares of friction and gaps [-]."""
-        self.forms.set_shares(friction, gap)
 
     def follow_path(self, x: np.ndarray, friction: float) -> tuple[np.ndarray, int, bool]:
         """Make interior point steps from x, the unknowns of this rank.

@@ -156,7 +156,7 @@ def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Funct
     x = elastic.vector(u)
     matrix.mult(x, residual)
     residual.axpy(-1.0, loads)
-    reactions = Reactions(model, matrix)
+    reactions = Reactions(model)
     work = loads.duplicate()
     multipliers = []
     for contact, of_contact in zip(model.contacts, reactions.matrices, strict=True):

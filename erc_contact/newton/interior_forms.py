@@ -85,7 +85,7 @@ class InteriorForms(ContactForms):
         """Return the trial tractions that the projections of contacts get, in UFL."""
         trials = []
         for contact, multiplier in self._with_multipliers():
-            plain = replace(contact, projection=_itself)
+            plain = replace(contact, projection=lambda z: z)
             trials.append(self.method.projected(self.model, plain, self.u, multiplier))
         return trials
 
@@ -101,11 +101,6 @@ class InteriorForms(ContactForms):
             return ufl.dot(weight, z) + offset
 
         return replace(super()._of_solver(contact), projection=projection)
-
-
-def _itself(z: Ufl) -> Ufl:
-    """Return a trial traction as the traction."""
-    return z
 
 
 class _Interpolation:

@@ -108,7 +108,7 @@ class Iterative:
         x.array[:] = self.elastic.start(state) / problem.length
 
         def solve(shares: Shares) -> tuple[Outcome, float]:
-            problem.set_shares(shares.friction, shares.gap)
+            problem.forms.set_shares(shares.friction, shares.gap)
             problem.hold(shares.springs, x)
             before = x.copy()
             outcome = attempt(problem, x, step, tolerance)
@@ -122,7 +122,7 @@ class Iterative:
 
         outcome = solve_in_turn(step, solve)
         contacts = problem.counts(x) if outcome.friction > 1.0 else ()
-        problem.set_shares(1.0, 1.0)
+        problem.forms.set_shares(1.0, 1.0)
         problem.hold(0.0, x)
         v, multipliers = problem.fields(x)
         solution = None

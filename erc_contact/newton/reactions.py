@@ -34,7 +34,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import diagonal, entries_of, sparse, sparse_like
+from erc_contact.base.sparse import diagonal, entries_of, sparse
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.connections import prescribed_at
 from erc_contact.model.groups import NOBODY, Groups
@@ -251,7 +251,6 @@ class Reactions:
 
     Args:
         model: The scene on a mesh.
-        like: A matrix for the degrees of freedom of the model.
 
     Attributes:
         map: The matrices, the same on all ranks.
@@ -260,17 +259,18 @@ class Reactions:
             coefficients of the multiplier [force/area].
     """
 
-    def __init__(self, model: Model, like: PETSc.Mat) -> None:
+    def __init__(self, model: Model) -> None:
         self.map = MultiplierMap(model)
         self._model = model
-        self._like = like
         groups = self.map.groups
         owned, nodes = model.find_owned(groups.numbers)
         is_free = groups.is_free[groups.group, :, groups.slot]
         is_read = np.zeros((model.V.dofmap.index_map.size_local, model.d), dtype=bool)
         is_read[nodes] = is_free[owned]
         self.is_read = is_read.ravel()
-        self.matrices = [distributed(like, entries) for entries in self.map.multipliers]
+        self.matrices = []
+        for entries in self.map.multipliers:
+            self.matrices.append(entries.of_all_ranks(model))
 
     def reading(self, contact: int | None) -> PETSc.Mat | None:
         """Return B from u to what a reader reads, None for I; collective.
@@ -287,12 +287,7 @@ class Reactions:
             jump = self._model.connections.jump(contact)
         if change is None:
             return None if jump is None else jump.copy()
-        low, high = self._like.getOwnershipRange()
-        others = np.setdiff1d(np.arange(low, high), change.rows)
-        rows = np.concatenate([change.rows, others])
-        columns = np.concatenate([change.columns, others])
-        values = np.concatenate([change.values, np.ones(len(others))])
-        matrix = distributed(self._like, Entries(rows, columns, values))
+        matrix = change.of_all_ranks(self._model, identity=True)
         if jump is None:
             return matrix
         result = matrix.matMult(jump)
@@ -303,15 +298,6 @@ class Reactions:
         """Free PETSc's objects."""
         for matrix in self.matrices:
             matrix.destroy()
-
-
-def distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
-    """Make a matrix of all ranks from entries that all of them have; collective."""
-    low, high = like.getOwnershipRange()
-    owned = (entries.rows >= low) & (entries.rows < high)
-    matrix = sparse_like(like, entries.rows[owned], entries.columns[owned])
-    matrix.setValuesCOO(entries.values[owned])
-    return matrix
 
 
 def _scaled(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:

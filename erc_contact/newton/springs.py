@@ -20,7 +20,7 @@ from erc_contact.base.sparse import entries_of, sparse_like
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import Reader
 from erc_contact.newton.linear.glue import nodal_glue
-from erc_contact.newton.reactions import Reactions, distributed
+from erc_contact.newton.reactions import Reactions
 
 
 class Springs:
@@ -62,7 +62,7 @@ class Springs:
         self._product: PETSc.Mat | None = None
         self._forces: PETSc.Mat | None = None
         if model.connections.any:
-            self._forces = distributed(like, reactions.map.forces_on(numbers))
+            self._forces = reactions.map.forces_on(numbers).of_all_ranks(model)
         self._work = like.createVecs()
 
     def update(self, by_w: list[PETSc.Mat], by_multipliers: list[PETSc.Mat]) -> None:

@@ -18,12 +18,20 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import matrix_of, summed
 from erc_contact.newton.forms import ContactForms, Reader
-from erc_contact.newton.linear.krylov import set_up, shell
+from erc_contact.newton.linear.krylov import fgmres, shell
 from erc_contact.newton.linear.motion_springs import MotionSprings
 from erc_contact.newton.linear.multigrid import Multigrid
 from erc_contact.newton.reactions import Reactions
-from erc_contact.newton.singular_values import least_singular_value
 from erc_contact.newton.springs import Springs
+
+REGULARITY_TOLERANCE = 1e-4
+"""Tolerance of the linear solve that shows whether the tangent has an inverse [-]."""
+NO_INVERSE = 1e-9
+"""Least singular value that counts as none [-].
+
+Beside the branch of demos/many_solutions.py the value is 1e-4 to 1e-1, on it 1e-15 to
+1e-10.
+"""
 
 
 class Tangent:
@@ -119,25 +127,42 @@ class Tangent:
             self.elastic.cycle(right, y)
         y.scale(self.force / self.length)
 
-    def prepare(self, ksp: PETSc.KSP) -> None:
-        """Set a linear solver to FGMRES with the preconditioner."""
-        set_up(ksp, self.precondition)
-
     def renew(self) -> None:
         """Renew the hierarchy for the tangent."""
         assert self._change is not None
         self.elastic.renew(self._change)
 
     def least_singular_value(self, u: PETSc.Vec) -> float:
-        """Estimate the least singular value [-], see :mod:`.singular_values`."""
-        return least_singular_value(
-            self.mult,
-            self.precondition,
-            u,
-            stiffness=self.elastic.matrix,
-            fixed=self.elastic.fixed,
-            scale=self.force / self.length,
-        )
+        """Estimate the least singular value [-]; zero if singular; collective.
+
+        The elastic diagonal scales it. It is the ratio of a force without structure to
+        the displacement that this causes, as far as FGMRES solves for it. Without an
+        inverse FGMRES does not converge, and the displacement grows to the inverse of
+        round-off; where multigrid is only slow it does not.
+
+        Args:
+            u: A displacement that may be near [-], e.g. from another tangent; it
+                becomes the displacement of this tangent.
+        """
+        fixed = self.elastic.fixed
+        diagonal = self.elastic.matrix.getDiagonal()
+        force = u.duplicate()
+        diagonal.sqrtabs()
+        # A force without structure that does not depend on the number of ranks.
+        force.array[:] = np.sin(1.0 + np.arange(*force.getOwnershipRange()) ** 2)
+        force.array[fixed] = 0.0
+        size = force.norm()
+        force.pointwiseMult(force, diagonal)
+        fgmres(self.mult, self.precondition, force, u, REGULARITY_TOLERANCE)
+        diagonal.pointwiseMult(diagonal, u)
+        diagonal.array[fixed] = 0.0
+        length = diagonal.norm()
+        diagonal.destroy()
+        force.destroy()
+        value = 1.0
+        if length > 0:
+            value = size / length * (self.force / self.length)
+        return float(value) if value > NO_INVERSE else 0.0
 
     def free(self) -> None:
         """Free PETSc's objects; the matrix and this object know each other."""

@@ -182,13 +182,12 @@ class Restored:
         self.about = level.about
         self._shape = shape
         self._tables = level.tables
-        table = level.tables.get  # None on the other ranks
         if before is not None and comm.bcast(_same_mesh(level, before)):
             self._rows: CellRows = before._rows
             self.domain: Domain = before.domain
         else:
             self._rows, self.domain = self._mesh(comm)
-        indicators = self._rows.of_cells(table("VTKHDF/CellData/eps_E"))
+        indicators = self._rows.of_cells(self._table("VTKHDF/CellData/eps_E"))
         self.indicators = indicators[: self.domain.owned_cells]
 
     @property
@@ -267,12 +266,15 @@ class Restored:
         numbers = {attribute: about["solution"][name] for name, attribute in STATE.items()}
         return Solution(model, method, u, tuple(multipliers), stiffness=stiffness, **numbers)
 
+    def _table(self, name: str) -> np.ndarray | None:
+        """Return a table of the level on rank 0; None on the other ranks."""
+        return self._tables.get(name)
+
     def _mesh(self, comm: MPI.Comm) -> tuple[CellRows, Domain]:
         """Return the rows of the cells, and the domain; collective."""
         about = self.about
-        table = self._tables.get  # None on the other ranks
-        points = table("VTKHDF/Points")
-        cells = table("cells")
+        points = self._table("VTKHDF/Points")
+        cells = self._table("cells")
         is_split = "glued" in about["tags"]
         keep_shapes = "closed" in about["tags"]
         places = None
@@ -295,19 +297,18 @@ class Restored:
             places: Places of its corners if its bodies keep their shapes, else None.
         """
         about = self.about
-        table = self._tables.get  # None on the other ranks
-        facets = rows.facet_tags(table("facets"))
+        facets = rows.facet_tags(self._table("facets"))
         # all ranks know from `about` which tags there are
         curved = None
         marks = None
         if "curved" in about["tags"]:
             if places is None:
-                curved = rows.facet_tags(table("curved"))
+                curved = rows.facet_tags(self._table("curved"))
             else:
-                marks = rows.of_facets(table("curved"))
+                marks = rows.of_facets(self._table("curved"))
         cells = None
         if "regions" in about["tags"]:
-            cells = rows.cell_tags(table("regions"))
+            cells = rows.cell_tags(self._table("regions"))
         return Domain(
             rows.mesh,
             facets,
@@ -323,8 +324,7 @@ class Restored:
     def _function(self, model: Model, name: str) -> fem.Function:
         """Return a vector field from the table of its values; collective."""
         function = model.function()
-        table = self._tables.get  # None on the other ranks
-        values = self._rows.of_nodes(table(name), table("cells"), model.degree)
+        values = self._rows.of_nodes(self._table(name), self._table("cells"), model.degree)
         function.x.array.reshape(-1, model.d)[model.nodes] = values
         return function
 
