@@ -13,9 +13,9 @@ from dolfinx import fem
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
-from erc_contact.newton.carried import Carried
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import Dense, follow_path
+from erc_contact.newton.first_guess import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.interior_point import CentralPath

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 from erc_contact.base.ranks import greatest
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
-from erc_contact.newton.carried import Carried
+from erc_contact.newton.first_guess import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms

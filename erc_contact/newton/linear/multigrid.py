@@ -191,7 +191,7 @@ class Multigrid(AssembledElastic):
 
     def traces(self, numbers: np.ndarray) -> IterativeTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
-        return IterativeTraces(self.model, numbers, self)
+        return IterativeTraces(self.model, numbers, self.solve, self.lifted)
 
     def times(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the forces K x [force]."""

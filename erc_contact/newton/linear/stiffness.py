@@ -307,8 +307,8 @@ class Stiffness(Elastic):
     def springs(self, count: int) -> np.ndarray:
         """Return springs on free motions, as stiff as the body [force/length].
 
-        The stiffness is a mean in which the softest body counts, as in
-        :mod:`.motion_springs`.
+        The stiffness is a mean in which the softest body counts: springs as stiff as a
+        body stiffer by orders would not let a soft one move.
         """
         kernel = self.kernel(count)
         diagonal = self.reduced(count)[0].diagonal()

@@ -11,7 +11,7 @@ forces in the second.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
@@ -96,18 +96,6 @@ class DenseTraces:
         return self.comm.bcast(result).reshape(self.shape)
 
 
-class Lifting(Protocol):
-    """Lift displacements of the contact by linear solves, as multigrid does."""
-
-    def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
-        """Return the forces that hold the contact nodes at y [force]; collective."""
-
-    def solve(
-        self, b: fem.Function, *, supports: bool = True, tolerance: float | None = None
-    ) -> fem.Function:
-        """Return the displacement u of ``K u = b`` [length]; collective."""
-
-
 class IterativeTraces:
     """Represent the body by linear solves, a solve for each question.
 
@@ -116,16 +104,25 @@ class IterativeTraces:
     Args:
         model: The scene on a mesh.
         numbers: Global numbers of the nodes of the surface, shape (n,).
-        elastic: The solver.
+        solve: Solves the equations, as :meth:`.solver.ElasticSolver.solve`.
+        lift: Returns the forces that hold the contact nodes at a displacement [force],
+            with a tolerance of the displacement between them [-].
     """
 
     tolerance: ClassVar[float] = 3e-2
     cheap: ClassVar[bool] = False
 
-    def __init__(self, model: Model, numbers: np.ndarray, elastic: Lifting) -> None:
+    def __init__(
+        self,
+        model: Model,
+        numbers: np.ndarray,
+        solve: Callable[..., fem.Function],
+        lift: Callable[[fem.Function, float], fem.Function],
+    ) -> None:
         self.model = model
         self.numbers = numbers
-        self.elastic = elastic
+        self._solve = solve
+        self._lift = lift
         self._jumps: PETSc.Mat | None = None
         if model.connections.any:
             self._jumps = model.connections.differences(model.connections.pairs_at(numbers))
@@ -133,13 +130,13 @@ class IterativeTraces:
 
     def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return ``S y``."""
-        forces = self.elastic.lifted(self._nodal(y), ROUGH_LIFTING if rough else FINE)
+        forces = self._lift(self._nodal(y), ROUGH_LIFTING if rough else FINE)
         return _of_owners(self.model, self.numbers, forces.x.array)
 
     def moved(self, f: np.ndarray) -> np.ndarray:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
         on_bodies = self._by_jumps(self._nodal(f), transpose=True)
-        moved = self.elastic.solve(on_bodies, supports=False, tolerance=FINE)
+        moved = self._solve(on_bodies, supports=False, tolerance=FINE)
         return _of_owners(self.model, self.numbers, self._by_jumps(moved).x.array)
 
     def _by_jumps(self, u: fem.Function, *, transpose: bool = False) -> fem.Function:
