@@ -70,11 +70,7 @@ class LastStep:
     state: StateField | None = None
 
     def on(
-        self,
-        space: Space,
-        name: str,
-        trace: Trace,
-        sign: float = 1.0,
+        self, space: Space, name: str, trace: Trace, sign: float = 1.0
     ) -> tuple[fem.Function, np.ndarray | None]:
         """Interpolate the displacement on a contact of another mesh; collective.
 

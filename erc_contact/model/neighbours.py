@@ -20,10 +20,7 @@ UNMOVED = 1e-9
 
 
 def check_neighbours(
-    space: Space,
-    faces: Sequence[RigidFace],
-    held: np.ndarray,
-    contacts: Sequence[ContactOnMesh],
+    space: Space, faces: Sequence[RigidFace], held: np.ndarray, contacts: Sequence[ContactOnMesh]
 ) -> None:
     """Check that supports and contacts beside loose faces hold no motion of the faces.
 

@@ -26,12 +26,7 @@ from erc_contact.model.law_entries import StateField, entries, size_of, state_af
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
-from erc_contact.scene.potential import (
-    Potential,
-    gives_conjugate,
-    remembers,
-    tells_convexity,
-)
+from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
 
 STEPS_OUT_OF_PLANE = 8
 """Limit of Newton steps for the stress out of plane.

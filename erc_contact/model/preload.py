@@ -224,10 +224,7 @@ def _axis(space: Space, joint: ContactOnMesh) -> np.ndarray:
 
 
 def _check_whole(
-    space: Space,
-    joint: ContactOnMesh,
-    is_first: np.ndarray,
-    on_cut: np.ndarray,
+    space: Space, joint: ContactOnMesh, is_first: np.ndarray, on_cut: np.ndarray
 ) -> None:
     """Check that the sides of a cut are connected through the cut alone; collective.
 

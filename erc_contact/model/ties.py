@@ -51,10 +51,7 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> ContactOnMesh:
 
 
 def tie_forces(
-    space: Space,
-    tie: ContactOnMesh,
-    residual: Callable[[Ufl], np.ndarray],
-    claims: Sequence[Claim],
+    space: Space, tie: ContactOnMesh, residual: Callable[[Ufl], np.ndarray], claims: Sequence[Claim]
 ) -> np.ndarray:
     """Compute the nodal forces on the first side of a joint [force]; collective.
 

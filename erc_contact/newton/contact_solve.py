@@ -23,12 +23,7 @@ from erc_contact.newton.ladder import NODAL, Attempt, attempts
 from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
-from erc_contact.newton.snes import (
-    ENDLESS,
-    ROUND_OFF_HIDES,
-    DiscreteSolution,
-    Outcome,
-)
+from erc_contact.newton.snes import ENDLESS, ROUND_OFF_HIDES, DiscreteSolution, Outcome
 from erc_contact.newton.solution import SINGULAR, Solution
 
 SLOW_ATTEMPTS = 5
@@ -237,10 +232,7 @@ class ContactSolve:
         if method != self.method:
             reason = f"{self.method} did not converge: {reason}"
             self.log.info(
-                "%d cells: %s did not converge, the solution is by %s.",
-                cells,
-                self.method,
-                method,
+                "%d cells: %s did not converge, the solution is by %s.", cells, self.method, method
             )
         if solution.least_singular_value < SINGULAR:
             reason += (

@@ -168,10 +168,7 @@ class Equations(Protocol):
 
 
 def attempt(
-    problem: Equations,
-    x: PETSc.Vec,
-    step: Attempt,
-    tolerance: float | None = None,
+    problem: Equations, x: PETSc.Vec, step: Attempt, tolerance: float | None = None
 ) -> Outcome:
     """Make one attempt from x, which becomes the last state, in place.
 

@@ -38,11 +38,7 @@ from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
-from erc_contact.newton.rest import (
-    REST_ROUND_OFF,
-    displacement_at_rest,
-    displacement_back_at_rest,
-)
+from erc_contact.newton.rest import REST_ROUND_OFF, displacement_at_rest, displacement_back_at_rest
 from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
 

@@ -77,11 +77,7 @@ def foreseen_by_sizes(
 
 
 def too_many_cells(
-    steps: Sequence[Step],
-    error: ConstitutiveError,
-    accuracy: float,
-    max_cells: int,
-    by_sizes: bool,
+    steps: Sequence[Step], error: ConstitutiveError, accuracy: float, max_cells: int, by_sizes: bool
 ) -> str:
     """Say in words that an accuracy takes more cells than allowed, or nothing.
 

@@ -248,10 +248,7 @@ class Loop:
         self._log(self.aim.words)
 
     def _measured(
-        self,
-        domain: Domain,
-        last: ConstitutiveError | None,
-        interrupts: Interrupts,
+        self, domain: Domain, last: ConstitutiveError | None, interrupts: Interrupts
     ) -> ConstitutiveError:
         """Solve on a mesh from the last solution, and measure the error; collective.
 

@@ -100,11 +100,7 @@ class Hierarchy:
             algebraic.setReusePreconditioner(True)
         if has_contact and (is_gamg or levels):
             self._coarse = CoarseMatrices(
-                levels + levels_of(algebraic),
-                stiffness,
-                self._layer(),
-                first,
-                self.scale,
+                levels + levels_of(algebraic), stiffness, self._layer(), first, self.scale
             )
         first.destroy()
 
