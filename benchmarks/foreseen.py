@@ -16,7 +16,7 @@ from math import log
 
 import erc_contact as ec
 from erc_contact.error.strategy import Strategy
-from erc_contact.run.foreseen import foreseen_by_sizes, foreseen_cells
+from erc_contact.run.foreseen import foresee_by_sizes, foresee_cells
 from erc_contact.run.step import Step
 
 STEEL = ec.Elastic(E=1.0, nu=0.3)
@@ -104,9 +104,9 @@ def run_and_foresee(
     def foresee(error: ec.ConstitutiveError, step: Step) -> None:
         rows.append(step)
         if isinstance(strategy, ec.SizeMap):
-            numbers.append(foreseen_by_sizes(rows, error, accuracy))
+            numbers.append(foresee_by_sizes(rows, error, accuracy))
         else:
-            numbers.append(foreseen_cells(rows, accuracy, degree / domain.dim))
+            numbers.append(foresee_cells(rows, accuracy, degree / domain.dim))
 
     history = ec.adapt(scene, domain, accuracy, degree=degree, strategy=strategy, callback=foresee)
     if len(rows) < 3 or not history.reached:

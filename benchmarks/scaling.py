@@ -47,7 +47,7 @@ RESULTS = Path(__file__).parent / "results"
 def unit(scene: ec.Scene, domain: ec.Domain, degree: int) -> None:
     """Measure one elastic solve by conjugate gradients with multigrid to 1e-8."""
     elastic = Multigrid(Model(scene, domain, degree))
-    elastic.glued(elastic.load_vector(), tolerance=1e-8)
+    elastic.solve_glued(elastic.load_vector(), tolerance=1e-8)
     elastic.free()
 
 

@@ -124,7 +124,7 @@ def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray
     total = np.zeros((len(motions), len(motions)))
     at_nodes = np.stack([m.x.array.reshape(-1, model.d) for m in motions], axis=-1)
     for spring in model.springs:
-        _, resisted = spring.resisted(at_nodes)
+        _, resisted = spring.resist(at_nodes)
         total += np.einsum("ndk,ndl->kl", resisted, resisted)
     return kernel(model.comm.allreduce(total, MPI.SUM))
 

@@ -81,7 +81,7 @@ def foundation_energies(
             stored += 0.5 * stiffness * np.maximum(w_n - data.gap(facet, x), 0.0) ** 2
         tangential = data.tangential_stiffness(facet, x)
         if tangential is not None:
-            given_way = sliding.given_way(facet, shape, w, n, x)
+            given_way = sliding.give_way(facet, shape, w, n, x)
             stored += 0.5 * tangential * np.sum(given_way**2, axis=-1)
         return stored
 
@@ -111,7 +111,7 @@ class Sliding:
         pressure = pressures(np.matmul(shape, self._traction.values[facet]), n)
         return self._data.bound(facet, x, pressure)
 
-    def given_way(
+    def give_way(
         self, facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray | float:
         """Return by how much the foundation gives way tangentially, v [length].
@@ -130,4 +130,4 @@ class Sliding:
     ) -> np.ndarray:
         """Return the slip ``w_t - s - v`` [length], shape (f, q, d)."""
         _, slide, _ = split(w, n)
-        return slide - self.given_way(facet, shape, w, n, x)
+        return slide - self.give_way(facet, shape, w, n, x)

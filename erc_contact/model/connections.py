@@ -58,21 +58,21 @@ class Connections:
         here = np.concatenate([between[:, 0], on_foundations])
         there = np.concatenate([between[:, 1], np.full(len(on_foundations), NOBODY)])
         self._pair_count = len(between)
-        free = ~prescribed_at(space, numbers, fixed)
+        free = ~gather_prescribed(space, numbers, fixed)
         self.groups = Groups(here, there, numbers, free)
         self._free = free
 
     @cached_property
     def is_paired(self) -> np.ndarray:
         """Tell which nodes of this rank are in pairs, shape (nodes,)."""
-        return self._marked(np.ones(len(self.groups.numbers), dtype=bool))
+        return self._mark(np.ones(len(self.groups.numbers), dtype=bool))
 
     @cached_property
     def is_joint(self) -> np.ndarray:
         """Tell which of them are in groups of several pairs, shape (nodes,)."""
         of_pairs = self.groups.group_of_row[: self._pair_count]
         pairs_of_groups = np.bincount(of_pairs, minlength=len(self.groups.whole))
-        return self._marked((pairs_of_groups > 1)[self.groups.group])
+        return self._mark((pairs_of_groups > 1)[self.groups.group])
 
     @cached_property
     def has_several(self) -> np.ndarray:
@@ -81,7 +81,7 @@ class Connections:
         rows = np.bincount(groups.group_of_row, minlength=len(groups.whole))
         is_fixed = np.zeros(len(rows), dtype=bool)
         is_fixed[groups.group[~self._free.all(axis=1)]] = True
-        return self._marked(((rows > 1) | is_fixed)[groups.group])
+        return self._mark(((rows > 1) | is_fixed)[groups.group])
 
     def least_displacement(self, u: fem.Function) -> fem.Function:
         """Return the least displacement of free components with the jumps of u.
@@ -177,7 +177,7 @@ class Connections:
         """Return the maps to jumps that were made."""
         return {}
 
-    def _marked(self, which: np.ndarray) -> np.ndarray:
+    def _mark(self, which: np.ndarray) -> np.ndarray:
         """Mark nodes of groups (N,) among the nodes of this rank, shape (nodes,)."""
         marked = np.zeros(self._space.node_count, dtype=bool)
         local = self._space.local_nodes(self.groups.numbers[which])
@@ -185,7 +185,7 @@ class Connections:
         return marked
 
 
-def prescribed_at(space: Space, numbers: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+def gather_prescribed(space: Space, numbers: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """Gather which components supports prescribe at nodes, shape (N, d); collective.
 
     Args:

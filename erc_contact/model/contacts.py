@@ -103,7 +103,7 @@ def bind_contact(
     if motion is not None:
         moved, lost_of_motion = foundation_motion(space, trace, motion, what)
         if friction is not None:
-            before, lost = counted_from(before, lost, moved, lost_of_motion)
+            before, lost = add_foundation_motion(before, lost, moved, lost_of_motion)
     return ContactOnMesh(
         name=contact.facets,
         against=contact.against,
@@ -322,7 +322,7 @@ def foundation_motion(
     return field, lost_on_facets(space, trace, difference, size, points, weights)
 
 
-def counted_from(
+def add_foundation_motion(
     before: fem.Function | None,
     lost: np.ndarray | None,
     moved: fem.Function,

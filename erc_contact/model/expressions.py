@@ -255,7 +255,7 @@ class OfNumbers:
                 self._constants[terminal] = _parameter(shape, parameters[shape])
                 parameters[shape] += 1
         replaced = ufl.replace(expression, {**self.numbers, **self._constants})
-        self._compiled = _compiled(replaced, np.array([[0.5]]), comm)
+        self._compiled = _compile(replaced, np.array([[0.5]]), comm)
 
     def __call__(self, numbers: Mapping[Ufl, np.ndarray], count: int) -> np.ndarray:
         """Evaluate the expression for numbers of its terminals.
@@ -310,14 +310,14 @@ def _geometric(
 ) -> fem.Expression:
     """Compile a geometric quantity at reference points of any mesh; collective."""
     cell = _cell(mesh.ufl_domain().ufl_coordinate_element())
-    return _compiled(quantity(cell), points, lasting(mesh.comm))
+    return _compile(quantity(cell), points, lasting(mesh.comm))
 
 
 _cache_of_expressions: dict[Any, fem.Expression] = {}
 """The compiled expressions of this process that know no mesh of the user's."""
 
 
-def _compiled(expression: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
+def _compile(expression: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
     """Compile an expression at reference points once in a process; collective."""
     key = expression, points.shape, points.tobytes()
     ready = key in _cache_of_expressions

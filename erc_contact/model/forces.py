@@ -145,8 +145,8 @@ def nodal_reactions(
     v = ufl.TestFunction(model.V)
 
     def residual_of(v: Ufl) -> np.ndarray:
-        loads = _assembled(model, model.right_side(v))
-        return _assembled(model, model.stiffness(u, v)) - loads
+        loads = _assemble(model, model.right_side(v))
+        return _assemble(model, model.stiffness(u, v)) - loads
 
     residual = residual_of(v)
     several = _with_several_forces(model) if at_nodes else None
@@ -175,17 +175,17 @@ def nodal_reactions(
     share = residual / np.maximum(number_of_claims, 1.0)
     reactions = {}
     for spring in model.springs:
-        reactions[spring.name] = -_assembled(model, spring.work(u, v))
+        reactions[spring.name] = -_assemble(model, spring.work(u, v))
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
     for tie in model.ties:
         assert tie.against is not None
-        reactions[tie.name] = tie_forces(model, tie, residual_of, _shared(model, in_layer))
+        reactions[tie.name] = tie_forces(model, tie, residual_of, _list_claims(model, in_layer))
         reactions[tie.against] = -reactions[tie.name]
     return reactions
 
 
-def _shared(model: Model, in_layer: bool) -> list[Claim]:
+def _list_claims(model: Model, in_layer: bool) -> list[Claim]:
     """Return cells and nodes on which supports and contacts act."""
     result = []
     for facets, _ in model.fixed_facets:
@@ -220,14 +220,14 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
     if any(part in tie.side_names for tie in model.ties):
         return _of_nodes(model, nodal[part])
     model.domain.tag(part)
-    loads = _assembled(model, model.loads(ufl.TestFunction(model.V), on=[part]))
+    loads = _assemble(model, model.loads(ufl.TestFunction(model.V), on=[part]))
     return _of_nodes(model, loads + nodal.get(part, 0.0))
 
 
 def body_force(model: Model) -> Force:
     """Compute resultant and moment of the loads in the body; collective."""
     loads = model.loads(ufl.TestFunction(model.V), on=[None])
-    return _of_nodes(model, _assembled(model, loads))
+    return _of_nodes(model, _assemble(model, loads))
 
 
 def _of_nodes(model: Model, forces: np.ndarray) -> Force:
@@ -239,7 +239,7 @@ def _of_nodes(model: Model, forces: np.ndarray) -> Force:
     return total_force(model, owned, forces[owned])
 
 
-def _assembled(model: Model, form: Ufl | None) -> np.ndarray:
+def _assemble(model: Model, form: Ufl | None) -> np.ndarray:
     """Assemble a linear form at the nodes [force], shape (nodes, d); collective.
 
     It is zero for None. At ghost nodes the values are not complete.
@@ -280,7 +280,8 @@ def _of_multiplier(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.nd
     to_coefficients = coefficients(model.d - 1, model.degree)
     of_nodes = trace.coefficients(values)
     if model.axisymmetric:
-        factors = nodal_shares(model, contact.facets)[trace.here.nodes][..., None]
+        of_contact = nodal_shares(model, contact.facets)
+        factors = of_contact[trace.here.nodes][..., None]
         of_nodes = np.divide(of_nodes, factors, out=of_nodes, where=factors > 0)
     return np.einsum("cn,fci->fni", to_coefficients, shares * of_nodes)
 

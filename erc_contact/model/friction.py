@@ -19,7 +19,7 @@ from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers, stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
-from erc_contact.model.tables import written_out
+from erc_contact.model.tables import write_out
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law
 
@@ -65,7 +65,7 @@ class Friction:
 
     def bound(self, pressure: Ufl) -> Ufl:
         """Return the friction bound b(p) [force/area], UFL."""
-        bound = written_out(ufl.as_ufl(self._bound(pressure, **self.parameters)))
+        bound = write_out(ufl.as_ufl(self._bound(pressure, **self.parameters)))
         return bound if self.share is None else self.share * bound
 
     def _bound(self, pressure: Any, **parameters: Any) -> Any:
@@ -107,7 +107,7 @@ def _pointwise(
     size = int(np.prod(shape))
     symbol = stand_in((), 0)
     symbols = {name: stand_in((), i) for i, name in enumerate(named, start=1)}
-    expression = written_out(ufl.as_ufl(function(symbol, **symbols)))
+    expression = write_out(ufl.as_ufl(function(symbol, **symbols)))
     if not varies(expression):
         return np.broadcast_to(constant_value(expression), shape)
     numbers = {symbol: np.broadcast_to(first, shape).reshape(size, 1)}
@@ -147,7 +147,7 @@ def bind_friction(
     """
 
     def bound(pressure: Ufl) -> Ufl:
-        return written_out(scalar(what, law.friction_bound(pressure, **parameters)))
+        return write_out(scalar(what, law.friction_bound(pressure, **parameters)))
 
     # The arrays that the error estimate passes have two axes, facets and points.
     pressure = np.ones((1, 1))

@@ -79,7 +79,7 @@ def held_products(
         of_face = (face.motion(motions) * face.sizes[:, None])[~face.free]
         held[number] += of_face.T @ of_face
     for spring in springs:
-        nodes, by_spring = spring.resisted(motions)
+        nodes, by_spring = spring.resist(motions)
         held += sum_products(space, body[nodes], count, by_spring)
     return held
 

@@ -99,7 +99,7 @@ class LastStep:
         if space.domain is self.space.domain and space.degree == self.space.degree:
             values[nodes] = old_w
             return before, None
-        corners, old_values = gathered_facets(self.space, [(old_facets, old_w)])
+        corners, old_values = gather_facets(self.space, [(old_facets, old_w)])
         on_contact = np.unique(nodes)
         x = space.V.tabulate_dof_coordinates()[on_contact, :d]
         _check_place(space, name, facets, x, corners)
@@ -144,7 +144,7 @@ def lost_on_facets(
     return trace.here.areas * ((tangential**2).sum(axis=-1) @ weights)
 
 
-def gathered_facets(
+def gather_facets(
     space: Space, parts: Sequence[tuple[np.ndarray, np.ndarray]]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gather facets of all ranks with values at their nodes; collective.

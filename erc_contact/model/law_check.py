@@ -32,7 +32,7 @@ def check_law(model: Model, contact: ContactOnMesh) -> None:
     what = f"Contact({contact.name!r}): the friction bound of {type(law).__name__}"
     pressure = model.stiffest() * np.logspace(-DECADES, 0, 4 * DECADES + 1)
     pressure = np.concatenate([[0.0], pressure])
-    bound = _sampled_bound(model, contact, pressure)
+    bound = _sample_bound(model, contact, pressure)
 
     def refuse(wrong: np.ndarray, message: str) -> None:
         """Raise on all ranks if an entry of one rank is wrong.
@@ -73,7 +73,7 @@ def check_law(model: Model, contact: ContactOnMesh) -> None:
     )
 
 
-def _sampled_bound(model: Model, contact: ContactOnMesh, pressure: np.ndarray) -> np.ndarray:
+def _sample_bound(model: Model, contact: ContactOnMesh, pressure: np.ndarray) -> np.ndarray:
     """Evaluate the friction bound of a contact at sampled places, for all pressures.
 
     The places are spread evenly over the samples of the facets of this rank, and those

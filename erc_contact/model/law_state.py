@@ -138,7 +138,7 @@ def state_of(space: Space, potential: Potential, before: StateField | None) -> S
     return LawState.at_rest(space, potential) if before is None else before.on(space)
 
 
-def carried(u: fem.Function, space: Space) -> fem.Function | None:
+def carry_displacement(u: fem.Function, space: Space) -> fem.Function | None:
     """Return a displacement of another mesh on a mesh; collective.
 
     Where parts of the body touch, it may be the displacement of either part. It is None

@@ -146,28 +146,28 @@ class LawCode:
     @cached_property
     def energy(self) -> OfNumbers:
         """Compile psi as a function of a strain."""
-        return self._compiled(self._derivatives().energy)
+        return self._compile(self._derivatives().energy)
 
     @cached_property
     def stress(self) -> OfNumbers:
         """Compile psi' as a function of a strain."""
-        return self._compiled(self._derivatives().stress())
+        return self._compile(self._derivatives().stress())
 
     @cached_property
     def tangent(self) -> OfNumbers:
         """Compile psi'' as a function of a strain."""
-        return self._compiled(self._derivatives().tangent())
+        return self._compile(self._derivatives().tangent())
 
     @cached_property
     def conjugate(self) -> OfNumbers:
         """Compile psi*, in plane strain with derivatives by the stress out of plane."""
         if not self._is_plane:
-            return self._compiled(self.potential.conjugate(self._tensor, **self._values))
+            return self._compile(self.potential.conjugate(self._tensor, **self._values))
         out = ufl.variable(ufl.as_ufl(0.0))
         normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
         energy = self.potential.conjugate(self._tensor + out * normal, **self._values)
         slope = ufl.diff(energy, out)
-        return self._compiled(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
+        return self._compile(ufl.as_vector([energy, slope, ufl.diff(slope, out)]))
 
     @cached_property
     def dual(self) -> OfNumbers:
@@ -176,13 +176,13 @@ class LawCode:
         slope = ufl.diff(self.potential.conjugate(stress, **self._values), stress)
         basis = mandel_basis(3)[self.known]
         components = [ufl.inner(ufl.as_tensor(tensor.tolist()), slope) for tensor in basis]
-        return self._compiled(ufl.as_vector(components))
+        return self._compile(ufl.as_vector(components))
 
     @cached_property
     def new_state(self) -> OfNumbers:
         """Compile the state after a load step as a function of a strain."""
         assert remembers(self.potential)
-        return self._compiled(state_after(self.potential, self._tensor, self._values))
+        return self._compile(state_after(self.potential, self._tensor, self._values))
 
     @property
     def _tensor(self) -> Ufl:
@@ -193,7 +193,7 @@ class LawCode:
         """Return the derivatives of psi as functions of numbers."""
         return Derivatives(self.potential, self._tensor, self.known, self._values)
 
-    def _compiled(self, expression: Ufl) -> OfNumbers:
+    def _compile(self, expression: Ufl) -> OfNumbers:
         """Compile an expression of numbers at points; collective."""
         plain = without_variables(without_derivatives(expression))
         return OfNumbers(plain, self._comm, is_matrix=True)
@@ -371,7 +371,7 @@ class PointLaw:
             energy, slope, curvature = values.T
             step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
             gain = 0.5 * abs(slope * step)
-            goes_on = gain > _allowed(energy, beside[left])
+            goes_on = gain > _allowance(energy, beside[left])
             if not goes_on.any():
                 break
             left = left[goes_on]
@@ -418,7 +418,7 @@ class PointLaw:
             missed = sigma[left] - self._stresses(numbers[left])
             of_missed = np.matmul(metric[left], missed[..., None])[..., 0]
             lack[left] = (missed * of_missed).sum(axis=1) / twice_share[left]
-            goes_on = lack[left] > _allowed(value[left], beside[left])
+            goes_on = lack[left] > _allowance(value[left], beside[left])
             left, missed = left[goes_on], missed[goes_on]
             if not len(left):
                 break
@@ -482,7 +482,7 @@ class PointLaw:
         return numbers.reshape(n * q, numbers.shape[-1])
 
 
-def _allowed(energy: np.ndarray, beside: np.ndarray) -> np.ndarray:
+def _allowance(energy: np.ndarray, beside: np.ndarray) -> np.ndarray:
     """Return what a conjugate may be off [force/area].
 
     See :class:`Search` for ``beside``.

@@ -148,7 +148,7 @@ def check_beside_cuts(
     for preload in preloads:
         holding = set()
         for name, facets, components in held:
-            if preload.axis[components].any() and _touched(preload, facets).any():
+            if preload.axis[components].any() and _touches(preload, facets).any():
                 holding.add(name)
         for contact in contacts:
             for side in (contact.trace.here, contact.trace.there):
@@ -156,7 +156,7 @@ def check_beside_cuts(
                     continue
                 reads = abs(space.outward_normals(side.facets) @ preload.axis) > ACROSS
                 reads |= contact.friction is not None
-                if (reads & _touched(preload, side.facets)).any():
+                if (reads & _touches(preload, side.facets)).any():
                     holding.add(contact.name)
         names = sorted(union(space.comm, holding))
         if names:
@@ -167,7 +167,7 @@ def check_beside_cuts(
             )
 
 
-def _touched(preload: PreloadOnMesh, facets: np.ndarray) -> np.ndarray:
+def _touches(preload: PreloadOnMesh, facets: np.ndarray) -> np.ndarray:
     """Tell which facets (cell, local facet) psi moves, shape (f,)."""
     cell, opposite = facets.T
     weights = preload.weights[cell]

@@ -273,7 +273,7 @@ def _columns(
     w_n = (w * n).sum(axis=-1)
     w_t = w - before
     if contact.tangential_stiffness is not None:
-        w_t = w_t - contact.sign * given_way(model, contact, r, points)
+        w_t = w_t - contact.sign * give_way(model, contact, r, points)
     _, w_t, slip = split(w_t, n)
     r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
     gap = np.zeros(1)
@@ -306,9 +306,7 @@ def _columns(
     return columns
 
 
-def given_way(
-    model: Model, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
-) -> np.ndarray:
+def give_way(model: Model, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Compute by how much the foundation gives way tangentially [length], (f, q, d).
 
     The tractions r [force/area] are not about rings, as its stiffness is.

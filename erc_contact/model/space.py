@@ -102,7 +102,7 @@ class Space:
         self.nodes = self.V.dofmap.list
         self.vertices = self.nodes[:, : self.d + 1]
         self._local_facets = facet_vertices(self.d)
-        self._facet_vertices = self._ordered_vertices()
+        self._facet_vertices = self._order_vertices()
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
 
@@ -378,7 +378,7 @@ class Space:
         facets = np.concatenate([self.facet_nodes(part.facets) for part in parts])
         values[facets] = np.matmul(matrix, values[facets])
 
-    def _ordered_vertices(self) -> np.ndarray:
+    def _order_vertices(self) -> np.ndarray:
         """Find local vertices of named facets in the order of the reference facet.
 
         Returns:

@@ -98,7 +98,7 @@ class BoundSpring:
         middle = np.full((1, self.side.d - 1), 1 / self.side.d)
         return stiffness * self._on_rings(middle)[:, 0, 0] > than
 
-    def resisted(self, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def resist(self, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the parts of motions that the springs resist, of any stiffness.
 
         Args:

@@ -63,7 +63,7 @@ def on_mesh(
     return _without_tables(expression, on_cells)
 
 
-def written_out(expression: Ufl) -> Ufl:
+def write_out(expression: Ufl) -> Ufl:
     """Replace the tables in a UFL expression by sums of their pieces.
 
     It is for tables of what varies with the solution, as the pressure in a friction

@@ -42,7 +42,7 @@ def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndar
     return z_n, z_t, np.linalg.norm(z_t, axis=-1)
 
 
-def interpolated_normals(of_corners: np.ndarray, places: np.ndarray) -> np.ndarray:
+def interpolate_normals(of_corners: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Interpolate normals linearly on facets, and make them unit vectors.
 
     Args:
@@ -232,7 +232,7 @@ class Trace:
         """
         if self.corner_normals is None:
             return self.direction[facet][:, None, :]
-        return interpolated_normals(self.corner_normals[facet], places)
+        return interpolate_normals(self.corner_normals[facet], places)
 
     @property
     def normals_at_vertices(self) -> np.ndarray:

@@ -100,7 +100,7 @@ class Turning:
         """
         places = barycentric(points)
         length = np.linalg.norm(np.matmul(places, self.trace.normals_at_vertices), axis=2)
-        return self._transposed(r, places) / length[..., None] ** 2
+        return self._transpose(r, places) / length[..., None] ** 2
 
     def means(self, motion: np.ndarray) -> np.ndarray:
         """Return the vectors on which z does the work that r does on a motion v.
@@ -117,9 +117,9 @@ class Turning:
         points, weights = rule(d - 1, 2 * self.degree + 2)
         average = averages(d - 1, self.degree, points, weights)
         at_points = np.matmul(bernstein(d - 1, self.degree + 1, points), motion)
-        return np.matmul(average, self._transposed(at_points, barycentric(points)))
+        return np.matmul(average, self._transpose(at_points, barycentric(points)))
 
-    def _transposed(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
+    def _transpose(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return ``R^T v`` at points in barycentric coordinates, shape (f, q, d)."""
         at_points = np.einsum("qv,fvij->fqij", places, self._at_vertices)
         return np.einsum("fqij,fqi->fqj", at_points, values)

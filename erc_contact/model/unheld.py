@@ -57,7 +57,7 @@ def find_unheld(
     groups = []
     functions: list[fem.Function] = []
     anchors = np.zeros(fixed.shape, dtype=bool)
-    for connected in _connected(by_all.reshape(count, m, count, m)):
+    for connected in _group_bodies(by_all.reshape(count, m, count, m)):
         rows = (m * connected[:, None] + np.arange(m)).ravel()
         amounts = kernel(by_all[np.ix_(rows, rows)]).reshape(len(connected), m, -1)
         if amounts.shape[2] == 0:
@@ -81,7 +81,7 @@ def find_unheld(
     return Unheld(motions, groups, functions, marks_of_owners(space, anchors), hint)
 
 
-def _connected(by_all: np.ndarray) -> list[np.ndarray]:
+def _group_bodies(by_all: np.ndarray) -> list[np.ndarray]:
     """Return the numbers of bodies that contacts connect, group by group.
 
     Args:

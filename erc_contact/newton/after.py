@@ -90,7 +90,7 @@ def last_step(solution: Solution) -> LastStep:
         trace = contact.trace
         w = trace.of(solution.u.x.array)
         if contact.tangential_stiffness is not None:
-            w = w - _given_way(solution, contact)
+            w = w - _give_way(solution, contact)
         if contact.friction is not None and not solution.method.multiplier:
             nodes = trace.here.nodes
             stuck = _stuck(solution, contact)[nodes]
@@ -112,7 +112,7 @@ def last_step(solution: Solution) -> LastStep:
     return LastStep(model, contacts, sizes, state)
 
 
-def _given_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
+def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     """Compute by how much the foundation gives way tangentially [length]; collective.
 
     A node has one value on all its facets, shape (f, m, d).

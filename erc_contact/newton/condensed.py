@@ -224,7 +224,7 @@ class Condensed:
         The other nodes of A are in elastic equilibrium.
         """
         count = len(u_contact)
-        _, lift = self.stiffness.reduced(count)
+        _, lift = self.stiffness.reduce(count)
         return self.u_0[: self.size] + lift[: self.size] @ (u_contact - self.u_0[:count])
 
     def multipliers_at(self, u_A: np.ndarray) -> tuple[fem.Function, ...]:
@@ -263,8 +263,8 @@ class Condensed:
             return
         a = self.size
         glued_A = self.u_0[:a]
-        self.schur, _ = self.stiffness.reduced(a)
-        self.matrix = self.stiffness.unglued(a)
+        self.schur, _ = self.stiffness.reduce(a)
+        self.matrix = self.stiffness.unglue(a)
         self.loads = self.matrix @ glued_A + glue_forces
         forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(slip_A))
         self.force = float(forces.max()) or 1.0

@@ -62,7 +62,7 @@ class Solver(Protocol):
     @property
     def elastic(self) -> ElasticSolver: ...  # noqa: D102
 
-    def glued(self) -> Any:
+    def glued_state(self) -> Any:
         """Return the state with the contact glued."""
 
     def warm(self, old: Model, u: fem.Function) -> Any:
@@ -105,7 +105,7 @@ class ContactSolve:
         Raises:
             NotConverged: If none does, or the linear solver fails again and again.
         """
-        states = {"glued": self.solver.glued()}
+        states = {"glued": self.solver.glued_state()}
         if start is not None and start.model.contacts:
             states["warm"] = self.solver.warm(start.model, start.u)
         slow = 0

@@ -68,7 +68,7 @@ def other_states(
     Returns:
         The solutions; none does not mean that there is none.
     """
-    guess = stiffness.glued(stiffness.load_vector())
+    guess = stiffness.solve_glued(stiffness.load_vector())
     problem = Condensed(stiffness.model, ContactForms(stiffness.model, method), stiffness, guess)
     first = stiffness.gather(u)[: problem.size]
     directions = []

@@ -55,13 +55,13 @@ class Direct:
         self.elastic = stiffness_of(model) if elastic is None else elastic
         loads = self.elastic.load_vector()
         self.carried = Carried(model, loads)
-        self.guess = self.elastic.glued(loads)
+        self.guess = self.elastic.solve_glued(loads)
         self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, Condensed] = {}
 
-    def glued(self) -> np.ndarray | None:
+    def glued_state(self) -> np.ndarray | None:
         """Return the state with the contact glued."""
-        return first_guess.glued(self.carried.model, self.elastic, self.guess)
+        return first_guess.solve_glued(self.carried.model, self.elastic, self.guess)
 
     def warm(self, old: Model, u: fem.Function) -> np.ndarray | None:
         """Return the state of a displacement u of a model on another mesh."""
@@ -90,7 +90,7 @@ class Direct:
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
-            self._problems[method] = self._condensed(self._forms[method])
+            self._problems[method] = self._condense(self._forms[method])
         problem = self._problems[method]
 
         def work() -> tuple[Outcome, Any, Any]:
@@ -131,14 +131,14 @@ class Direct:
         solution = DiscreteSolution(u, multipliers, distance, least_singular_value, carried)
         return outcome, state, solution
 
-    def _condensed(self, forms: ContactForms, path: CentralPath | None = None) -> Condensed:
+    def _condense(self, forms: ContactForms, path: CentralPath | None = None) -> Condensed:
         """Return the contact problem of some forms, condensed on the contact."""
         return Condensed(self.carried.model, forms, self.elastic, self.guess, path)
 
     def _interior(self, attempt: Attempt, state: Any) -> tuple[Outcome, Any]:
         """Make interior point steps; return their outcome and last state."""
         forms = InteriorForms(self.carried.model, attempt.method)
-        problem = self._condensed(forms, CentralPath(forms, attempt.friction_shares[0]))
+        problem = self._condense(forms, CentralPath(forms, attempt.friction_shares[0]))
 
         def work() -> tuple[Outcome, Any]:
             u_A, steps, is_known = follow_path(problem, problem.from_contact(state))

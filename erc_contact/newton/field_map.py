@@ -120,7 +120,7 @@ class FieldMap:
             if self.multipliers is not None:
                 change = self.multipliers.coefficients_of(contact)
             read = self._read(contact, rows, change)
-            _, lift = self._stiffness.reduced(self._unknowns)
+            _, lift = self._stiffness.reduce(self._unknowns)
             derivative = times(read, lift)
             return derivative, values - derivative @ self._w_A
 

@@ -27,7 +27,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import together
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.last_step import gathered_facets, interpolate
+from erc_contact.model.last_step import gather_facets, interpolate
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -49,7 +49,7 @@ def across_gap(model: Model) -> fem.Function:
     return across
 
 
-def glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
+def solve_glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarray | None:
     """Return the displacement of the contact nodes glued to the foundations [length].
 
     There a gap is closed and nothing slips.
@@ -71,7 +71,7 @@ def glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarray | N
             return None
         if not pull.any():
             return start
-        schur, _ = stiffness.reduced(a)
+        schur, _ = stiffness.reduce(a)
         return start + np.linalg.solve(schur, pull)
 
     return together(model.comm, across)
@@ -94,7 +94,7 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     parts = []
     for contact in model.contacts:
         parts.append((contact.facets, contact.trace.of(u.x.array)))
-    corners, values = gathered_facets(model, parts)
+    corners, values = gather_facets(model, parts)
     all_nodes = np.concatenate([c.trace.here.nodes.ravel() for c in new.contacts])
     nodes = np.unique(all_nodes)
     x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
@@ -122,7 +122,7 @@ class Carried:
             return
         self.model = copy(model)
         self.model.gap_limits = {}
-        self.model.contacts = [_carried(model, c, self._motion) for c in model.contacts]
+        self.model.contacts = [_carry(model, c, self._motion) for c in model.contacts]
 
     def forms(
         self, forms: dict[Method, ContactForms] | None
@@ -157,7 +157,7 @@ class Carried:
         jumps.x.array[:] -= at_contacts.x.array
 
 
-def _carried(model: Model, contact: ContactOnMesh, motion: fem.Function) -> ContactOnMesh:
+def _carry(model: Model, contact: ContactOnMesh, motion: fem.Function) -> ContactOnMesh:
     """Return a contact with the gap and the slip that a motion leaves; collective."""
     trace = contact.trace
     jump = model.function()

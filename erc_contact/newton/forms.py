@@ -104,7 +104,7 @@ class ContactForms:
         # A method of the user's may make Constants, and may fail on one rank only.
         with compiled.constants_with_ten_digits():
             equations = together(model.comm, self._parts)
-            looked_at = together(model.comm, self._looked_at)
+            looked_at = together(model.comm, self._look_at)
         coefficients = ufl.algorithms.extract_coefficients
         read = {field for parts in equations for part in parts for field in coefficients(part[1])}
         # Between bodies the equations of a multiplier contain the jump only.
@@ -254,11 +254,11 @@ class ContactForms:
 
     @property
     def _points(self) -> np.ndarray:
-        """Return reference points of a facet at which :meth:`_looked_at` is known."""
+        """Return reference points of a facet at which :meth:`_look_at` is known."""
         points, _ = rule(self.model.d - 1, 2 * self.model.degree)
         return points
 
-    def _looked_at(self) -> list[Ufl]:
+    def _look_at(self) -> list[Ufl]:
         """Return what is evaluated on each contact: the status, in UFL."""
         status = []
         for contact, multiplier in self._with_multipliers():

@@ -70,11 +70,11 @@ class Iterative:
         if self.elastic.contact_size:
             self.guess = self._sprung(first_guess.across_gap(self.carried.model))
         else:
-            self.guess = self.elastic.glued(self._forces.copy(), tolerance=EXACT)
+            self.guess = self.elastic.solve_glued(self._forces.copy(), tolerance=EXACT)
         self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, FullSpace] = {}
 
-    def glued(self) -> fem.Function:
+    def glued_state(self) -> fem.Function:
         """Return the state with the contact glued."""
         return self.guess
 
@@ -168,7 +168,7 @@ class Iterative:
         target.x.scatter_forward()
         b = self._forces.copy()
         b.x.array[owned] += self.elastic.glue.times(target).x.array[owned]
-        u = self.elastic.glued(b)
+        u = self.elastic.solve_glued(b)
         stretch = target.copy()
         stretch.x.array[:] -= u.x.array
         pull = self.elastic.glue.times(stretch).x.array[owned]

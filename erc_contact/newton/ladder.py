@@ -218,7 +218,7 @@ def attempts(
             yield Attempt(method, first, proximal=True)
         # Lowering friction costs less than springs by another method, and an end of it
         # tells the friction that is needed.
-        yield from _lowered(method, nodal, known) if slides else ()
+        yield from _lower_friction(method, nodal, known) if slides else ()
         if not is_nodal and "nodal" not in known:
             yield from _by_nodal(method, nodal, first, proximal=True)
 
@@ -309,7 +309,7 @@ def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[
         yield Attempt(method, "nodal")
 
 
-def _lowered(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:
+def _lower_friction(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:
     """Generate the attempts by friction that is lowered, for a body that may slide.
 
     Args:

@@ -18,10 +18,10 @@ from dolfinx import fem
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
 from erc_contact.newton.statics import (
+    find_unbalanced,
     greatest_share,
     on_first,
     programme,
-    unbalanced,
     work_of_loads,
 )
 
@@ -92,7 +92,7 @@ def _least_friction(model: Model, loads: fem.Function) -> float | None:
 
     def is_enough(factor: float) -> bool:
         _, work, forces = programme(model, loads, factor)
-        return on_first(model, forces, unbalanced, work) is None
+        return on_first(model, forces, find_unbalanced, work) is None
 
     low, high = 1.0, MUCH
     if not is_enough(high):

@@ -35,7 +35,7 @@ APART = 1e-3
 """Distance above which a contact is surely open, over the greatest displacement [-].
 
 Newton and Nitsche leave less where body and foundation are flat; where they are
-curved, see :func:`_pressed`.
+curved, see :func:`_presses`.
 """
 NO_TRACTION = 1e-8
 """Traction that counts as none, over ``E/h`` times displacement and distance [-].
@@ -67,7 +67,7 @@ def doubts(solution: Solution) -> Doubts:
             f"({least_side:.3g}): the gap belongs to the body as it was, so a displacement must "
             "be small beside it. Look at the units of loads, moduli and displacements."
         )
-    share, most = _rotated(solution)
+    share, most = _measure_rotation(solution)
     if share > ROTATED:
         found["rotation", ""] = (
             f"{percent(share, 2)} of the body rotates by more than {ROTATION:g} rad, up to "
@@ -146,7 +146,7 @@ def _of_unheld(model: Model) -> str:
     return words
 
 
-def _rotated(solution: Solution) -> tuple[float, float]:
+def _measure_rotation(solution: Solution) -> tuple[float, float]:
     """Return the share of the volume that rotates much, and the greatest rotation.
 
     The share [-] is the volume with more than ROTATION over the volume of the body. The
@@ -182,7 +182,7 @@ def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved:
     distances = gap_at_nodes(model, contact) - approach
     distance, _ = model.extremes(distances)
     apart = not contact.bilateral and distance > APART * moved
-    if apart and not _pressed(contact, solution, moved + distances.max(axis=1, initial=0.0)):
+    if apart and not _presses(contact, solution, moved + distances.max(axis=1, initial=0.0)):
         found[UNTOUCHED, contact.name] = (
             f"Nothing touches the contact {contact.name!r}: its gap is {distance:.3g} or more "
             "everywhere. Look at the sign and the size of the gap, and at the loads."
@@ -229,7 +229,7 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
     return found
 
 
-def _pressed(contact: ContactOnMesh, solution: Solution, lengths: np.ndarray) -> bool:
+def _presses(contact: ContactOnMesh, solution: Solution, lengths: np.ndarray) -> bool:
     """Tell whether the method has a traction on a contact; collective.
 
     A curved body, or one on a curved foundation, may touch though all its nodes are

@@ -146,7 +146,7 @@ def solved_with_forces(
         if abs(left).max() <= SAME_FORCE * scale:
             return replace(solution, newton_steps=steps), first
         change = np.linalg.lstsq(slopes, left, rcond=None)[0]
-        change, solution = _changed(shifts, change, at, near, solution)
+        change, solution = _solve_changed(shifts, change, at, near, solution)
         steps += solution.newton_steps
         shifts = shifts + change
         forces_before = forces
@@ -191,7 +191,7 @@ def _first(
     return shifts, solve(at(shifts))
 
 
-def _changed(
+def _solve_changed(
     shifts: np.ndarray,
     change: np.ndarray,
     at: Callable[[np.ndarray], Scene],

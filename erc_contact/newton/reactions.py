@@ -36,7 +36,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.sparse import diagonal, entries_of, sparse
 from erc_contact.mesh.simplex import at_nodes, coefficients
-from erc_contact.model.connections import prescribed_at
+from erc_contact.model.connections import gather_prescribed
 from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
@@ -69,7 +69,7 @@ class MultiplierMap:
         rows = RowsOfAll(model.d, model.degree, self.contacts)
         self.rows = rows
         nodes = np.unique(np.concatenate([rows.here, rows.there[rows.there != NOBODY]]))
-        free = ~prescribed_at(model, nodes, model.fixed)
+        free = ~gather_prescribed(model, nodes, model.fixed)
         # Where a contact ends inside a body there is no jump, as where supports fix it.
         free[np.isin(nodes, model.connections.ends)] = False
         self.groups = Groups(rows.here, rows.there, nodes, free)
@@ -222,7 +222,7 @@ class MultiplierMap:
         missing = diagonal(np.ones(size))
         scales = [np.repeat(area, rows.d) for area in rows.areas]
         for k, matrix in enumerate(matrices):
-            force = _scaled(scales[k], matrix)
+            force = _scale_rows(scales[k], matrix)
             if rows.degree > 1:
                 of_facet = coefficients(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]).matMult(force)
@@ -236,12 +236,12 @@ class MultiplierMap:
             first[rows.places[k]] = True
             first &= ~done
             done |= first
-            force = _scaled(np.repeat(first, rows.d).astype(float), share)
+            force = _scale_rows(np.repeat(first, rows.d).astype(float), share)
             if rows.degree > 1:
                 of_facet = at_nodes(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]).matMult(force)
             inverse = np.divide(1.0, scales[k], out=np.zeros_like(scales[k]), where=scales[k] > 0)
-            matrix.axpy(1.0, _scaled(inverse, force), DIFFERENT)
+            matrix.axpy(1.0, _scale_rows(inverse, force), DIFFERENT)
 
 
 class Reactions:
@@ -300,7 +300,7 @@ class Reactions:
             matrix.destroy()
 
 
-def _scaled(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
+def _scale_rows(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
     """Make a matrix that has the rows of another matrix, times factors."""
     result = matrix.copy()
     scale = result.createVecLeft()

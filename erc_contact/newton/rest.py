@@ -91,7 +91,7 @@ def displacement_back_at_rest(
     held = model.fixed.ravel()
     displacement.x.array[held] = model.prescribed.x.array[held]
     for spring in model.springs:
-        _, stretched = spring.resisted(displacement.x.array.reshape(-1, model.d, 1))
+        _, stretched = spring.resist(displacement.x.array.reshape(-1, model.d, 1))
         off = max(off, float(abs(stretched).max(initial=0.0)))
     for contact in model.contacts:
         if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:

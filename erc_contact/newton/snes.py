@@ -302,7 +302,7 @@ class _StoppingTest:
             # The exception comes when SNES has ended: it may lose one raised here.
             return reasons.DIVERGED_INNER
         solved, round_off = self.problem.round_off(x)
-        end = self._solved_as(x, norm, max(atol, solved))
+        end = self._say_solved(x, norm, max(atol, solved))
         is_lost = not end and norm <= round_off
         if (end or is_lost) and not self.problem.balances(x):
             # A body that nothing holds has moved so far that round-off holds it.
@@ -353,7 +353,7 @@ class _StoppingTest:
                 return "states keep changing"
         return ""
 
-    def _solved_as(self, x: PETSc.Vec, norm: float, solved: float) -> str:
+    def _say_solved(self, x: PETSc.Vec, norm: float, solved: float) -> str:
         """Say how far x solves the equations, or "" if it does not."""
         if norm <= solved:
             return "converged to round-off"

@@ -236,7 +236,7 @@ def _solved_with_forces(
     solution, first = solved_with_forces(scene, shifts, solve, solve_near)
     stiffness = solution.stiffness
     if stiffness.iterative == first.stiffness.iterative:
-        stiffness = first.stiffness.handed_to(solution.model)
+        stiffness = first.stiffness.hand_to(solution.model)
     seconds = solution.model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(solution, stiffness=stiffness, seconds=seconds)
 

@@ -137,14 +137,14 @@ def mechanism(model: Model, loads: fem.Function) -> Mechanism | None:
     motions, work, parts = programme(model, loads)
     if not work.any():
         return None
-    solution = on_first(model, parts, unbalanced, work)
+    solution = on_first(model, parts, find_unbalanced, work)
     if solution is None:
         return None
     left, amounts = solution
-    return _described(model, motions @ amounts, left)
+    return _describe(model, motions @ amounts, left)
 
 
-def _described(model: Model, motion: np.ndarray, work: float) -> Mechanism:
+def _describe(model: Model, motion: np.ndarray, work: float) -> Mechanism:
     """Describe the motion of the body that moves farthest; collective.
 
     Args:
@@ -245,7 +245,7 @@ def _forces(model: Model, contact: ContactOnMesh, motions: np.ndarray, friction:
         if limit.any():
             for tangent in directions:
                 add(tangent, 0.0, -limit, limit)
-    return _joined(columns)
+    return _join(columns)
 
 
 def _normals(contact: ContactOnMesh) -> list[np.ndarray]:
@@ -302,15 +302,15 @@ def on_first(
     """
     of_ranks = gathered(model.comm, parts)
 
-    def solved() -> Any:
+    def solve_joined() -> Any:
         if of_ranks is None:
             return None
-        return solve(_joined([part for of_rank in of_ranks for part in of_rank]), work)
+        return solve(_join([part for of_rank in of_ranks for part in of_rank]), work)
 
-    return from_first(model.comm, together(model.comm, solved))
+    return from_first(model.comm, together(model.comm, solve_joined))
 
 
-def _joined(parts: list[Forces]) -> Forces:
+def _join(parts: list[Forces]) -> Forces:
     """Return unit forces in turn."""
     return Forces(
         np.concatenate([part.work for part in parts]),
@@ -325,11 +325,11 @@ def _rest(forces: Forces, work: np.ndarray) -> np.ndarray | None:
     length = abs(forces.cost).max(initial=0.0) or 1.0
     bounds = np.column_stack([forces.least, forces.most])
     size = float(abs(work).max())
-    result = _minimised(forces.cost / length, forces.work.T, work, bounds, size)
+    result = _minimise(forces.cost / length, forces.work.T, work, bounds, size)
     return None if result is None else -length * result[1]
 
 
-def unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | None:
+def find_unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | None:
     """Return the work that no forces balance, and the amounts of its motion.
 
     None if forces balance all of it.
@@ -341,7 +341,7 @@ def unbalanced(forces: Forces, work: np.ndarray) -> tuple[float, np.ndarray] | N
     least = np.concatenate([forces.least, np.zeros(2 * count)])
     most = np.concatenate([forces.most, np.full(2 * count, np.inf)])
     size = float(abs(work).max())
-    result = _minimised(cost, matrix, work, np.column_stack([least, most]), size)
+    result = _minimise(cost, matrix, work, np.column_stack([least, most]), size)
     if result is None or result[0] <= BALANCED * size:
         return None
     return result[0], -result[1]
@@ -361,11 +361,11 @@ def greatest_share(forces: Forces, work: np.ndarray, part: np.ndarray) -> float 
     matrix = np.column_stack([forces.work.T, part / size])
     cost = np.append(np.zeros(len(forces.cost)), -1.0)
     bounds = np.column_stack([np.append(forces.least, 0.0), np.append(forces.most, size)])
-    result = _minimised(cost, matrix, work - part, bounds, size)
+    result = _minimise(cost, matrix, work - part, bounds, size)
     return None if result is None else -result[0] / size
 
 
-def _minimised(
+def _minimise(
     cost: np.ndarray, matrix: np.ndarray, work: np.ndarray, bounds: np.ndarray, size: float
 ) -> tuple[float, np.ndarray] | None:
     """Minimise the cost of forces that balance work; None without a solution.

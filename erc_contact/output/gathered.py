@@ -20,7 +20,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import at_nodes, in_space, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
-from erc_contact.model.profile import given_way
+from erc_contact.model.profile import give_way
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gathered
 
@@ -118,7 +118,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     if contact.tangential_stiffness is not None:
         # The slip is what the foundation does not give way.
         r = np.matmul(at_nodes(model.d - 1, model.degree), traction.values)
-        displacement = displacement - given_way(model, contact, r, model.facet_points)
+        displacement = displacement - give_way(model, contact, r, model.facet_points)
     w_n, slip, _ = split(displacement, contact.trace.normals)
     nodes = traction.nodes
     # On a foundation this side stands for the other one, which is left out below.

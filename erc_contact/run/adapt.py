@@ -20,7 +20,7 @@ from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop
-from erc_contact.run.plan import DECISIVE, check_folder, checked_plan
+from erc_contact.run.plan import DECISIVE, check_folder, make_plan
 from erc_contact.run.step import Step
 from erc_contact.scene.goal import Goal
 from erc_contact.scene.scene import Scene
@@ -103,7 +103,7 @@ def adapt(
         'Reached: 9.165% <= 10%.'
     """
     every = checks.whole("every", every, 1)
-    plan = checked_plan(
+    plan = make_plan(
         scene,
         domain,
         strategy,

@@ -117,7 +117,7 @@ class Checkpoint:
         about = self.comm.bcast(level.about if level else None)
         return Restored(self.comm, level or Level(about, {}), before, self.shape)
 
-    def kept(self, scene: Scene, methods: Sequence[Method], tighten: int) -> Kept:
+    def read_all(self, scene: Scene, methods: Sequence[Method], tighten: int) -> Kept:
         """Read all good levels; the folder has at least one level.
 
         Args:

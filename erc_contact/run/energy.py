@@ -146,7 +146,7 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         if traction.contact.friction is not None:
             begin = _traction_at_begin(pair.model, before, traction)
             work_of_friction += _work_on_slip(pair, begin, traction, floor)
-            dissipated += _dissipated(pair, begin, traction, floor)
+            dissipated += _compute_dissipation(pair, begin, traction, floor)
     return Energies(work, contact_work, work_of_friction, dissipated, work_of_yielding, stored)
 
 
@@ -175,7 +175,7 @@ def _work_on_slip(
     return BoundedNumber.summed(model.comm, works).value
 
 
-def _dissipated(
+def _compute_dissipation(
     pair: Admissible, begin: ContactTraction, end: ContactTraction, floor: float
 ) -> float:
     """Compute what friction takes on a contact in a step [force length]; collective.
@@ -211,7 +211,7 @@ def _traction_at_begin(
         friction = bind_contact(model, declared, model.modulus).friction
         points, weights = rule(model.d - 1, 2 * model.degree)
         x = contact.trace.here.points_at(points)
-        carried, _ = _carried(before, contact.side_names[0], x)
+        carried, _ = _carry(before, contact.side_names[0], x)
         values = np.matmul(projection(model.d - 1, model.degree, points, weights), carried)
     return replace(traction, contact=replace(contact, friction=friction), values=values)
 
@@ -248,7 +248,7 @@ def _work(pair: Admissible, before: Admissible | None, part: str) -> float:
             old_t, old_u = _fields(before, part, points)
         else:
             x = np.matmul(barycentric(points), model.facet_corners(facets))
-            old_t, old_u = _carried(before, part, x)
+            old_t, old_u = _carry(before, part, x)
         t = 0.5 * (t + old_t)
         u = u - old_u
     areas = model.facet_areas(facets)
@@ -293,7 +293,7 @@ def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.nda
     return model.facet_corners(facets), t, u
 
 
-def _carried(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _carry(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Evaluate sigma^ n and u^ of another mesh at points (f, q, d); collective.
 
     Each point takes the values of the nearest facet.

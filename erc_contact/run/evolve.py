@@ -21,7 +21,7 @@ from erc_contact.newton.methods import Method
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.fingerprint import fingerprint_of_history
-from erc_contact.run.plan import DECISIVE, check_callback, check_folder, checked_plan
+from erc_contact.run.plan import DECISIVE, check_callback, check_folder, make_plan
 from erc_contact.run.time_row import TimeStep
 from erc_contact.run.time_steps import InTime
 from erc_contact.run.walk import Walk
@@ -122,7 +122,7 @@ def evolve(
         )
     check_callback(callback)
     comm = domain.comm
-    plan = checked_plan(
+    plan = make_plan(
         together(comm, scene_at, ends[0]),
         domain,
         strategy,

@@ -20,7 +20,7 @@ Where more is missing a mesh does not see yet where its elements have to be.
 """
 
 
-def foreseen_cells(steps: Sequence[Step], accuracy: float, order: float) -> float | None:
+def foresee_cells(steps: Sequence[Step], accuracy: float, order: float) -> float | None:
     """Foresee the number of cells with which a run reaches an accuracy.
 
     The last two meshes tell a power of eps by which cells grow. It is at least the
@@ -50,7 +50,7 @@ def foreseen_cells(steps: Sequence[Step], accuracy: float, order: float) -> floa
     return float(last.cells * fall ** min(max(power, smooth), 2 * smooth))
 
 
-def foreseen_by_sizes(
+def foresee_by_sizes(
     steps: Sequence[Step], error: ConstitutiveError, accuracy: float
 ) -> float | None:
     """Foresee the number of cells of a run that meshes again by sizes; collective.
@@ -72,7 +72,7 @@ def foreseen_by_sizes(
     if len(steps) < 2 or error.total > PREDICTIVE_ERROR:
         return None
     optimal = size_map(error, accuracy).predicted_cells
-    by_power = foreseen_cells(steps, accuracy, error.degree / error.domain.dim)
+    by_power = foresee_cells(steps, accuracy, error.degree / error.domain.dim)
     return optimal if by_power is None else sqrt(optimal * by_power)
 
 
@@ -97,9 +97,9 @@ def too_many_cells(
     order = error.degree / error.domain.dim
     # Most runs need no look at the sizes of the optimal mesh, which takes time.
     equal = steps[-1].cells * (error.total / accuracy) ** (1 / order)
-    cells = foreseen_cells(steps, accuracy, order)
+    cells = foresee_cells(steps, accuracy, order)
     if by_sizes and max(equal, cells or 0.0) > max_cells / 2:
-        cells = foreseen_by_sizes(steps, error, accuracy)
+        cells = foresee_by_sizes(steps, error, accuracy)
     ending = f", it seems; max_cells = {max_cells} will end the run."
     if cells is not None:
         number = f"{percent(accuracy)} takes about {cells:.2g} cells"

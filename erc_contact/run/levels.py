@@ -63,7 +63,7 @@ class Level:
     tables: dict[str, np.ndarray]
 
 
-def packed(level: Level) -> tuple[bytes, memoryview]:
+def pack(level: Level) -> tuple[bytes, memoryview]:
     """Return the contents of a file: the block in front, and HDF5's part."""
     import h5py  # noqa: PLC0415 - only runs that are kept need it
 
@@ -79,7 +79,7 @@ def packed(level: Level) -> tuple[bytes, memoryview]:
     return _block(FORMAT, content), content
 
 
-def unpacked(whole: bytes) -> Level:
+def unpack(whole: bytes) -> Level:
     """Read a level from the contents of a file.
 
     Raises:
@@ -153,7 +153,7 @@ class Folder:
             InputError: If its format is newer.
         """
         try:
-            level = unpacked(self.file(number).read_bytes())
+            level = unpack(self.file(number).read_bytes())
             if len(level.about["rows"]) != number:
                 raise Damaged("it belongs to another mesh")
             return level
@@ -172,7 +172,7 @@ class Folder:
         unfinished = path.with_name(path.name + UNFINISHED)
         try:
             with unfinished.open("wb") as file:
-                file.writelines(packed(level))
+                file.writelines(pack(level))
                 file.flush()
                 os.fsync(file.fileno())
             if path.exists():

@@ -165,7 +165,7 @@ class Loop:
         self._log(HEADER if domain.curved_facets is None else CURVED)
         with Interrupts(self.comm) as interrupts:
             try:
-                error = self._resumed() or self._level(domain, None, 0.0, interrupts)
+                error = self._resume() or self._level(domain, None, 0.0, interrupts)
                 while not self._ends(error):
                     domain, seconds = self._next(error, interrupts)
                     if domain.cells > self.plan.max_cells:
@@ -189,7 +189,7 @@ class Loop:
             return f": {self.aim.words}, above {percent(self.plan.accuracy)}"
         return f" at {percent(self.best.total)}, above {percent(self.plan.accuracy)}"
 
-    def _resumed(self) -> ConstitutiveError | None:
+    def _resume(self) -> ConstitutiveError | None:
         """Take what is kept as the state of this run; collective.
 
         Returns:
@@ -200,7 +200,7 @@ class Loop:
         if store is None or not store.numbers:
             return None
         methods = (DEFAULT, NODAL) if plan.method is None else (plan.method,)
-        kept = store.kept(plan.scene, methods, plan.tighten)
+        kept = store.read_all(plan.scene, methods, plan.tighten)
         error = kept.last
         self.steps = kept.steps
         self.meshes = kept.meshes
@@ -223,7 +223,7 @@ class Loop:
         """Solve on a mesh, measure, add the row, keep it; collective."""
         plan = self.plan
         with stage(self.comm, f"mesh {len(self.steps) + 1}, {domain.cells} cells"):
-            error = self._measured(domain, last, interrupts)
+            error = self._measure(domain, last, interrupts)
         step = self._add(error, mesh_seconds)
         self._aim(error)
         if not self.quiet:
@@ -247,7 +247,7 @@ class Loop:
         self.carried = self.aim.before
         self._log(self.aim.words)
 
-    def _measured(
+    def _measure(
         self, domain: Domain, last: ConstitutiveError | None, interrupts: Interrupts
     ) -> ConstitutiveError:
         """Solve on a mesh from the last solution, and measure the error; collective.

@@ -57,7 +57,7 @@ class Plan:
         return {name: getattr(self, name) for name in names}
 
 
-def checked_plan(
+def make_plan(
     scene: Scene, domain: Domain, strategy: Any, callback: Any = None, **arguments: Any
 ) -> Plan:
     """Check the arguments of a run and return its plan.

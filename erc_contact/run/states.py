@@ -93,12 +93,12 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     x = model.V.tabulate_dof_coordinates()
     # nodes at vertices have the coordinates of these to the last digit
     x[model.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
-    u = _owned(error, solution.u)
+    u = _pick_owned(error, solution.u)
     at_nodes = {}
     for number, multiplier in enumerate(solution.multipliers):
-        at_nodes[f"multipliers/{number}"] = _owned(error, multiplier)
+        at_nodes[f"multipliers/{number}"] = _pick_owned(error, multiplier)
     if model.linearised is not None and not model.linearised.at_rest:
-        at_nodes[ABOUT] = _owned(error, model.linearised.u)
+        at_nodes[ABOUT] = _pick_owned(error, model.linearised.u)
     tags = tag_tables(domain)
     cells = model.global_numbers(model.nodes[: domain.owned_cells])
     u_hat = nodal_displacement(error.admissible)
@@ -136,7 +136,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     return Level(about, tables | points | rows)
 
 
-def _owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
+def _pick_owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
     """Return the values of a function at the nodes of this rank, shape (n, d)."""
     owned = function.function_space.dofmap.index_map.size_local
     return function.x.array.reshape(-1, error.domain.dim)[:owned]

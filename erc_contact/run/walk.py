@@ -89,7 +89,7 @@ class Walk:
                 self._resume()
                 if not self.rows:
                     first = self.times[0]
-                    self._accept(*self._ended(first, self._step(first, None), None, None))
+                    self._accept(*self._measure_end(first, self._step(first, None), None, None))
                     interrupts.check()
                 for end in self.times[1:]:
                     self._to(end, interrupts)
@@ -171,13 +171,13 @@ class Walk:
         last = self.errors[-1]
         before = self.rows[-1]
         if self.in_time.path is None:
-            return [self._ended(to, self._step(to, last), last, before)]
+            return [self._measure_end(to, self._step(to, last), last, before)]
         middle = 0.5 * (self.time + to)
-        first = self._ended(middle, self._step(middle, last), last, before)
-        second = self._ended(to, self._step(to, first[0]), *first)
+        first = self._measure_end(middle, self._step(middle, last), last, before)
+        second = self._measure_end(to, self._step(to, first[0]), *first)
         return [first, second]
 
-    def _ended(
+    def _measure_end(
         self, time: float, history: History, last: ConstitutiveError | None, before: TimeStep | None
     ) -> tuple[ConstitutiveError, TimeStep]:
         """Return the error and the row at the end of a step; collective."""

@@ -26,7 +26,7 @@ from erc_contact.error.sizes import RATIO
 from erc_contact.mesh.nodal import GROW, NodalMesh
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results import OPEN, SLIP, STICK, contact_status
-from erc_contact.run.foreseen import foreseen_by_sizes, foreseen_cells
+from erc_contact.run.foreseen import foresee_by_sizes, foresee_cells
 
 
 def measured(scene, domain, tighten=0):
@@ -294,7 +294,7 @@ def test_sizes_do_not_depend_on_the_number_of_ranks():
 )
 def test_cells_are_foreseen_from_two_meshes(cells, eps, foreseen):
     rows = [SimpleNamespace(cells=n, total=e) for n, e in zip(cells, eps, strict=True)]
-    number = foreseen_cells(rows, 0.05, 1 / 2)
+    number = foresee_cells(rows, 0.05, 1 / 2)
     assert number == (foreseen and pytest.approx(foreseen))
 
 
@@ -306,7 +306,7 @@ def test_size_maps_foresee_from_the_second_mesh():
 
     def foresee(error, step):
         rows.append(step)
-        told.append(foreseen_by_sizes(rows, error, 0.015))
+        told.append(foresee_by_sizes(rows, error, 0.015))
 
     ec.adapt(common_block(), block(4), 0.015, strategy=ec.SizeMap(), callback=foresee)
     before, last = rows[-2:]
@@ -338,7 +338,7 @@ def test_foreseen_cells_are_those_needed(d):
     before, last = steps[-2:]
     power = np.log(last.cells / before.cells) / np.log(before.total / last.total)
     needed = before.cells * (before.total / accuracy) ** power
-    numbers = [foreseen_cells(steps[:n], accuracy, 1 / d) for n in range(2, len(steps))]
+    numbers = [foresee_cells(steps[:n], accuracy, 1 / d) for n in range(2, len(steps))]
     told = [number for number in numbers if number is not None]
     assert told
     assert told == pytest.approx([needed] * len(told), rel=0.2)

@@ -22,7 +22,7 @@ from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, outward_n
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.normals import normal_field
-from erc_contact.model.trace import interpolated_normals
+from erc_contact.model.trace import interpolate_normals
 from erc_contact.model.turning import Turning
 
 COMM = MPI.COMM_WORLD
@@ -410,7 +410,7 @@ def test_cells_at_a_sharp_edge_have_both_normals():
     normal, of_corners = normal_field(model, facets, tilted)
     assert abs(of_corners - tilted).max() < 1e-15
     points, _ = rule(2, 4)
-    expected = interpolated_normals(tilted, barycentric(points))
+    expected = interpolate_normals(tilted, barycentric(points))
     field = evaluate(normal, domain.mesh, points, facets)
     assert abs(field / np.linalg.norm(field, axis=-1)[..., None] - expected).max() < 1e-13
 
@@ -438,7 +438,7 @@ def test_turned_tractions_lie_in_the_cone_and_do_the_same_work(d, degree):
     points, weights = rule(d - 1, 6)
     shape = bernstein(d - 1, degree, points)
     r = np.matmul(shape, values)
-    normals = interpolated_normals(corners, barycentric(points))
+    normals = interpolate_normals(corners, barycentric(points))
     r_n = (r * normals).sum(axis=-1)
     shear = np.linalg.norm(r - r_n[..., None] * normals, axis=-1)
     assert (shear + mu * r_n).max() <= 1e-14

@@ -159,7 +159,7 @@ def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
     scene, _ = pressed_cube(friction=0.3)
     model = bind(scene, cube(n=7), 1)
     elastic = multigrid.Multigrid(model)
-    guess = elastic.glued(elastic.load_vector())
+    guess = elastic.solve_glued(elastic.load_vector())
     forms = ContactForms(model, METHODS[method])
     x, followed, anew = (elastic.matrix.createVecRight() for _ in range(3))
     x.array[:] = np.cos(np.arange(*x.getOwnershipRange()) ** 2)

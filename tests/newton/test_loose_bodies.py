@@ -105,7 +105,7 @@ def test_springs_hold_a_state(method):
     domain = common_block()
     model = bind(pushed(0.02, ec.Tresca(0.05 * PRESS)), domain, 1, None)
     stiffness = Stiffness(model)
-    guess = stiffness.glued(stiffness.load_vector())
+    guess = stiffness.solve_glued(stiffness.load_vector())
     problem = Condensed(model, ContactForms(model, method), stiffness, guess)
     at_contact = stiffness.gather(guess)[: stiffness.contact_size]
 
@@ -193,7 +193,7 @@ def test_resultants_of_round_off_are_seen():
     """K u has none on free motions, until the body is 1e13 lengths away."""
     model = bind(pushed(0.02, 0.1), common_block(), 1, None)
     stiffness = Stiffness(model)
-    guess = stiffness.glued(stiffness.load_vector())
+    guess = stiffness.solve_glued(stiffness.load_vector())
     problem = Condensed(model, ContactForms(model, METHODS[0]), stiffness, guess)
     at_contact = stiffness.gather(guess)[: stiffness.contact_size]
     state = problem.run(lambda: problem.from_contact(at_contact))
@@ -334,7 +334,7 @@ def test_springs_are_as_soft_as_the_body_that_they_hold(kind):
     )
     solver = kind(bind(scene, bodies, 1, None))
     attempt = Attempt(METHODS[0], "glued", proximal=True)
-    outcome, _, _ = solver.attempt(attempt, solver.glued(), None)
+    outcome, _, _ = solver.attempt(attempt, solver.glued_state(), None)
     assert outcome.converged
     assert outcome.steps <= 50
     solver.destroy()
@@ -398,7 +398,7 @@ def test_friction_is_lowered_to_that_of_the_scene():
     scene, domain = lintel(1.02 * abs(force[1] / force[0]))
     solver = Direct(bind(scene, domain, 1, None))
     attempt = Attempt(METHODS[1], "glued", lowers=True)
-    outcome, _, solution = solver.attempt(attempt, solver.glued(), None)
+    outcome, _, solution = solver.attempt(attempt, solver.glued_state(), None)
     assert outcome.friction == 1.0
     assert solution is not None
     assert outcome.steps <= 40

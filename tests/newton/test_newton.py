@@ -196,9 +196,9 @@ def attempt(scene, domain, method, line_search, accuracy=None):
     """One attempt of Newton from the glued contact."""
     model = Model(scene, domain)
     stiffness = Stiffness(model)
-    w = stiffness.glued(stiffness.load_vector())
+    w = stiffness.solve_glued(stiffness.load_vector())
     problem = Condensed(model, ContactForms(model, method), stiffness, w)
-    glued = start.glued(model, stiffness, w)
+    glued = start.solve_glued(model, stiffness, w)
     step = Attempt(method, "glued", line_search)
     return problem.run(lambda: Dense(problem, accuracy).solve(problem.from_contact(glued), step)[1])
 

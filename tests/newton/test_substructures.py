@@ -162,14 +162,14 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
     """A stiffness that is zero on the last rank only."""
     model = bind(prototype_block(), block(8), 1)
     elastic = Stiffness(model)
-    inside = mumps.factorised
+    inside = mumps.factorise
 
     def failing(matrix, *arguments):
         if COMM.rank == COMM.size - 1:
             matrix.scale(0.0)
         return inside(matrix, *arguments)
 
-    monkeypatch.setattr("erc_contact.newton.linear.parts.factorised", failing)
+    monkeypatch.setattr("erc_contact.newton.linear.parts.factorise", failing)
     with pytest.raises(ec.InputError, match="cannot be factorised"):
         Substructures(model, elastic.form, elastic.glue, elastic.layer.local)
 
@@ -202,7 +202,7 @@ def test_compressed_factors_solve_as_the_others(monkeypatch):
         found = []
         for limit in (100, 10**9):
             monkeypatch.setattr(mumps, "COMPRESSED_FROM", limit)
-            factor = mumps.factorised(matrix, elastic.layer.numbers)
+            factor = mumps.factorise(matrix, elastic.layer.numbers)
             compressed = factor.mumps.getMumpsIcntl(35)
             found.append((compressed, factor.schur_complement()))
         (yes, small), (no, usual) = found
@@ -231,7 +231,7 @@ def test_units_do_not_change_a_digit(exponent):
         force = elastic.model.function()
         force.x.array[:] = unit * np.cos(np.arange(len(force.x.array)))
         elastic.free()  # the next factor is a plain one
-        return elastic.schur / unit, elastic.glued(force, supports=False).x.array
+        return elastic.schur / unit, elastic.solve_glued(force, supports=False).x.array
 
     for known, found in zip(made(1.0), made(2.0**exponent), strict=True):
         assert abs(known).max() > 0

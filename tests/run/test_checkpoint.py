@@ -38,7 +38,7 @@ from erc_contact.mesh.tags import NO_TAG
 from erc_contact.output.paraview import write_fields
 from erc_contact.run import levels
 from erc_contact.run.fingerprint import fingerprint
-from erc_contact.run.levels import BLOCK, Damaged, Folder, packed, unpacked
+from erc_contact.run.levels import BLOCK, Damaged, Folder, pack, unpack
 from erc_contact.run.states import level_of
 
 COMM = MPI.COMM_WORLD
@@ -359,17 +359,17 @@ def test_every_changed_byte_is_found(whole):
     """
     good = Folder(whole[0]).file(1).read_bytes()
     rng = np.random.default_rng(0)
-    assert unpacked(good).about["dim"] == 2
+    assert unpack(good).about["dim"] == 2
     for place in [*range(BLOCK), *rng.integers(BLOCK, len(good), 300)]:
         wrong = bytearray(good)
         wrong[place] ^= 1 << int(rng.integers(8))
         with pytest.raises(Damaged):
-            unpacked(bytes(wrong))
+            unpack(bytes(wrong))
     for length in [0, 1, BLOCK, *rng.integers(0, len(good), 100)]:
         with pytest.raises(Damaged):
-            unpacked(good[:length])
+            unpack(good[:length])
     with pytest.raises(Damaged):
-        unpacked(good + b"\0")
+        unpack(good + b"\0")
 
 
 @pytest.mark.serial
@@ -396,7 +396,7 @@ def test_a_newer_format_is_refused(whole, tmp_path, monkeypatch):
     folder = shutil.copytree(whole[0], tmp_path / "kept")
     level = Folder(folder).read(2)
     monkeypatch.setattr(levels, "FORMAT", levels.FORMAT + 1)
-    Folder(folder).file(2).write_bytes(b"".join(packed(level)))
+    Folder(folder).file(2).write_bytes(b"".join(pack(level)))
     monkeypatch.undo()
     for call in (lambda: run(of_flat_body, 3, folder), lambda: ec.read_history(folder)):
         with pytest.raises(ec.InputError, match=r"level_0002.*format 3.*knows format 2"):
@@ -502,7 +502,7 @@ import os, signal
 from petsc4py import PETSc
 from erc_contact.base.runtime.sigterm import sigterm_blocked
 from erc_contact.model.promises import bind
-from erc_contact.newton.linear.mumps import COMPRESSED_FROM, factorised
+from erc_contact.newton.linear.mumps import COMPRESSED_FROM, factorise
 from erc_contact.newton.linear.stiffness import Stiffness
 
 def glued(domain):
@@ -523,11 +523,11 @@ signal.signal(signal.SIGTERM, lambda *_: told.append(1))
 print("ready", flush=True)
 while len(told) < 200:
     for schur_on in (small.layer.numbers, None):
-        factorised(of_small, schur_on).destroy()
+        factorise(of_small, schur_on).destroy()
 print("small", flush=True)
 before = len(told)
 for _ in range(4):
-    factor = factorised(of_large, large.layer.numbers)
+    factor = factorise(of_large, large.layer.numbers)
     schur = factor.schur_complement()
     assert abs(schur - large.schur).max() < 1e-13 * abs(schur).max()
     factor.destroy()

@@ -250,8 +250,8 @@ def _tried(
     surface = pair.surface
     forces, work = pair.unbalanced(t)
     eta = pair.unaligned(t)[:, None] * surface.normal
-    A = _energy(eta, traces.lifted(eta, rough=True))
-    B = _energy(forces, traces.moved(forces))
+    A = _energy(eta, traces.lift(eta, rough=True))
+    B = _energy(forces, traces.move(forces))
     # No stress balances forces that work on a rigid motion. The scale is made of
     # lengths of vectors, not of components: a motion along the normal meets only
     # round-off of rho, which is tangential, and components have nothing else to compare

@@ -82,7 +82,7 @@ def coupling(
             beside.append(size)
         basis.append(phi / size)
         forces.append(p / size)
-        phi = (traces.moved(forces[-1][:, None] * t) * t).sum(axis=1)
+        phi = (traces.move(forces[-1][:, None] * t) * t).sum(axis=1)
         diagonal.append(float(phi @ forces[-1]))
         # Orthogonal to all before, twice because of round-off.
         for _ in range(2):
@@ -124,7 +124,7 @@ def _normal_motions(n: np.ndarray, motions: np.ndarray) -> np.ndarray:
 
 def _normal_forces(n: np.ndarray, traces: Traces, phi: np.ndarray) -> np.ndarray:
     """Compute the normal forces of normal displacements phi (n,), N phi; collective."""
-    return (traces.lifted(phi[:, None] * n) * n).sum(axis=1)
+    return (traces.lift(phi[:, None] * n) * n).sum(axis=1)
 
 
 def _resisted_motion(

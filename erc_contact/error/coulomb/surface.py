@@ -29,7 +29,7 @@ from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import PROPORTIONAL
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
-from erc_contact.model.trace import interpolated_normals, split
+from erc_contact.model.trace import interpolate_normals, split
 
 EDGE_COSINE = 0.87
 """Least cosine of the angle between normals of a smooth foundation [-].
@@ -79,7 +79,7 @@ class CoulombSurface:
 
     def normals_at(self, points: np.ndarray) -> np.ndarray:
         """Return unit normals at reference points of the facets, shape (F, q, d)."""
-        return interpolated_normals(self.of_corners, barycentric(points))
+        return interpolate_normals(self.of_corners, barycentric(points))
 
     @property
     def normals(self) -> np.ndarray:
@@ -253,7 +253,7 @@ def coulomb_surface(model: Model) -> CoulombSurface:
     numbers, places = np.unique(all_numbers, return_inverse=True)
     facets = places.reshape(all_numbers.shape)
     normal = np.zeros((len(numbers), model.d))
-    of_nodes = interpolated_normals(of_corners, barycentric(model.facet_points))
+    of_nodes = interpolate_normals(of_corners, barycentric(model.facet_points))
     np.add.at(normal, facets, measures(corners)[:, None, None] * of_nodes)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
 

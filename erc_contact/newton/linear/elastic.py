@@ -92,7 +92,7 @@ class Elastic:
         others._owners = 1
         return others
 
-    def handed_to(self, model: Model) -> Self:
+    def hand_to(self, model: Model) -> Self:
         """Return the equations of a model that own the factor or hierarchy of these.
 
         Nobody may solve with these equations any more; see :meth:`of_model`.

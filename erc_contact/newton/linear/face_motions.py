@@ -123,7 +123,7 @@ class EliminatedFaces:
         for amount, forces in zip(motions, self._forces, strict=True):
             b.x.array[: self._owned] -= amount * forces
 
-    def followed(self, x: np.ndarray) -> np.ndarray:
+    def pull(self, x: np.ndarray) -> np.ndarray:
         """Return ``K_R K_RR^-1 K_R^T x`` at the unknowns of this rank [force].
 
         Args:
@@ -207,7 +207,7 @@ class FaceMotions:
         u.x.array[:] += moved
         self._faces.move(u, motions)
 
-    def moved(self, force: np.ndarray) -> np.ndarray:
+    def respond(self, force: np.ndarray) -> np.ndarray:
         """Return ``W S^-1 W^T f`` [length], shape (owned,).
 
         Args:
@@ -216,7 +216,7 @@ class FaceMotions:
         pushes = self._elastic.model.comm.allreduce(self._owned.T @ force, MPI.SUM)
         return np.asarray(self._owned @ np.linalg.solve(self.stiffness, pushes))
 
-    def softened(self, schur: np.ndarray, at_layer: np.ndarray) -> np.ndarray:
+    def soften(self, schur: np.ndarray, at_layer: np.ndarray) -> np.ndarray:
         """Return the Schur complement on L of the body with loose faces.
 
         Args:

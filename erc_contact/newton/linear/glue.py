@@ -55,7 +55,7 @@ class Glue:
         parts = [(rows, rows, on_nodes[rows])]
         for contact in contacts:
             if contact.trace.there is not None:
-                parts += _between(contact, space)
+                parts += _couple_sides(contact, space)
         self.rows, self.columns, self.values = (
             np.concatenate(part) for part in zip(*parts, strict=True)
         )
@@ -103,7 +103,7 @@ def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
     return glue
 
 
-def _between(
+def _couple_sides(
     contact: ContactOnMesh, space: Space
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values."""

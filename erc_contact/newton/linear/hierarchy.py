@@ -31,7 +31,7 @@ from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
 from erc_contact.newton.linear.changed import SAME, SUBSET, ChangedBlocks, ChangedEntries
 from erc_contact.newton.linear.krylov import preconditioner
-from erc_contact.newton.linear.mumps import Factor, factorised
+from erc_contact.newton.linear.mumps import Factor, factorise
 from erc_contact.newton.linear.p_coarsening import TwoLevels
 
 
@@ -81,7 +81,7 @@ class Hierarchy:
         self._share: float | None = share
         """Share of the glue in the matrix; None after :meth:`renew` with a tangent."""
 
-        self._sum = self._changed(stiffness, operator)
+        self._sum = self._make_changeable(stiffness, operator)
         self.matrix = self._sum.matrix
         first = self._part_of_glue(share)
         if share:
@@ -104,7 +104,7 @@ class Hierarchy:
             )
         first.destroy()
 
-    def _changed(
+    def _make_changeable(
         self, stiffness: PETSc.Mat, operator: PETSc.Mat | None
     ) -> ChangedBlocks | ChangedEntries:
         """Return a matrix to which changes can be added, as the cycle needs it."""
@@ -156,7 +156,7 @@ class Hierarchy:
     def factorise(self) -> None:
         """Replace the hierarchy by a factor of its matrix."""
         entries = self._sum.entries()
-        self._exact = factorised(entries)
+        self._exact = factorise(entries)
         entries.destroy()
         if self._coarse is not None:
             self._coarse.free()

@@ -36,11 +36,11 @@ class LooseMultigrid(Multigrid):
         self._faces.reduce(reduced, supports=supports)
         return super().right_side(reduced, supports=supports, glued=glued)
 
-    def glued(
+    def solve_glued(
         self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
     ) -> fem.Function:
-        """Solve ``(K + D) u_0 = b``, see :meth:`Multigrid.glued`."""
-        u_0 = super().glued(b, supports=supports, tolerance=tolerance)
+        """Solve ``(K + D) u_0 = b``, see :meth:`Multigrid.solve_glued`."""
+        u_0 = super().solve_glued(b, supports=supports, tolerance=tolerance)
         self._faces.follow(u_0, b)
         return u_0
 
@@ -63,7 +63,7 @@ class LooseMultigrid(Multigrid):
     def times(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the forces by which x is in equilibrium with the faces [force]."""
         super().times(x, y)
-        y.array[:] -= self._faces.followed(x.array_r)
+        y.array[:] -= self._faces.pull(x.array_r)
 
     def start(self, u: fem.Function) -> np.ndarray:
         """Return the nodal values of a displacement; faces have their given motions."""
@@ -79,7 +79,7 @@ class LooseMultigrid(Multigrid):
     def cycle(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to about the inverse times x."""
         super().cycle(x, y)
-        y.array[:] += self._motions_of_faces.moved(x.array_r)
+        y.array[:] += self._motions_of_faces.respond(x.array_r)
 
     def _iterate(
         self,
@@ -104,7 +104,7 @@ class LooseMultigrid(Multigrid):
                 v.copy(free)
             else:
                 connections.let_go(v, free, held)
-            followed.array[:] = scale * self._faces.followed(free.array_r)
+            followed.array[:] = scale * self._faces.pull(free.array_r)
             if held is not None:
                 connections.let_go(followed, free, held)
                 free.copy(followed)
@@ -112,7 +112,7 @@ class LooseMultigrid(Multigrid):
 
         def precondition(force: PETSc.Vec, v: PETSc.Vec) -> None:
             hierarchy.pc.apply(force, v)
-            v.array[:] += motions.moved(force.array_r) / hierarchy.scale
+            v.array[:] += motions.respond(force.array_r) / hierarchy.scale
 
         operator = shell(times, b)
         if self.model.free_motions and matrix is self.operator:

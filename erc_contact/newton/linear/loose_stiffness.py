@@ -20,9 +20,9 @@ from erc_contact.newton.linear.stiffness import Stiffness
 class LooseStiffness(Stiffness):
     """Solve the elastic equations of a model with loose rigid faces with a factor."""
 
-    def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
-        """Solve ``(K + D) w = b``, see :meth:`Stiffness.glued`."""
-        w = super().glued(b, supports=supports)
+    def solve_glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+        """Solve ``(K + D) w = b``, see :meth:`Stiffness.solve_glued`."""
+        w = super().solve_glued(b, supports=supports)
         self._motions.move(w, b)
         return w
 
@@ -36,9 +36,9 @@ class LooseStiffness(Stiffness):
         """Return the motions of the faces; they outlive the factor."""
         return FaceMotions(self, self._faces, self._solver().solve)
 
-    def _moved_by(self, forces: fem.Function) -> fem.Function:
+    def _move_by(self, forces: fem.Function) -> fem.Function:
         """Return the glued displacement of forces on unknowns."""
-        u = super()._moved_by(forces)
+        u = super()._move_by(forces)
         self._motions.move(u, None)
         return u
 
@@ -54,7 +54,7 @@ class LooseStiffness(Stiffness):
         super()._condense()
         at_layer = [self.gather(motion) for motion in self._motions.displacements]
         if self.schur is not None:
-            self.schur = self._motions.softened(self.schur, np.column_stack(at_layer))
+            self.schur = self._motions.soften(self.schur, np.column_stack(at_layer))
 
 
 def stiffness_of(model: Model) -> Stiffness:

@@ -48,7 +48,7 @@ class Multigrid(AssembledElastic):
 
     Args:
         model: The scene on a mesh.
-        hurried: Whether :meth:`glued` gives up early where multigrid is slow.
+        hurried: Whether :meth:`solve_glued` gives up early where multigrid is slow.
 
     Attributes:
         contact_size: Number of free degrees of freedom at contact nodes, over all
@@ -87,7 +87,7 @@ class Multigrid(AssembledElastic):
             )
         return self._hierarchy
 
-    def glued(
+    def solve_glued(
         self, b: fem.Function, *, supports: bool = True, tolerance: float = ROUGH
     ) -> fem.Function:
         """Solve ``(K + D) u_0 = b`` for the displacement u_0 [length].
@@ -101,7 +101,7 @@ class Multigrid(AssembledElastic):
         self.hierarchy.set_share(1.0)
         right = self.right_side(b, supports=supports, glued=True)
         right.scale(self.hierarchy.scale)
-        return self._solved(
+        return self._solve_for(
             self.hierarchy.matrix,
             right,
             tolerance,
@@ -131,7 +131,7 @@ class Multigrid(AssembledElastic):
             self.operator.setNullSpace(motions)
             motions.remove(right)  # its part in the motions is round-off
         default = EXACT if supports else ROUGH
-        return self._solved(self.operator, right, tolerance or default)
+        return self._solve_for(self.operator, right, tolerance or default)
 
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
@@ -140,9 +140,9 @@ class Multigrid(AssembledElastic):
         self.renew(springs)
         right = self.right_side(b, supports=False)
         right.scale(self.hierarchy.scale)
-        return self._solved(self.hierarchy.matrix, right, EXACT, near)
+        return self._solve_for(self.hierarchy.matrix, right, EXACT, near)
 
-    def lifted(self, y: fem.Function, tolerance: float) -> fem.Function:
+    def lift(self, y: fem.Function, tolerance: float) -> fem.Function:
         """Return the forces that hold the contact nodes at displacements y [force].
 
         The other nodes are free of forces. At contacts between bodies y is a jump, and
@@ -177,7 +177,7 @@ class Multigrid(AssembledElastic):
             result.axpy(diagonal, free)
 
         operator = shell(inside, b)
-        between = self._solved(operator, b, tolerance, held=held)
+        between = self._solve_for(operator, b, tolerance, held=held)
         u.array[:] += between.x.array[: self.owned]
 
         self.times(u, forces)
@@ -191,7 +191,7 @@ class Multigrid(AssembledElastic):
 
     def traces(self, numbers: np.ndarray) -> IterativeTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
-        return IterativeTraces(self.model, numbers, self.solve, self.lifted)
+        return IterativeTraces(self.model, numbers, self.solve, self.lift)
 
     def times(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Set y to the forces K x [force]."""
@@ -274,7 +274,7 @@ class Multigrid(AssembledElastic):
         motions.destroy()
         return float(np.linalg.norm(resultants)) / size
 
-    def _solved(
+    def _solve_for(
         self,
         matrix: PETSc.Mat,
         b: PETSc.Vec,
@@ -339,7 +339,7 @@ class Multigrid(AssembledElastic):
         *,
         hurried: bool = False,
     ) -> float:
-        """Return what conjugate gradients leave of b [-], see :meth:`_solved`."""
+        """Return what conjugate gradients leave of b [-], see :meth:`_solve_for`."""
         preconditioned = self.hierarchy.matrix
         return conjugate_gradients(
             matrix, self.hierarchy.pc, preconditioned, b, x, tolerance, hurried=hurried

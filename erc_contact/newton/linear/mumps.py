@@ -124,7 +124,7 @@ class Factor:
             made.destroy()
 
 
-def factorised(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> Factor:
+def factorise(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> Factor:
     """Factorise a symmetric matrix with MUMPS; collective.
 
     Args:
@@ -171,7 +171,7 @@ def _scaling(matrix: PETSc.Mat) -> PETSc.Vec:
 
 
 def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: int) -> PETSc.KSP:
-    """Try to factorise as :func:`factorised` does, with a workspace [%]; collective."""
+    """Try to factorise as :func:`factorise` does, with a workspace [%]; collective."""
     comm = matrix.comm.tompi4py()
     ksp = PETSc.KSP().create(comm)
     ksp.setOperators(matrix)

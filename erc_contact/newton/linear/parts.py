@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorised
+from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorise
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Substructure:
         self._total = total[self._outer]
         self._factor: Factor | None = None
         if self._inner.any():
-            self._factor = factorised(matrix, self._outer if len(outer) else None)
+            self._factor = factorise(matrix, self._outer if len(outer) else None)
             if len(outer):
                 self._factor.interior_only()
 

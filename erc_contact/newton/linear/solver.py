@@ -39,14 +39,14 @@ class Traces(Protocol):
     tolerance: ClassVar[float]
     cheap: ClassVar[bool]
 
-    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+    def lift(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return the forces ``S y`` that hold the displacement y [force]; collective.
 
         Both have the shape (n, d). Nodes of contacts beside the surface do not move.
         Four digits of the energy are right if it may be rough, else ten.
         """
 
-    def moved(self, f: np.ndarray) -> np.ndarray:
+    def move(self, f: np.ndarray) -> np.ndarray:
         """Return the displacement ``S^+ f`` under forces f [length]; collective.
 
         Both have the shape (n, d). Nodes of contacts beside the surface are free of
@@ -113,10 +113,10 @@ class ElasticSolver(Protocol):
         They share the factor or hierarchy, see :meth:`.elastic.Elastic.of_model`.
         """
 
-    def handed_to(self, model: Model) -> Any:
+    def hand_to(self, model: Model) -> Any:
         """Return the equations of a model that own the factor or hierarchy; collective.
 
-        See :meth:`.elastic.Elastic.handed_to`.
+        See :meth:`.elastic.Elastic.hand_to`.
         """
 
     def in_memory(self) -> AbstractContextManager[None]:

@@ -44,7 +44,7 @@ from erc_contact.model.trace import places_of
 from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.jump_basis import JumpBasis
-from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorised
+from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorise
 from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
 
@@ -135,14 +135,14 @@ class Stiffness(Elastic):
             self.contact_size = self.basis.jump_count
             self._condense()
 
-    def glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
+    def solve_glued(self, b: fem.Function, *, supports: bool = True) -> fem.Function:
         """Solve ``(K + D) u_0 = b`` for the displacement u_0 [length].
 
         For the arguments see :meth:`.solver.ElasticSolver.solve`.
         """
-        return self._solved_by(self._solver(), self.right_side(b, supports=supports, glued=True))
+        return self._solve_by(self._solver(), self.right_side(b, supports=supports, glued=True))
 
-    def _solved_by(self, solver: Factor | Substructures, right: PETSc.Vec) -> fem.Function:
+    def _solve_by(self, solver: Factor | Substructures, right: PETSc.Vec) -> fem.Function:
         """Solve for the displacement [length], and destroy the right side."""
         x = right.duplicate()
         solver.solve(right, x)
@@ -156,11 +156,11 @@ class Stiffness(Elastic):
     ) -> fem.Function:
         """Solve ``K u = b`` for u [length] under nodal forces b [force].
 
-        For the arguments see :meth:`glued`. The loads must do no work on rigid
+        For the arguments see :meth:`solve_glued`. The loads must do no work on rigid
         motions that no support holds. At the contact, u then has no part in these
         motions.
         """
-        u_0 = self.glued(b, supports=supports)
+        u_0 = self.solve_glued(b, supports=supports)
         if not self.contact_size:
             return u_0
         a = self.contact_size
@@ -170,7 +170,7 @@ class Stiffness(Elastic):
         def unglue() -> np.ndarray | None:
             if self.schur is None:
                 return None
-            schur, _ = self.reduced(a)
+            schur, _ = self.reduce(a)
             # What bodies are glued to may be moved by supports.
             by_supports = glue_forces - times(self.glued_by, glued_A[:, None])[:, 0]
             return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
@@ -187,7 +187,7 @@ class Stiffness(Elastic):
         """
         matrix = self.stiffness()
         matrix.axpy(1.0, springs, DIFFERENT if self.model.connections.any else SUBSET)
-        factor = factorised(matrix)
+        factor = factorise(matrix)
         u = self._solve_under(b, factor)
         factor.destroy()
         matrix.destroy()
@@ -195,14 +195,14 @@ class Stiffness(Elastic):
 
     def _solve_under(self, b: fem.Function, solver: Factor) -> fem.Function:
         """Return the displacement under nodal forces b by a solver [length]."""
-        return self._solved_by(solver, self.right_side(b, supports=False))
+        return self._solve_by(solver, self.right_side(b, supports=False))
 
     def traces(self, numbers: np.ndarray) -> DenseTraces:
         """Return the body as a surface sees it, see :class:`.solver.ElasticSolver`."""
         count = self.contact_size
 
         def matrices() -> tuple[np.ndarray, np.ndarray]:
-            return self.unglued(count), np.linalg.inv(self.definite(count))
+            return self.unglue(count), np.linalg.inv(self.definite(count))
 
         return DenseTraces(self.model, numbers, self.basis, matrices)
 
@@ -223,15 +223,15 @@ class Stiffness(Elastic):
         forces = self.glue.times(read)
         if force is not None:
             forces.x.array[:] += self.scatter(force).x.array
-        u = self._moved_by(forces)
+        u = self._move_by(forces)
         u.x.array[:] += u_0.x.array
         return u
 
-    def _moved_by(self, forces: fem.Function) -> fem.Function:
+    def _move_by(self, forces: fem.Function) -> fem.Function:
         """Return the glued displacement of nodal forces, from their owners [length]."""
-        return self._solved_by(self._solver(), self.vector(forces))
+        return self._solve_by(self._solver(), self.vector(forces))
 
-    def reduced(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def reduce(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return S_A (A, A) and the derivative of u_L by u_A (L, A), on rank 0.
 
         Args:
@@ -302,7 +302,7 @@ class Stiffness(Elastic):
 
     def definite(self, count: int) -> np.ndarray:
         """Return the stiffness of u_A with springs on free motions [force/length]."""
-        return self.unglued(count) + self.springs(count)
+        return self.unglue(count) + self.springs(count)
 
     def springs(self, count: int) -> np.ndarray:
         """Return springs on free motions, as stiff as the body [force/length].
@@ -311,7 +311,7 @@ class Stiffness(Elastic):
         body stiffer by orders would not let a soft one move.
         """
         kernel = self.kernel(count)
-        diagonal = self.reduced(count)[0].diagonal()
+        diagonal = self.reduce(count)[0].diagonal()
         stiffness = 1.0 / np.sum(kernel**2 / diagonal[:, None], axis=0)
         return np.asarray(stiffness * kernel @ kernel.T)
 
@@ -321,12 +321,12 @@ class Stiffness(Elastic):
             return np.zeros((count, 0))
         return np.linalg.qr(np.column_stack(self.motions)[:count])[0]
 
-    def unglued(self, count: int) -> np.ndarray:
+    def unglue(self, count: int) -> np.ndarray:
         """Return ``S_A - D_A``, the stiffness of u_A [force/length], on rank 0.
 
         What is left of it on free motions is round-off of stiff bodies, and taken away.
         """
-        matrix = self.reduced(count)[0].copy()
+        matrix = self.reduce(count)[0].copy()
         assert self.glued_by is not None
         rows, columns, values = entries_of(self.glued_by)
         matrix[rows, columns] -= values
@@ -359,7 +359,7 @@ class Stiffness(Elastic):
         if isinstance(solver, Factor) and layer_size**3 > DENSE * self.free_components():
             # To solve, MUMPS would factorise S_L as a dense matrix.
             solver.destroy()
-            self._factor = factorised(self._matrix)
+            self._factor = factorise(self._matrix)
 
     def _schur_complement(self, solver: Factor | Substructures) -> np.ndarray:
         """Return S_L [force/length], on rank 0."""
@@ -401,5 +401,5 @@ class Stiffness(Elastic):
             self._matrix = self._assemble()
             # A later factor need not make the Schur complement again.
             first = has_contact and self.schur is None
-            self._factor = factorised(self._matrix, self.layer.numbers if first else None)
+            self._factor = factorise(self._matrix, self.layer.numbers if first else None)
         return self._factor

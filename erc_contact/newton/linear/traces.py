@@ -80,11 +80,11 @@ class DenseTraces:
 
         self._matrices = together(self.comm, parts)
 
-    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+    def lift(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return ``S y``, to round-off."""
         return self._times(0, y)
 
-    def moved(self, f: np.ndarray) -> np.ndarray:
+    def move(self, f: np.ndarray) -> np.ndarray:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
         return self._times(1, f)
 
@@ -128,12 +128,12 @@ class IterativeTraces:
             self._jumps = model.connections.differences(model.connections.pairs_at(numbers))
         self.motions = _motions(model, numbers)
 
-    def lifted(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
+    def lift(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return ``S y``."""
         forces = self._lift(self._nodal(y), ROUGH_LIFTING if rough else FINE)
         return _of_owners(self.model, self.numbers, forces.x.array)
 
-    def moved(self, f: np.ndarray) -> np.ndarray:
+    def move(self, f: np.ndarray) -> np.ndarray:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
         on_bodies = self._by_jumps(self._nodal(f), transpose=True)
         moved = self._solve(on_bodies, supports=False, tolerance=FINE)
