@@ -312,7 +312,7 @@ def test_both_solvers_see_the_same_body(d):
         f = y[:, ::-1] * pair.surface.positions()[:, :1]
         t = np.zeros_like(y)
         t[:, 0] = 0.3
-        found.append([traces.lifted(y), traces.moved(f)])
+        found.append([traces.lift(y), traces.move(f)])
         norms.append(coupling(pair.surface.normal, traces, t, pair.surface.positions())[0])
         if traces.cheap:
             exact = _norm_by_columns(pair.surface, traces, t)
@@ -325,8 +325,8 @@ def test_both_solvers_see_the_same_body(d):
 def _norm_by_columns(surface, traces, t):
     """The norm of W from whole matrices, column by column."""
     n, unit = surface.normal, np.eye(len(t))
-    N = np.array([(traces.lifted(column[:, None] * n) * n).sum(axis=1) for column in unit])
-    F = np.array([(traces.moved(column[:, None] * t) * t).sum(axis=1) for column in unit])
+    N = np.array([(traces.lift(column[:, None] * n) * n).sum(axis=1) for column in unit])
+    F = np.array([(traces.move(column[:, None] * t) * t).sum(axis=1) for column in unit])
     return np.sqrt(np.linalg.eigvals(F @ N).real.max())
 
 
@@ -505,6 +505,6 @@ def test_both_solvers_lift_jumps_below_a_loose_face():
         traces = error.solution.stiffness.traces(surface.numbers)
         x = surface.positions()[:, :1]
         order = np.argsort(x[:, 0])
-        forces = traces.lifted(surface.normal * np.cos(3 * x))
+        forces = traces.lift(surface.normal * np.cos(3 * x))
         found.append(forces[order])
     assert np.linalg.norm(found[0] - found[1]) < 1e-4 * np.linalg.norm(found[0])
