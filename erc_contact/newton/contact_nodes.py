@@ -9,9 +9,10 @@ from itertools import permutations
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.ranks import of_all
-from erc_contact.base.sparse import sparse
+from erc_contact.base.sparse import local_matrix
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.groups import NOBODY
 from erc_contact.model.model import Model
@@ -53,7 +54,7 @@ class Entries:
         entries = self.rows, self.columns, self.values
         return matrix_of_common_entries(model, entries, self.rows if identity else None)
 
-    def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> PETSc.Mat:
+    def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> csr_array:
         """Make a matrix between degrees of freedom, on this rank.
 
         Args:
@@ -66,12 +67,11 @@ class Entries:
         others = np.setdiff1d(np.arange(len(rows)), row)
         if not identity:
             others = others[:0]
-        return sparse(
-            len(rows),
-            len(columns),
+        return local_matrix(
+            (len(rows), len(columns)),
             np.concatenate([row, others]),
             np.concatenate([column, others]),
-            [self.values, np.ones(len(others))],
+            np.concatenate([self.values, np.ones(len(others))]),
         )
 
 
@@ -86,7 +86,7 @@ class Reading:
     """
 
     row_of: np.ndarray
-    matrix: PETSc.Mat | None
+    matrix: csr_array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class RowsOfAll:
 
     def change_of_basis(
         self, of_facet: np.ndarray, numbers: Sequence[int], free: np.ndarray | None = None
-    ) -> PETSc.Mat:
+    ) -> csr_array:
         """Return a change of basis of polynomials on facets as a matrix between rows.
 
         Args:
@@ -194,7 +194,8 @@ class RowsOfAll:
         pair, component = np.nonzero(free[i] & free[j])
         rows = i[pair] * self.d + component
         columns = j[pair] * self.d + component
-        return sparse(size * self.d, size * self.d, rows, columns, [value[pair]])
+        shape = (size * self.d, size * self.d)
+        return local_matrix(shape, rows, columns, value[pair])
 
     @property
     def dofs(self) -> np.ndarray:

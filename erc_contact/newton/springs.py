@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import entries_of, sparse_like
+from erc_contact.base.sparse import sparse_like
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import Reader
 from erc_contact.newton.linear.glue import nodal_glue
@@ -121,11 +121,12 @@ class Springs:
     def _blocks(self, tangent: PETSc.Mat) -> np.ndarray:
         """Return the block of each node of this rank in a matrix, (nodes, d, d)."""
         d = self._d
-        row, column, value = entries_of(tangent)
+        begin, column, value = tangent.getValuesCSR()
+        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
         column = column - self._first_dof
         in_block = row // d == column // d
         place = row[in_block] * d + column[in_block] % d
-        return np.bincount(place, value[in_block], tangent.getLocalSize()[0] * d).reshape(-1, d, d)
+        return np.bincount(place, value[in_block], (len(begin) - 1) * d).reshape(-1, d, d)
 
 
 def _set_rows_and_columns_to_zero(blocks: np.ndarray, components: np.ndarray) -> None:

@@ -34,10 +34,10 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import distinct_rows, from_first, gathered, of_all
-from erc_contact.base.sparse import entries_of, times
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import marked_by_any
 from erc_contact.model.trace import places_of
@@ -172,7 +172,7 @@ class Stiffness(Elastic):
                 return None
             schur, _ = self.reduce(a)
             # What bodies are glued to may be moved by supports.
-            by_supports = glue_forces - times(self.glued_by, glued_A[:, None])[:, 0]
+            by_supports = glue_forces - self.glued_by @ glued_A
             return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
 
         u_A = together(self.model.comm, unglue)
@@ -327,9 +327,10 @@ class Stiffness(Elastic):
         What is left of it on free motions is round-off of stiff bodies, and taken away.
         """
         matrix = self.reduce(count)[0].copy()
+        a = self.contact_size
         assert self.glued_by is not None
-        rows, columns, values = entries_of(self.glued_by)
-        matrix[rows, columns] -= values
+        glue = self.glued_by.tocoo()
+        matrix[:a, :a][glue.coords] -= glue.data
         if self.motions:
             kernel = self.kernel(count)
             matrix -= kernel @ (kernel.T @ matrix)
@@ -376,7 +377,7 @@ class Stiffness(Elastic):
             )
         return self.basis.of_unknowns(schur)
 
-    def _glue_of_jumps(self) -> PETSc.Mat | None:
+    def _glue_of_jumps(self) -> csr_array | None:
         """Gather D_A; it is on rank 0, None elsewhere; collective."""
         glue, model = self.glue, self.model
         used = glue.free
