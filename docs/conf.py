@@ -37,7 +37,7 @@ nitpick_ignore = [
         "model.last_step.LastStep",
         "model.potential.Linearised",
         "model.strains.Strains",
-        "newton.nodal_values.AnyField",
+        "newton.given.AnyField",
         "scene.goal.Goal",
         "newton.linear.solver.ElasticSolver",
         "error.runs.Run",

@@ -24,8 +24,7 @@ from erc_contact.mesh.simplex import node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.jumps import jumps
-from erc_contact.model.kinks import kinks_on_facets
+from erc_contact.model.jumps import jumps, kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split

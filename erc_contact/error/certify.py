@@ -41,8 +41,7 @@ from erc_contact.mesh.simplex import bernstein, from_means
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
-from erc_contact.newton.given import solution_of, with_nitsche_tractions
-from erc_contact.newton.nodal_values import AnyField
+from erc_contact.newton.given import AnyField, solution_of, with_nitsche_tractions
 from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
 

@@ -34,7 +34,7 @@ from erc_contact.model.contact_values import ContactData, friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
 from erc_contact.model.friction import CONCAVE
-from erc_contact.model.kinks import kinks_on_facets
+from erc_contact.model.jumps import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import sums_of_cells
 from erc_contact.model.symbolic import varies_in_cells

@@ -23,8 +23,7 @@ from erc_contact.run.evolution import Evolution
 from erc_contact.run.fingerprint import fingerprint_of_history
 from erc_contact.run.plan import DECISIVE, check_callback, check_folder, make_plan
 from erc_contact.run.time_row import TimeStep
-from erc_contact.run.time_steps import InTime
-from erc_contact.run.walk import Walk
+from erc_contact.run.walk import InTime, Walk
 from erc_contact.scene.scene import Scene
 
 
