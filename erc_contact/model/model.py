@@ -26,11 +26,9 @@ from erc_contact.model.held_motions import held_products, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.law_state import state_of
-from erc_contact.model.load_balance import Relief, relief_of
 from erc_contact.model.loads import bind_loads
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes, body_motions, motions_not_held
-from erc_contact.model.neighbours import check_neighbours
 from erc_contact.model.point_law import PointLaw
 from erc_contact.model.potential import ConvexConstitution, Linearised
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
@@ -38,10 +36,10 @@ from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.strains import Strains, bind_strains
-from erc_contact.model.supports import bind_supports, dirichlet_conditions
+from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
 from erc_contact.model.symbolic import has_arguments, sum_of, varies_in_cells
 from erc_contact.model.ties import bind_tie
-from erc_contact.model.unheld import find_unheld
+from erc_contact.model.unheld import Relief, find_unheld, relief_of
 from erc_contact.model.users import try_material, try_potential
 from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb

@@ -8,17 +8,26 @@ solved. Loads in balance pull no anchor. The displacement that a user gets has n
 in these motions, ``int u . q_k = 0``.
 
 Bodies that contacts connect have common motions: a *group* of bodies.
+
+Loads may be out of balance by what files round, or by what flat facets lose of curved
+sides. Then forces per volume that are constant in each cell, in the shape of the
+motions, take up the difference. More is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 
+from erc_contact.base.exceptions import NotHeldError
 from erc_contact.base.ranks import greatest
 from erc_contact.mesh.graphs import components
+from erc_contact.mesh.simplex import measures
+from erc_contact.mesh.surface import swept
 from erc_contact.model.body_words import boundary_parts, hinge_words, lying_words
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.motions import BodyMotions, Group, Unheld, kernel, motions_together
@@ -31,6 +40,20 @@ AT_CONTACT = 0.01
 """Weight of nodes of contacts among the nodes that may be anchored [-]."""
 SAME_WEIGHT = 6
 """Digits in which weights of nodes differ."""
+ROUND_OFF = 1e-13
+"""Resultant over the sum of the loads that is round-off [-]."""
+DIGITS = 1e-6
+"""Resultant over the sum of the loads that files with seven digits may leave [-]."""
+FACETS = 10.0
+"""Such a resultant over the square of offset over size of the facets of a load [-].
+
+On a circle of radius R a chord of length h loses ``h^2/(24 R^2)`` of its arc, and its
+mean offset is ``h^2/(12 R)``: this is six times its square over h. More is a margin.
+"""
+PART = 1e-6
+"""Part of a resultant that is told as zero [-]."""
+PLACE = 1e-9
+"""Coordinate that is told as zero, over the size of the body [-]."""
 
 
 def find_unheld(
@@ -174,3 +197,194 @@ def _anchors(
         row = comm.bcast(row, rank)
         left = left - np.outer(left @ row, row)
     return anchors
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Hold a force per volume that takes up what loads leave on these motions.
+
+    Attributes:
+        density: The force [force/volume], constant in cells; of an axisymmetric body
+            times the circumference.
+        words: The resultant that it takes up, in words.
+    """
+
+    density: fem.Function
+    words: str
+
+
+def relief_of(
+    space: Space, unheld: Unheld, loads: fem.Function, loaded: Sequence[str]
+) -> Relief | None:
+    """Check that loads are in balance on motions that nothing holds; collective.
+
+    Args:
+        space: The mesh.
+        unheld: The motions.
+        loads: Nodal forces of the loads, not yet summed over ranks [force].
+        loaded: Names of the boundary parts with loads.
+
+    Returns:
+        What takes up a small resultant; None where it is round-off.
+
+    Raises:
+        NotHeldError: If the loads are not in balance.
+    """
+    works, sizes = works_on(space, unheld.functions, loads)
+    if is_round_off(works, sizes):
+        return None
+    allowed = max(DIGITS, _lost_by_facets(space, loaded))
+    refused = []
+    small = []
+    first = 0
+    for group in unheld.groups:
+        of_group = slice(first, first + group.amounts.shape[2])
+        first = of_group.stop
+        amounts = works[of_group]
+        scale = float(sizes[of_group].max())
+        beyond = float(abs(amounts).max())
+        if beyond <= ROUND_OFF * scale:
+            continue
+        is_told = len(unheld.groups) > 1
+        parts = group.amounts @ amounts
+        words = _resultant(unheld.motions_of_bodies, group, parts, space.d, is_told=is_told)
+        if beyond > allowed * scale:
+            refused.append(words)
+        else:
+            small.append(f"{words} ({beyond / scale:.1g} of them)")
+    if refused:
+        hint = f" {unheld.hint}" if unheld.hint else ""
+        raise NotHeldError(
+            f"Nothing holds the body against: {unheld.words} (no support, and contact cannot hold "
+            f"it), and the loads are not in balance there, by {'; '.join(refused)}. Add a "
+            "Displacement (None leaves a component free), or friction, or what is missing in the "
+            f"loads.{hint}"
+        )
+    density = space.domain.function("DG", 0, (space.d,))
+    density.x.array[:] = taking_up(space, unheld.functions, works).ravel()
+    return Relief(density, "; ".join(small))
+
+
+def works_on(
+    space: Space, functions: Sequence[fem.Function], loads: fem.Function
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return work of loads on K motions, and of their sizes [force]; collective.
+
+    Args:
+        space: The mesh.
+        functions: The motions.
+        loads: Nodal forces, not yet summed over ranks [force].
+    """
+    works = [loads.x.array @ motion.x.array for motion in functions]
+    sizes = [abs(loads.x.array) @ abs(motion.x.array) for motion in functions]
+    total = space.comm.allreduce(np.array([works, sizes]), MPI.SUM)
+    return total[0], total[1]
+
+
+def is_round_off(works: np.ndarray, sizes: np.ndarray) -> bool:
+    """Tell whether loads are in balance up to round-off, see :func:`works_on`."""
+    return bool((abs(works) <= ROUND_OFF * sizes).all())
+
+
+def taking_up(space: Space, functions: Sequence[fem.Function], works: np.ndarray) -> np.ndarray:
+    """Return forces per volume in cells that take up work on motions; collective.
+
+    Args:
+        space: The mesh.
+        functions: K motions.
+        works: Work of the loads on them [force], shape (K,).
+
+    Returns:
+        Forces per volume [force/volume], shape (cells, d).
+    """
+    of_cells = []
+    for motion in functions:
+        of_cells.append(motion.x.array.reshape(-1, space.d)[space.vertices].mean(axis=1))
+    shapes = np.stack(of_cells, axis=2)
+    owned = slice(0, space.domain.owned_cells)
+    volume = measures(space.cell_corners()[owned])
+    local = np.einsum("c,cdk,cdl->kl", volume, shapes[owned], shapes[owned])
+    products = space.comm.allreduce(local, MPI.SUM)
+    return -shapes @ np.linalg.solve(products, works)
+
+
+def _lost_by_facets(space: Space, loaded: Sequence[str]) -> float:
+    """Return the share of loads that flat facets may lose; collective."""
+    offset = space.domain.offset
+    worst = 0.0
+    if offset is not None:
+        for name in loaded:
+            facets = space.domain.owned_facets(name)
+            areas = space.facet_areas(facets)
+            distance = swept(offset, facets, areas) / areas
+            sizes = areas ** (1 / (space.d - 1))
+            worst = max(worst, float(((distance / sizes) ** 2).max(initial=0.0)))
+    return FACETS * space.comm.allreduce(worst, MPI.MAX)
+
+
+def _resultant(
+    motions: BodyMotions, group: Group, parts: np.ndarray, d: int, *, is_told: bool
+) -> str:
+    """Return force and moment of what is not in balance, in words.
+
+    The parts of the bodies have the same work on the motions of the group as the loads.
+    So their sum has the resultant and the moment of the loads. Where it is zero the
+    bodies are drawn apart or along each other, and each of them is told.
+
+    Args:
+        motions: The motions of the bodies.
+        group: The group of bodies.
+        parts: Force and moment over the size on each body [force], shape (b, m).
+        d: Dimension.
+        is_told: Whether the bodies are named.
+    """
+    named = group.places if is_told else []
+    if parts.shape[1] == 1:
+        return f"a force of {_number(parts.sum())} along the axis{_on(named)}"
+    places = motions.centres[group.bodies]
+    sizes = motions.sizes[group.bodies]
+    together = motions_together(motions, group.bodies, parts.shape[1])
+    works = np.einsum("bmk,bm->k", together, parts)
+    total = works[:d]
+    moment = works[d:] * sizes.max()
+    least = PART * float(abs(parts).max())
+    if abs(total).max() > least or abs(moment).max() > least * sizes.max():
+        return _told(total, moment, places.mean(axis=0), least, float(sizes.max()), named)
+    told = []
+    for i, name in enumerate(group.places):
+        force, turning = parts[i, :d], parts[i, d:] * sizes[i]
+        told.append(_told(force, turning, places[i], least, float(sizes[i]), [name]))
+    return "; ".join(told)
+
+
+def _on(places: list[str]) -> str:
+    """Return on which bodies something acts, in words."""
+    return f" on{' and'.join(places)}" if any(places) else ""
+
+
+def _told(
+    force: np.ndarray,
+    moment: np.ndarray,
+    about: np.ndarray,
+    least: float,
+    size: float,
+    places: list[str],
+) -> str:
+    """Return a force, and a moment about a point, in words; in space about x, y, z."""
+    force = np.where(abs(force) <= least, 0.0, force)
+    moment = np.where(abs(moment) <= least * size, 0.0, moment)
+    if len(moment) == 3:
+        moment = np.array([moment[2], -moment[1], moment[0]])
+    about = np.where(abs(about) <= PLACE * size, 0.0, about)
+    place = ", ".join(map(_number, about))
+    turn = ", ".join(map(_number, moment))
+    turn = f"({turn})" if len(moment) > 1 else turn
+    return (
+        f"a force of ({', '.join(map(_number, force))}) and a moment of {turn} about ({place})"
+        f"{_on(places)}"
+    )
+
+
+def _number(value: float) -> str:
+    """Write a number with four digits; no -0."""
+    return f"{value + 0.0:.4g}"

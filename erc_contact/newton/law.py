@@ -2,7 +2,7 @@
 
 A potential is linearised about the strain of the last displacement, and the contact
 problem of the linear body is solved by the methods of all linear bodies
-(:mod:`erc_contact.newton.model_solve`). So contacts, friction, joints and ranks are
+(:mod:`erc_contact.newton.contact_solve`). So contacts, friction, joints and ranks are
 theirs. Near the solution the steps converge quadratically. Each contact problem starts
 from the contact of the last one.
 
@@ -39,9 +39,8 @@ from erc_contact.model.law_state import carry_displacement
 from erc_contact.model.model import Model
 from erc_contact.model.potential import StrainOf
 from erc_contact.model.values import DATA_DEGREE
-from erc_contact.newton.contact_solve import Solver
+from erc_contact.newton.contact_solve import Solver, solution_of
 from erc_contact.newton.methods import Method
-from erc_contact.newton.model_solve import solution_of
 from erc_contact.newton.solution import Solution
 
 SOLVED = 1e-11
@@ -67,7 +66,7 @@ def solution_of_law(
     start: Solution | None,
     tolerance: float | None,
 ) -> Solution:
-    """Solve a model as :func:`.model_solve.solution_of`, also with a potential.
+    """Solve a model as :func:`.contact_solve.solution_of`, also with a potential.
 
     Args:
         kind: Makes a solver of a model; its argument ``forms`` are forms that there

@@ -33,12 +33,12 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.contact_solve import solution_of
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.law import solution_of_law
 from erc_contact.newton.methods import Method
-from erc_contact.newton.model_solve import solution_of
 from erc_contact.newton.plausibility import doubts, tell
 from erc_contact.newton.preload import (
     shank_stiffness,

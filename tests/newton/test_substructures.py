@@ -169,7 +169,7 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
             matrix.scale(0.0)
         return inside(matrix, *arguments)
 
-    monkeypatch.setattr("erc_contact.newton.linear.parts.factorise", failing)
+    monkeypatch.setattr("erc_contact.newton.linear.substructures.factorise", failing)
     with pytest.raises(ec.InputError, match="cannot be factorised"):
         Substructures(model, elastic.form, elastic.glue, elastic.layer.local)
 
