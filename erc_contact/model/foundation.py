@@ -72,15 +72,15 @@ class ContactOnMesh:
 
     name: str
     against: str | None
-    is_exchanged: bool
     trace: Trace
     ds: Ufl
     normal: Ufl
-    given_normal: Ufl | None
-    friction: Friction | None
-    gap: Ufl | None
-    gap_varies: bool
     bilateral: bool
+    is_exchanged: bool = False
+    given_normal: Ufl | None = None
+    friction: Friction | None = None
+    gap: Ufl | None = None
+    gap_varies: bool = False
     stiffness: Ufl | None = None
     tangential_stiffness: Ufl | None = None
     lost: np.ndarray | None = None

@@ -190,7 +190,48 @@ def profile_table(
         ``shear`` have a sign in 2D, which is positive in this order. Each facet has
         points of its own, because tractions jump from one facet to the next.
     """
-    return _in_order(model, contact, _columns(model, contact, u, r, bound, status))
+    points = profile_points(model)
+    facets = contact.facets
+    named = contact.named_corners
+    share = area_ratio(model, contact.trace.here.corners, named, points)
+    n = contact.sign * contact.trace.normals_at(points)
+    shape = lagrange(model.d - 1, model.degree, points)
+    w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
+    before = contact.sign * np.matmul(shape, contact.trace.of_before)
+    w_n = (w * n).sum(axis=-1)
+    w_t = w - before
+    if contact.tangential_stiffness is not None:
+        w_t = w_t - contact.sign * give_way(model, contact, r, points)
+    _, w_t, slip = split(w_t, n)
+    r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
+    gap = np.zeros(1)
+    if contact.gap is not None:
+        gap = evaluate(contact.gap, model.mesh, points, facets)
+    if model.d == 2:
+        # In the plane slip and shear have a sign.
+        (tangent,) = tangents(n)
+        slip = (w_t * tangent).sum(axis=-1)
+        shear = (r_t * tangent).sum(axis=-1)
+    columns = _places(model, contact)
+    columns["gap"] = gap - w_n
+    columns["slip"] = slip
+    columns["pressure"] = 0.0 - r_n
+    columns["shear"] = shear
+    columns["friction_bound"] = share * bound
+    columns["status"] = status[:, None]
+    columns["weight"] = measures(named)[:, None] * profile_weights(model)
+    if model.axisymmetric:
+        columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
+    if contact.against is not None:
+        nodal = u.x.array.reshape(-1, model.d)
+        sides = [contact.trace.here.nodes, contact.trace.partners]
+        if contact.is_exchanged:
+            sides.reverse()
+        for name, nodes in zip(("u", "other_u"), sides, strict=True):
+            displacement = np.matmul(shape, nodal[nodes])
+            for axis, letter in enumerate("xyz"[: model.d]):
+                columns[f"{name}_{letter}"] = displacement[..., axis]
+    return _in_order(model, contact, columns)
 
 
 def slip_before_table(model: Model, contact: ContactOnMesh) -> np.ndarray:
@@ -247,63 +288,6 @@ def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarra
 def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
     """Return the greatest pressure of all ranks, at least 0; collective."""
     return model.comm.allreduce(float(pressure.max(initial=0.0)), MPI.MAX)
-
-
-def _columns(
-    model: Model,
-    contact: ContactOnMesh,
-    u: fem.Function,
-    r: np.ndarray,
-    bound: np.ndarray,
-    status: np.ndarray,
-) -> dict[str, np.ndarray]:
-    """Compute the columns of :func:`profile_table` on this rank, ghosts included.
-
-    Returns:
-        Arrays that broadcast to (f, q), by the names of the columns.
-    """
-    points = profile_points(model)
-    facets = contact.facets
-    named = contact.named_corners
-    share = area_ratio(model, contact.trace.here.corners, named, points)
-    n = contact.sign * contact.trace.normals_at(points)
-    shape = lagrange(model.d - 1, model.degree, points)
-    w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
-    before = contact.sign * np.matmul(shape, contact.trace.of_before)
-    w_n = (w * n).sum(axis=-1)
-    w_t = w - before
-    if contact.tangential_stiffness is not None:
-        w_t = w_t - contact.sign * give_way(model, contact, r, points)
-    _, w_t, slip = split(w_t, n)
-    r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
-    gap = np.zeros(1)
-    if contact.gap is not None:
-        gap = evaluate(contact.gap, model.mesh, points, facets)
-    if model.d == 2:
-        # In the plane slip and shear have a sign.
-        (tangent,) = tangents(n)
-        slip = (w_t * tangent).sum(axis=-1)
-        shear = (r_t * tangent).sum(axis=-1)
-    columns = _places(model, contact)
-    columns["gap"] = gap - w_n
-    columns["slip"] = slip
-    columns["pressure"] = 0.0 - r_n
-    columns["shear"] = shear
-    columns["friction_bound"] = share * bound
-    columns["status"] = status[:, None]
-    columns["weight"] = measures(named)[:, None] * profile_weights(model)
-    if model.axisymmetric:
-        columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
-    if contact.against is not None:
-        nodal = u.x.array.reshape(-1, model.d)
-        sides = [contact.trace.here.nodes, contact.trace.partners]
-        if contact.is_exchanged:
-            sides.reverse()
-        for name, nodes in zip(("u", "other_u"), sides, strict=True):
-            displacement = np.matmul(shape, nodal[nodes])
-            for axis, letter in enumerate("xyz"[: model.d]):
-                columns[f"{name}_{letter}"] = displacement[..., axis]
-    return columns
 
 
 def give_way(model: Model, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:

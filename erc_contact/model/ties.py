@@ -38,14 +38,9 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> ContactOnMesh:
     return ContactOnMesh(
         name=tie.facets,
         against=tie.against,
-        is_exchanged=False,
         trace=Trace(here, direction, None, there),
         ds=space.ds,
         normal=space.n,
-        given_normal=None,
-        friction=None,
-        gap=None,
-        gap_varies=False,
         bilateral=True,
     )
 

@@ -261,7 +261,6 @@ class ContactSolve:
             distance=solution.distance,
             least_singular_value=solution.least_singular_value,
             stiffness=self.solver.elastic,
-            seconds=0.0,
             forms=self.solver.forms,
             carried=solution.carried,
         )
@@ -323,72 +322,45 @@ def solution_of(
 
     The displacement has no part in motions that nothing holds.
     """
-    solution = _solution_of(kind, model, method, start, tolerance)
-    return replace(solution, u=model.without_unheld(solution.u))
-
-
-def _solution_of(
-    kind: Callable[[Model], Solver],
-    model: Model,
-    method: Method | None,
-    start: Solution | None,
-    tolerance: float | None,
-) -> Solution:
-    """Solve a model, with its anchors at rest."""
     solver = kind(model)
     try:
-        loads = solver.elastic.load_vector()
-        at_rest = displacement_at_rest(model, loads)
-        if at_rest is not None:
-            return _at_rest(at_rest, model, method or DEFAULT, solver.elastic)
-        _check_size(model, loads, solver.guess)
-        if not solver.elastic.contact_size:
-            reason = "linear solve"
-            return _linear(model, method or DEFAULT, solver.guess, (), reason, solver.elastic)
-        _check_statics(model, loads)
-        solution = ContactSolve(solver, method, tolerance).solve(start)
-        at_rest = displacement_back_at_rest(model, loads, solution.u)
-        if at_rest is None:
-            return solution
-        back = _at_rest(at_rest, model, solution.method, solver.elastic)
-        return replace(back, newton_steps=solution.newton_steps)
+        solution = _solution_by(solver, method, start, tolerance)
     finally:
         solver.destroy()
         track_communicator(model.domain, model.mesh.comm)
         free_dropped(model.comm)
+    return replace(solution, u=model.without_unheld(solution.u))
+
+
+def _solution_by(
+    solver: Solver, method: Method | None, start: Solution | None, tolerance: float | None
+) -> Solution:
+    """Solve the model of a solver, with its anchors at rest."""
+    model = solver.model
+    elastic = solver.elastic
+    loads = elastic.load_vector()
+    at_rest = displacement_at_rest(model, loads)
+    if at_rest is not None:
+        return _at_rest(at_rest, model, method or DEFAULT, elastic)
+    _check_size(model, loads, solver.guess)
+    if not elastic.contact_size:
+        return Solution(model, method or DEFAULT, solver.guess, (), "linear solve", elastic)
+    _check_statics(model, loads)
+    solution = ContactSolve(solver, method, tolerance).solve(start)
+    at_rest = displacement_back_at_rest(model, loads, solution.u)
+    if at_rest is None:
+        return solution
+    back = _at_rest(at_rest, model, solution.method, elastic)
+    return replace(back, newton_steps=solution.newton_steps)
 
 
 def _at_rest(u: fem.Function, model: Model, method: Method, elastic: ElasticSolver) -> Solution:
     """Make the exact solution of a body at rest, without contact forces."""
-    multipliers = []
+    multipliers: tuple[fem.Function, ...] = ()
     if method.multiplier:
-        for _ in model.contacts:
-            multipliers.append(model.function())
+        multipliers = tuple(model.function() for _ in model.contacts)
     reason = "at rest: nothing loads or moves the body"
-    return _linear(model, method, u, tuple(multipliers), reason, elastic)
-
-
-def _linear(
-    model: Model,
-    method: Method,
-    u: fem.Function,
-    multipliers: tuple[fem.Function, ...],
-    reason: str,
-    elastic: ElasticSolver,
-) -> Solution:
-    """Make a solution for which Newton's method was not needed."""
-    return Solution(
-        model=model,
-        method=method,
-        u=u,
-        multipliers=multipliers,
-        newton_steps=0,
-        reason=reason,
-        distance=0.0,
-        least_singular_value=1.0,
-        stiffness=elastic,
-        seconds=0.0,
-    )
+    return Solution(model, method, u, multipliers, reason, elastic)
 
 
 def _check_statics(model: Model, loads: fem.Function) -> None:

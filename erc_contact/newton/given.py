@@ -110,10 +110,7 @@ def solution_of(
         method=AugmentedLagrangian(),
         u=displacement,
         multipliers=tuple(multipliers),
-        newton_steps=0,
         reason=REASON,
-        distance=0.0,
-        least_singular_value=1.0,
         stiffness=elastic,
         seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
     )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -127,13 +128,15 @@ def solved_with_forces(
     def at(shifts: np.ndarray) -> Scene:
         return with_shifts(scene, dict(zip(names, shifts.tolist(), strict=True)))
 
-    def near(scene: Scene, solution: Solution) -> Solution:
+    def near(shifts: np.ndarray, solution: Solution, change: np.ndarray) -> Solution:
+        changed = at(shifts + change)
         try:
-            return solve_near(scene, solution)
+            return solve_near(changed, solution)
         except NotConverged:
-            return solve(scene)
+            return solve(changed)
 
-    shifts, solution = _first(shifts, at, solve)
+    # Bodies that only the bolts hold need a certain force.
+    shifts, solution = _solve_scaled(shifts, 2.0, DOUBLINGS, lambda first: solve(at(first)))
     first = solution
     steps = solution.newton_steps
     forces = _bolt_forces(solution, names)
@@ -146,7 +149,8 @@ def solved_with_forces(
         if abs(left).max() <= SAME_FORCE * scale:
             return replace(solution, newton_steps=steps), first
         change = np.linalg.lstsq(slopes, left, rcond=None)[0]
-        change, solution = _solve_changed(shifts, change, at, near, solution)
+        solve_changed = partial(near, shifts, solution)
+        change, solution = _solve_scaled(change, 0.5, HALVINGS, solve_changed)
         steps += solution.newton_steps
         shifts = shifts + change
         forces_before = forces
@@ -174,37 +178,28 @@ def _preloads(scene: Scene) -> list[Preload]:
     return [tie for tie in scene.ties if isinstance(tie, Preload)]
 
 
-def _first(
-    shifts: np.ndarray, at: Callable[[np.ndarray], Scene], solve: Solve
+def _solve_scaled(
+    shifts: np.ndarray, factor: float, most: int, solve: Callable[[np.ndarray], Solution]
 ) -> tuple[np.ndarray, Solution]:
-    """Solve with the first shifts, or with larger shifts where there is no solution.
+    """Solve with shifts, or with scaled shifts where there is no solution.
 
-    Bodies that only the bolts hold need a certain force.
+    Args:
+        shifts: Shifts, or changes of shifts [length].
+        factor: Factor by which they are scaled once and again [-].
+        most: Greatest number of times.
+        solve: Solves with shifts.
+
+    Returns:
+        The shifts with which there is a solution, and this.
     """
-    for _ in range(DOUBLINGS):
+    for _ in range(most):
         try:
-            return shifts, solve(at(shifts))
+            return shifts, solve(shifts)
         except NotConverged:
             if not shifts.any():
                 raise
-            shifts = 2.0 * shifts
-    return shifts, solve(at(shifts))
-
-
-def _solve_changed(
-    shifts: np.ndarray,
-    change: np.ndarray,
-    at: Callable[[np.ndarray], Scene],
-    near: SolveNear,
-    solution: Solution,
-) -> tuple[np.ndarray, Solution]:
-    """Solve with changed shifts, or with a part of the change; return the part, too."""
-    for _ in range(HALVINGS):
-        try:
-            return change, near(at(shifts + change), solution)
-        except NotConverged:
-            change = 0.5 * change
-    return change, near(at(shifts + change), solution)
+            shifts = factor * shifts
+    return shifts, solve(shifts)
 
 
 def _bolt_forces(solution: Solution, names: Sequence[str]) -> np.ndarray:

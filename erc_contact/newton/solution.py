@@ -71,15 +71,15 @@ class Solution:
         u: Displacement [length], a continuous P1 or P2 Function.
         multipliers: Multiplier of each contact [force/area], or () for a method
             without.
+        reason: Which attempt converged, and how.
+        stiffness: The elastic solver; ``newton.linear.solver`` tells
+            when its factor is made and freed. See :attr:`factorised`.
         newton_steps: Newton steps of all attempts together; 0 for a scene without
             contact.
-        reason: Which attempt converged, and how.
         distance: Energy norm of the distance to the solution of the discrete problem
             [sqrt(force length)].
         least_singular_value: Least singular value of the tangents of the contact
-            problem at the solution, scaled by the elastic diagonal [-].
-        stiffness: The elastic solver; ``newton.linear.solver`` tells
-            when its factor is made and freed. See :attr:`factorised`.
+            problem at the solution, scaled by the elastic diagonal [-]; 1 without any.
         seconds: Wall time, the largest over the ranks [s].
         forms: Equations of the methods that were tried, for solves of scenes near by.
         carried: Contacts and displacement without the rigid motion that has brought
@@ -97,12 +97,12 @@ class Solution:
     method: Method
     u: fem.Function
     multipliers: tuple[fem.Function, ...]
-    newton_steps: int
     reason: str
-    distance: float
-    least_singular_value: float
     stiffness: ElasticSolver
-    seconds: float
+    newton_steps: int = 0
+    distance: float = 0.0
+    least_singular_value: float = 1.0
+    seconds: float = 0.0
     forms: dict[Method, Any] = field(default_factory=dict)
     carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 

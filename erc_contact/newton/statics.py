@@ -72,31 +72,6 @@ class Forces:
     most: np.ndarray
 
 
-@dataclass(frozen=True)
-class Mechanism:
-    """Describe the rigid motion by which loads move a body that contacts do not hold.
-
-    Attributes:
-        turn: Axis of its rotation in space, +-1 in the plane; zero where it slides [-].
-        place: A point at rest, or of the body where it slides [length], shape (d,).
-        along: Unit vector along which the body slides [-], shape (d,).
-        excess: The moment [force length] about the point, or the force [force] along
-            the vector, that is too much.
-    """
-
-    turn: np.ndarray
-    place: np.ndarray
-    along: np.ndarray
-    excess: float
-
-    def __str__(self) -> str:
-        place = ", ".join(f"{x:.3g}" for x in self.place)
-        if self.turn.any():
-            return f"turn a body about ({place}) with a moment of {self.excess:.3g} too much"
-        along = ", ".join(f"{x:.2g}" for x in self.along)
-        return f"move the body at ({place}) along ({along}) with {self.excess:.3g} too much"
-
-
 def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     """Find the rigid motion by which loads bring bodies to contacts; collective.
 
@@ -122,15 +97,15 @@ def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     return displacement
 
 
-def mechanism(model: Model, loads: fem.Function) -> Mechanism | None:
-    """Find the motion by which loads move bodies that contacts do not hold; collective.
+def mechanism(model: Model, loads: fem.Function) -> str | None:
+    """Say how loads move bodies that contacts do not hold; collective.
 
     Args:
         model: The scene on a mesh.
         loads: Nodal forces of its loads [force], not yet summed over ranks.
 
     Returns:
-        The motion; None if forces of the contacts may balance the loads.
+        The motion in words; None if forces of the contacts may balance the loads.
     """
     if not model.free_motions:
         return None
@@ -144,8 +119,10 @@ def mechanism(model: Model, loads: fem.Function) -> Mechanism | None:
     return _describe(model, motions @ amounts, left)
 
 
-def _describe(model: Model, motion: np.ndarray, work: float) -> Mechanism:
-    """Describe the motion of the body that moves farthest; collective.
+def _describe(model: Model, motion: np.ndarray, work: float) -> str:
+    """Describe the motion of the body that moves farthest in words; collective.
+
+    It turns about a point with a moment that is too much, or slides with a force.
 
     Args:
         model: The scene on a mesh.
@@ -167,13 +144,14 @@ def _describe(model: Model, motion: np.ndarray, work: float) -> Mechanism:
     rate = np.linalg.norm(skew) / np.sqrt(2.0)
     length = float(np.linalg.norm(displacements[0]))
     if rate * model.domain.extent <= SLIDES * length:
-        along = displacements[0] / length
-        return Mechanism(np.zeros(1), points.mean(axis=0), along, work / length)
+        middle = ", ".join(f"{x:.3g}" for x in points.mean(axis=0))
+        along = ", ".join(f"{x:.2g}" for x in displacements[0] / length)
+        return f"move the body at ({middle}) along ({along}) with {work / length:.3g} too much"
     # The point nearest to the corner at which u = skew (x - place) is at rest.
     place = points[0] - np.linalg.lstsq(skew, displacements[0], rcond=1e-9)[0]
     place[abs(place) < SAME_PLACE * model.domain.extent] = 0.0
-    turn = np.array([skew[1, 0]]) if d == 2 else np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-    return Mechanism(turn / rate, place, np.zeros(d), work / float(rate))
+    about = ", ".join(f"{x:.3g}" for x in place)
+    return f"turn a body about ({about}) with a moment of {work / float(rate):.3g} too much"
 
 
 def programme(
