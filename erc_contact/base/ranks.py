@@ -44,6 +44,29 @@ def greatest(comm: MPI.Comm, values: np.ndarray) -> float:
     return float(comm.allreduce(float(abs(values).max(initial=0.0)), MPI.MAX))
 
 
+def boxes(
+    comm: MPI.Comm, x: np.ndarray, group: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the greatest coordinates of groups of points of all ranks.
+
+    Args:
+        comm: Communicator.
+        x: Points of this rank, shape (n, d).
+        group: Number of the group of each, shape (n,).
+        count: Number of groups.
+
+    Returns:
+        Two arrays of shape (count, d); infinite for a group without points.
+    """
+    low = np.full((count, x.shape[1]), np.inf)
+    high = -low
+    np.minimum.at(low, group, x)
+    np.maximum.at(high, group, x)
+    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    return low, high
+
+
 def union(comm: MPI.Comm, values: Iterable[Any]) -> set[Any]:
     """Return the values of all ranks, on all ranks."""
     return set().union(*comm.allgather(set(values)))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from dolfinx import mesh as dmesh
-from mpi4py import MPI
 
-from erc_contact.base.ranks import union
+from erc_contact.base.ranks import boxes, union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.sides import boundary_sides
@@ -67,12 +66,7 @@ def _facets_near_other_bodies(
     cells, local = boundary_sides(space.mesh, facets[~paired[facets]])
     middles = space.facet_corners(np.column_stack([cells, local])).mean(axis=1)
     of_facet = body[space.nodes[cells, 0]]
-    low = np.full((count, space.d), np.inf)
-    high = np.full((count, space.d), -np.inf)
-    np.minimum.at(low, of_facet, middles)
-    np.maximum.at(high, of_facet, middles)
-    space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    low, high = boxes(space.comm, middles, of_facet, count)
     margin = 2.0 * COINCIDENT * domain.extent
     near = np.zeros(len(middles), dtype=bool)
     for number in range(count):

@@ -20,7 +20,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import greatest, of_all
+from erc_contact.base.ranks import boxes, greatest, of_all
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.law_entries import StateField
@@ -202,10 +202,7 @@ def _check_place(
     new_corners = space.facet_corners(facets)
     longest = max(_longest_edge(new_corners), _longest_edge(corners))
     reach = SAME_PLACE * space.comm.allreduce(longest, MPI.MAX)
-    low = x.min(axis=0, initial=np.inf)
-    high = x.max(axis=0, initial=-np.inf)
-    space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    low, high = boxes(space.comm, x, np.zeros(len(x), dtype=int), 1)
     # The boxes around the contact are compared, too: it may have become smaller.
     old_points = corners.reshape(-1, space.d)
     _, _, distance = closest(x, corners)

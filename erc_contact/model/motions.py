@@ -14,7 +14,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.ranks import of_all
+from erc_contact.base.ranks import boxes, of_all
 from erc_contact.mesh.graphs import components
 from erc_contact.model.rigid_shapes import translations_and_rotations
 from erc_contact.model.space import Space
@@ -258,12 +258,7 @@ def body_motions(space: Space, body: np.ndarray, count: int) -> BodyMotions:
     np.add.at(sums, body[:owned], np.column_stack([x[:owned], np.ones(owned)]))
     sums = space.comm.allreduce(sums, MPI.SUM)
     centres = sums[:, :-1] / sums[:, -1:]
-    low = np.full((count, d), np.inf)
-    high = np.full((count, d), -np.inf)
-    np.minimum.at(low, body, x)
-    np.maximum.at(high, body, x)
-    space.comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
-    space.comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    low, high = boxes(space.comm, x, body, count)
     sizes = np.linalg.norm(high - low, axis=1)
     motions = translations_and_rotations((x - centres[body]) / sizes[body, None])
     if space.axisymmetric:

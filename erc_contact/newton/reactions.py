@@ -101,13 +101,17 @@ class MultiplierMap:
         model = self._model
         if model.degree == 1:
             return None
-        numbers = [] if contact is None else [contact]
-        if contact is None:
-            numbers = [k for k, bound in enumerate(model.contacts) if bound.against is None]
+        numbers = self.numbers_of(contact)
         to_coefficients = coefficients(model.d - 1, model.degree)
         change = self.rows.change_of_basis(to_coefficients, numbers, self.free).tocoo()
         rows, columns = change.coords
         return Entries(self.rows.dofs[rows], self.rows.dofs[columns], change.data)
+
+    def numbers_of(self, contact: int | None) -> list[int]:
+        """Return the numbers of all foundations for None, else the contact alone."""
+        if contact is not None:
+            return [contact]
+        return [k for k, bound in enumerate(self._model.contacts) if bound.against is None]
 
     def forces_on(self, numbers: list[int]) -> Entries:
         """Return the matrix from forces ``B^T e`` to e of some contacts.

@@ -39,9 +39,7 @@ class Springs:
         d = model.d
         self._d = d
         self._first_dof, last = like.getOwnershipRange()
-        numbers = [reader.contact] if reader.contact is not None else []
-        if reader.contact is None:
-            numbers = [k for k, c in enumerate(model.contacts) if c.trace.there is None]
+        numbers = reactions.map.numbers_of(reader.contact)
         here, area = reactions.map.areas_of(numbers)
         owned = (here * d >= self._first_dof) & (here * d < last)
         of_rows = reactions.map.free_at(numbers)[owned]

@@ -87,8 +87,6 @@ def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     if not model.free_motions or not moves:
         return None
     motions, work, parts = programme(model, loads)
-    if not work.any():
-        return None
     solution = on_first(model, parts, _rest, work)
     if solution is None:
         return None
@@ -110,8 +108,6 @@ def mechanism(model: Model, loads: fem.Function) -> str | None:
     if not model.free_motions:
         return None
     motions, work, parts = programme(model, loads)
-    if not work.any():
-        return None
     solution = on_first(model, parts, find_unbalanced, work)
     if solution is None:
         return None
@@ -272,12 +268,16 @@ def on_first(
 ) -> Any:
     """Solve a programme with the forces of all ranks on rank 0; collective.
 
+    None if loads do no work on the motions.
+
     Args:
         model: The scene on a mesh.
         parts: The unit forces of this rank at each contact.
         solve: Solves the programme of forces and the work of loads.
         work: Work of the loads on the motions, shape (K,).
     """
+    if not work.any():
+        return None
     of_ranks = gathered(model.comm, parts)
 
     def solve_joined() -> Any:

@@ -18,7 +18,7 @@ from test_bad_input import refused
 import erc_contact as ec
 from erc_contact.error import fenchel
 from erc_contact.error.load_work import assembled
-from erc_contact.model.law_state import LawState, carried
+from erc_contact.model.law_state import LawState, carry_displacement
 from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD
@@ -109,7 +109,7 @@ def test_the_error_of_the_displacement_is_bounded():
         elastic = dataclasses.replace(fine.scene, material=ec.Elastic(1.0, 0.3))
         if isinstance(material, Hencky):
             elastic = dataclasses.replace(fine.scene, material=Quadratic(*material.elastic))
-        difference = carried(error.admissible.displacement, model)
+        difference = carry_displacement(error.admissible.displacement, model)
         assert difference is not None
         difference.x.array[:] -= fine.u.x.array
         norm = ec.solve(elastic, fine.domain).model
