@@ -368,15 +368,14 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     corners = np.vstack([np.zeros(d), np.eye(d)])
     subs = np.repeat(corners[None], d + 1, axis=0)
     subs[range(d + 1), range(d + 1)] = corners.mean(axis=0)
-    for is_relaxed in range(
-        degree
-    ):  # the bubbles, from degree 2 on, are chosen by the nearest stress
+    # The bubbles, from degree 2 on, are chosen by the nearest stress.
+    for is_relaxed in range(degree):
         if is_relaxed:
             points = macro_points(d, degree)[1]
             at = x[:count, :1] + np.einsum("qj,nij->nqi", points, cells.J[:count])
             compliance = moduli(model, cells, points[:1], 1, inverse=True)
             stress = relax(cells, stress, mandel(stress_at(at)), compliance)
-        for k in range(d + 1) if relax or degree == 1 else ():
+        for k in range(d + 1) if is_relaxed or degree == 1 else ():
             place = barycentric(nodes(d, degree)) @ subs[k]
             at = x[:count, :1] + np.einsum("qj,nij->nqi", place, cells.J[:count])
             found = np.einsum("mc,ncij->nmij", at_nodes(d, degree), tensors(stress[:, k], d))
