@@ -69,7 +69,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, spring_energy, strain_energy
 from erc_contact.mesh.closest import closest
@@ -373,7 +373,7 @@ def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
     if loads.body_force is None:
         return 0.0
     there = model if loads is model else Model(loads.scene, model.domain, model.degree)
-    return assembled(there, there.loads(pair.displacement, on=[None]))
+    return assemble_number(there, there.loads(pair.displacement, on=[None]))
 
 
 def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float, float] | None:

@@ -21,7 +21,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.after import check_after
@@ -426,8 +426,8 @@ def difference_from_halves(
     difference = halves.u.copy()
     difference.x.array[:] -= whole.u.x.array
     model = halves.model
-    square = assembled(model, model.stiffness(difference, difference))
-    size = assembled(model, model.stiffness(halves.u, halves.u))
+    square = assemble_number(model, model.stiffness(difference, difference))
+    size = assemble_number(model, model.stiffness(halves.u, halves.u))
     size = max(size, 2 * ROUND_OFF * greatest_energy)
     if size > 0:
         return float(np.sqrt(square / size))
