@@ -6,6 +6,7 @@ Source of the idea: Coorevits, Hild, Hjiaj.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from erc_contact.admissible.kernels import kernels_ahead
@@ -16,11 +17,11 @@ from erc_contact.error.goals.controller import GoalController
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
-from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.checkpoint import keep_run
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop
-from erc_contact.run.plan import DECISIVE, check_folder, make_plan
+from erc_contact.run.plan import DECISIVE, make_plan
 from erc_contact.run.step import Step
 from erc_contact.scene.goal import Goal
 from erc_contact.scene.scene import Scene
@@ -120,19 +121,9 @@ def adapt(
     )
     # The C compiler works on another core while the forms are compiled here.
     kernels_ahead(domain.dim)
-    comm = domain.comm
-    store = None
-    if checkpoint is not None:
-        check_folder(checkpoint, domain)
-        identity = fingerprint(scene, domain, plan.arguments(DECISIVE))
-        shape = (domain.glued or domain).geometry
-        store = Checkpoint(comm, checkpoint, identity, plan.accuracy, every, shape)
-    try:
+    identity = partial(fingerprint, scene, domain, plan.arguments(DECISIVE))
+    with keep_run(checkpoint, domain, identity, plan.accuracy, every) as store:
         aim = None
         if plan.goal is not None:
             aim = GoalController(plan.goal, plan.accuracy, plan.solver, plan.tighten)
-        return Loop(plan, comm, store, aim=aim).go(domain)
-    finally:
-        # the lock on the folder ends with the run, however the run ends
-        if store is not None:
-            store.close()
+        return Loop(plan, domain.comm, store, aim=aim).go(domain)

@@ -8,7 +8,8 @@ run goes on, with a warning for each level that is not kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.tables import described
 from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
@@ -236,3 +238,39 @@ class Checkpoint:
             f"The folder {str(self.folder.path)!r} belongs to another run: {words}. "
             "Give another folder, or the same call."
         )
+
+
+@contextmanager
+def keep_run(
+    folder: Any,
+    domain: Domain,
+    identity: Callable[[], Fingerprint],
+    accuracy: float,
+    every: int = 1,
+) -> Iterator[Checkpoint | None]:
+    """Give what keeps a run inside the `with`, None without a folder; collective.
+
+    Args:
+        folder: The folder, or None.
+        domain: The first mesh.
+        identity: Returns the fingerprint of the run.
+        accuracy: The prescribed relative error of the run.
+        every: Number of meshes from one that is written to the next.
+
+    Raises:
+        InputError: If this is no name of a folder, or the true shape of the body cannot
+            be written; see also :class:`Checkpoint`.
+    """
+    if folder is None:
+        yield None
+        return
+    if not isinstance(folder, str | Path):
+        raise InputError(f"checkpoint is {folder!r}; give the name of a folder, or None.")
+    described(domain.geometry)
+    shape = (domain.glued or domain).geometry
+    store = Checkpoint(domain.comm, folder, identity(), accuracy, every, shape)
+    try:
+        yield store
+    finally:
+        # the lock on the folder ends with the run, however the run ends
+        store.close()

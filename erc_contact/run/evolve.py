@@ -7,6 +7,7 @@ the last one (backward Euler), so what a body does depends on the way its loads 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 from erc_contact.admissible.kernels import kernels_ahead
@@ -18,10 +19,10 @@ from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
-from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.checkpoint import keep_run
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.fingerprint import fingerprint_of_history
-from erc_contact.run.plan import DECISIVE, check_callback, check_folder, make_plan
+from erc_contact.run.plan import DECISIVE, check_callback, make_plan
 from erc_contact.run.time_row import TimeStep
 from erc_contact.run.walk import InTime, Walk
 from erc_contact.scene.scene import Scene
@@ -136,18 +137,9 @@ def evolve(
     )
     # The C compiler works on another core while the forms are compiled here.
     kernels_ahead(domain.dim)
-    store = None
-    if checkpoint is not None:
-        check_folder(checkpoint, domain)
-        # unlike in adapt, accuracy and limits decide where the next step begins
-        arguments = plan.arguments((*DECISIVE, "accuracy", "max_cells", "max_steps"))
-        arguments |= {"times": ends, **in_time.arguments()}
-        identity = fingerprint_of_history(scene_at, domain, ends, arguments)
-        shape = (domain.glued or domain).geometry
-        store = Checkpoint(comm, checkpoint, identity, plan.accuracy, shape=shape)
-    try:
+    # unlike in adapt, accuracy and limits decide where the next step begins
+    arguments = plan.arguments((*DECISIVE, "accuracy", "max_cells", "max_steps"))
+    arguments |= {"times": ends, **in_time.arguments()}
+    identity = partial(fingerprint_of_history, scene_at, domain, ends, arguments)
+    with keep_run(checkpoint, domain, identity, plan.accuracy) as store:
         return Walk(plan, scene_at, ends, in_time, callback, store).go(domain)
-    finally:
-        # the lock on the folder ends with the run, however the run ends
-        if store is not None:
-            store.close()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import ufl
@@ -25,7 +24,6 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Mark, Strategy
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.tables import described
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
@@ -77,9 +75,8 @@ def make_plan(
     """
     accuracy = checks.accuracy("accuracy", arguments["accuracy"])
     arguments["accuracy"] = accuracy
-    arguments["tighten"] = checks.whole("tighten", arguments["tighten"], 0)
-    arguments["max_cells"] = checks.whole("max_cells", arguments["max_cells"], 1)
-    arguments["max_steps"] = checks.whole("max_steps", arguments["max_steps"], 1)
+    for name, least in (("tighten", 0), ("max_cells", 1), ("max_steps", 1)):
+        arguments[name] = checks.whole(name, arguments[name], least)
     if arguments["stop"] not in ("converged", "certified"):
         raise InputError(f'stop is {arguments["stop"]!r}; allowed are "converged" and "certified".')
     check_arguments(scene, domain, arguments["method"], arguments["degree"], arguments["solver"])
@@ -119,18 +116,6 @@ def check_callback(callback: Any) -> None:
             f"callback is {callback!r}; give a function of two arguments, "
             "the error and the row, or None."
         )
-
-
-def check_folder(checkpoint: Any, domain: Domain) -> None:
-    """Check that a run can be kept, before anything is solved.
-
-    Raises:
-        InputError: If this is no name of a folder, or the true shape of the body cannot
-            be written.
-    """
-    if not isinstance(checkpoint, str | Path):
-        raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")
-    described(domain.geometry)
 
 
 def check_no_functions(scene: Scene, domain: Bodies) -> None:

@@ -19,9 +19,11 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
+from erc_contact.base.sparse import as_entries
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
-from erc_contact.newton.linear.elastic import AssembledElastic
+from erc_contact.newton.linear.changed import DIFFERENT
+from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
 from erc_contact.newton.linear.krylov import conjugate_gradients, fgmres, shell
 from erc_contact.newton.linear.traces import IterativeTraces
@@ -43,7 +45,7 @@ ENOUGH = 1e3
 """A residual of so many tolerances is enough; what is left is balanced again [-]."""
 
 
-class Multigrid(AssembledElastic):
+class Multigrid(Elastic):
     """Solve the elastic equations of a model with multigrid.
 
     Args:
@@ -66,6 +68,22 @@ class Multigrid(AssembledElastic):
         self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
         self._hurried = hurried
         self._hierarchy: Hierarchy | None = None
+        self._matrix: PETSc.Mat | None = None
+        self._operator: PETSc.Mat | None = None
+
+    @property
+    def matrix(self) -> PETSc.Mat:
+        """Return K, see :meth:`Elastic.stiffness`; the first call assembles it."""
+        if self._matrix is None:
+            self._assemble()
+        return self._matrix
+
+    @property
+    def operator(self) -> PETSc.Mat:
+        """Return K as it is multiplied, at degree 2 in dense blocks of nodes."""
+        if self._operator is None:
+            self._assemble()
+        return self._operator
 
     @cached_property
     def _stiffness_of_glue(self) -> np.ndarray:
@@ -229,7 +247,10 @@ class Multigrid(AssembledElastic):
         if self._hierarchy is not None:
             self._hierarchy.free()
             self._hierarchy = None
-        self.free_stiffness()
+        for matrix in (self._matrix, self._operator):
+            if matrix is not None:
+                matrix.destroy()
+        self._matrix = self._operator = None
         free_dropped(self.model.comm)
 
     def rough_energy(self, force: PETSc.Vec) -> float:
@@ -344,3 +365,31 @@ class Multigrid(AssembledElastic):
         return conjugate_gradients(
             matrix, self.hierarchy.pc, preconditioned, b, x, tolerance, hurried=hurried
         )
+
+    def _assemble(self) -> None:
+        """Assemble K in both forms."""
+        if self.model.degree == 1:
+            self._matrix = self._operator = self._with_places(self.stiffness())
+        else:
+            self._operator = self.stiffness_in_blocks()
+            self._matrix = self._with_places(as_entries(self._operator))
+
+    def _with_places(self, matrix: PETSc.Mat) -> PETSc.Mat:
+        """Add places for all that contacts add to K, and return it.
+
+        Contacts couple the cells of one body with the nodes of another one.
+        """
+        if not self.model.connections.any:
+            return matrix
+        # Contacts have few nodes, so that only a few rows of K are multiplied.
+        couplings = self.model.connections.couplings
+        places = matrix.matMult(couplings)
+        transposed = places.transpose(PETSc.Mat())
+        between_contacts = couplings.transposeMatMult(places)
+        for more in (transposed, between_contacts):
+            places.axpy(1.0, more, DIFFERENT)
+            more.destroy()
+        places.zeroEntries()
+        matrix.axpy(1.0, places, DIFFERENT)
+        places.destroy()
+        return matrix
