@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
 from erc_contact.admissible.balance_parts import TooCoarse
-from erc_contact.admissible.boundary import load_moments, supported_components
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
@@ -29,7 +28,7 @@ from erc_contact.admissible.contact import admissible_tractions, no_traction
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.imbalance import Given, proved_imbalance
-from erc_contact.admissible.loads import cell_forces
+from erc_contact.admissible.loads import cell_forces, load_moments, supported_components
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.rebalance import (
     Rebalanced,
