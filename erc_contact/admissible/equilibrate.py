@@ -28,7 +28,7 @@ from erc_contact.admissible.contact import admissible_tractions, no_traction
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.imbalance import Given, proved_imbalance
-from erc_contact.admissible.loads import cell_forces, load_moments, supported_components
+from erc_contact.admissible.loads import cell_forces, load_moments
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.rebalance import (
     Rebalanced,
@@ -39,7 +39,12 @@ from erc_contact.admissible.rebalance import (
 )
 from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.soft_contacts import with_soft_contacts
-from erc_contact.admissible.springs import chosen_tractions, spring_moments, spring_tractions
+from erc_contact.admissible.springs import (
+    chosen_tractions,
+    spring_moments,
+    spring_tractions,
+    supported_components,
+)
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced

@@ -3,8 +3,7 @@
 They have degree k on facets and degree k-1 in cells. If a load varies in space, the
 integrals are adapted to it. So each facet and each cell has the resultant of the load,
 even with a jump or a peak inside. The difference of load and projection is the
-oscillation of the loads. Where supports or stiff springs hold a component, its traction
-is free.
+oscillation of the loads.
 
 Symbols: k degree, m nodes of a facet, N_(k-1) coefficients of a polynomial of degree
 k-1 in a cell.
@@ -15,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry, add_moments
-from erc_contact.admissible.springs import stiff_components
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
@@ -120,16 +118,3 @@ def load_moments(model: Model, cells: CellGeometry) -> np.ndarray:
         facets = model.domain.facets(load.facets)
         add_moments(model, result, facets, traction_moments(model, facets, load.density))
     return result
-
-
-def supported_components(model: Model, cells: CellGeometry) -> np.ndarray:
-    """Tell which components of a facet may have any traction, shape (facets, d).
-
-    A support, or a stiff spring, holds them.
-    """
-    fixed = np.zeros((cells.side.shape[1], cells.d), dtype=bool)
-    for facets, components in model.fixed_facets:
-        fixed[model.facet_numbers(facets)] |= components
-    for spring in model.springs:
-        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(spring)
-    return fixed

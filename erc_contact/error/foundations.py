@@ -49,7 +49,8 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.contact_term import contact_integral, slider_of
+from erc_contact.error.contact_integral import contact_integral
+from erc_contact.error.contact_term import slider_of
 from erc_contact.mesh.quadrature import Integral
 from erc_contact.model.contact_data import ContactData
 from erc_contact.model.foundation import pressures
@@ -92,7 +93,7 @@ class Sliding:
     """Evaluate friction bound and slip of u^ on a contact; construction is collective.
 
     Its methods have the arguments of a density of
-    :func:`erc_contact.error.contact_term.contact_integral`.
+    :func:`erc_contact.error.contact_integral.contact_integral`.
 
     Args:
         model: The scene on a mesh.

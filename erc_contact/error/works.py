@@ -16,7 +16,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.contact_term import contact_integral
+from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding, foundation_energies
 from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber

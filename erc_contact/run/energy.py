@@ -55,7 +55,7 @@ from erc_contact.admissible.cells import tractions_of
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.contact_term import contact_integral
+from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, spring_energy, strain_energy

@@ -28,7 +28,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.contact_term import contact_integral
+from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
