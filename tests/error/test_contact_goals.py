@@ -13,9 +13,10 @@ from test_moments import moment_about
 
 import erc_contact as ec
 from erc_contact.error.goals import contact_perturbations, goal_error, trials
+from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.perturbations import perturbation_of
 from erc_contact.error.goals.three_pairs import Ends
-from erc_contact.error.goals.trials import Trials, moved_pairs
+from erc_contact.error.goals.trials import Trials
 
 pytestmark = pytest.mark.serial
 MATERIAL = ec.Elastic({"upper": 1.0, "lower": 3.0}, 0.3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.goal_error import goal_error
-from erc_contact.error.goals.trials import moved_pairs
+from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.runs import Run, error_of
 from erc_contact.scene.goal import Goal

@@ -6,23 +6,19 @@ the intersection of the intervals of several t.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from erc_contact.admissible.equilibrate import equilibrated
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
-from erc_contact.base.logs import muted
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.goals.constants import COUNT_OF_T, FACTOR, GROWTH, LEAST_ERROR, POWER
 from erc_contact.error.goals.perturbation import Perturbation
 from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, measure_unmoved, rough_ends
 from erc_contact.error.numbers import Bounds
-from erc_contact.newton.solve import Nearby
 from erc_contact.scene.scene import Scene
 
 PairOf = Callable[[Scene], Admissible]
@@ -180,24 +176,3 @@ class Trials:
         """
         squares = (self.error.scale * self.error.indicators) ** 2
         return squares / (2 * ends.t) + ends.t * ends.d_squares / 4
-
-
-@contextmanager
-def moved_pairs(error: ConstitutiveError, solver: str, tighten: int) -> Iterator[PairOf]:
-    """Return what makes the pairs of moved scenes inside the `with`; collective.
-
-    All share one factor or hierarchy, and start from the pair. What their solves log is
-    for debugging alone: the moved scenes are not the user's.
-
-    Args:
-        error: The error of the pair.
-        solver: As in :func:`erc_contact.newton.solve.solve`.
-        tighten: Greatest number of iterations that tighten a stress.
-    """
-    nearby = Nearby(error.solution, solver)
-
-    def pair_of(scene: Scene) -> Admissible:
-        return equilibrated(nearby.solve(scene), tighten, error.admissible)
-
-    with error.solution.stiffness.in_memory(), muted("interval, moved scene"):
-        yield pair_of
