@@ -39,6 +39,29 @@ def distinct_rows(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
     return np.unique(every, axis=0 if every.ndim > 1 else None)
 
 
+def global_numbers(index_map: Any, numbers: np.ndarray) -> np.ndarray:
+    """Return the numbers on all ranks of numbers of this rank, of any shape."""
+    local = numbers.ravel().astype(np.int32, copy=False)
+    return index_map.local_to_global(local).reshape(numbers.shape)
+
+
+def box(comm: MPI.Comm, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the low and the high corner of the box around points of all ranks.
+
+    Args:
+        comm: Communicator.
+        points: Points of this rank, shape (n, d).
+
+    Returns:
+        Corners, shape (d,) each; infinite if no rank has a point.
+    """
+    low = points.min(axis=0, initial=np.inf)
+    high = points.max(axis=0, initial=-np.inf)
+    comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
+    return low, high
+
+
 def union(comm: MPI.Comm, values: Iterable[Any]) -> set[Any]:
     """Return the values of all ranks, on all ranks."""
     return set().union(*comm.allgather(set(values)))

@@ -134,8 +134,7 @@ class Bodies(NamedMesh):
         d = self.dim
         if self.curved_facets is None or self.geometry is None:
             return np.full(corners.shape, np.nan)
-        of_cells = self.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-        numbers = of_cells[facets[:, 0], facets[:, 1]]
+        numbers = facets_of_cells(self.mesh)[facets[:, 0], facets[:, 1]]
         of_corners = np.repeat(tag_table(self.curved_facets)[numbers], d)
         normals = self.geometry.normals(self.comm, corners.reshape(-1, d), of_corners)
         return normals.reshape(corners.shape)

@@ -21,12 +21,12 @@ from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.ranks import exchange, fetched
+from erc_contact.base.ranks import exchange, fetched, global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
-from erc_contact.mesh.sides import facets_of_cells, inner_facets, outer_facets
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.sides import inner_facets, local_facets, outer_facets
+from erc_contact.mesh.simplex import of_facets
 
 
 def numbered(
@@ -62,8 +62,7 @@ def numbered(
     numbers = np.where(first, start + np.cumsum(first.ravel()).reshape(first.shape) - 1, -1)
     x = mesh.geometry.x[nodes[:owned][first], :d] if places is None else places[:owned][first]
     # The corner in the lowest cell has the same vertex of the glued mesh.
-    vertices = mesh.geometry.index_map().local_to_global(nodes[:owned].ravel())
-    vertices = vertices.reshape(owned, d + 1)
+    vertices = global_numbers(mesh.geometry.index_map(), nodes[:owned])
     cell, corner = np.nonzero(~first)
     known = fetched(comm, np.hstack([vertices, numbers]), lowest_cell[cell, corner])
     same_vertex = known[:, : d + 1] == vertices[cell, corner][:, None]
@@ -154,10 +153,7 @@ def is_pinched(mesh: dmesh.Mesh) -> bool:
 
 def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Return the nodes of facets, each of which belongs to a cell, shape (n, d)."""
-    d = mesh.topology.dim
-    local = np.argmax(facets_of_cells(mesh)[cells] == facets[:, None], axis=1)
-    nodes = cell_nodes(mesh.geometry)[cells]
-    return np.take_along_axis(nodes, facet_vertices(d)[local], axis=1)
+    return of_facets(cell_nodes(mesh.geometry)[cells], local_facets(mesh, facets, cells))
 
 
 def same_ranks(mesh: dmesh.Mesh) -> Callable[..., Any]:

@@ -28,6 +28,7 @@ from erc_contact.mesh.named_shape import NamedShape, measured
 from erc_contact.mesh.naming import Rules, parts_named, regions_named
 from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
+from erc_contact.mesh.sides import connect_facets
 from erc_contact.mesh.size_field import labels_of
 from erc_contact.mesh.splitting import (
     NO_INTERFACE,
@@ -105,12 +106,10 @@ class Domain(Bodies):
                 # A frozen dataclass sets its own members by this detour.
                 object.__setattr__(self, name, table)
         partition.check_mesh(self.mesh)
-        tdim = self.mesh.topology.dim
-        self.mesh.topology.create_connectivity(tdim - 1, tdim)
-        self.mesh.topology.create_connectivity(tdim, tdim - 1)
+        connect_facets(self.mesh)
         if self.facet_tags is None and not self.names:
             none = np.empty(0, dtype=np.int32)
-            object.__setattr__(self, "facet_tags", tags_of(self.mesh, tdim - 1, none, none))
+            object.__setattr__(self, "facet_tags", tags_of(self.mesh, self.dim - 1, none, none))
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
@@ -135,8 +134,7 @@ class Domain(Bodies):
         mesh = self.mesh
         numbers, x = numbered(mesh)
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
-        new.topology.create_connectivity(self.dim, self.dim - 1)
-        new.topology.create_connectivity(self.dim - 1, self.dim)
+        connect_facets(new)
         carried = Carried(mesh, new, numbers)
         object.__setattr__(self, "mesh", new)
         object.__setattr__(self, "facet_tags", carried.marks(self.facet_tags))
@@ -402,7 +400,7 @@ class Domain(Bodies):
         check_opened(mesh, interfaces, interface_of_facet)
         numbers, x = numbered(mesh, cut != NO_INTERFACE, self.places)
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
-        new.topology.create_connectivity(self.dim, self.dim - 1)
+        connect_facets(new)
         carried = Carried(mesh, new, numbers)
         whole = self
         curved = carried.marks(self.curved_facets)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.ranks import of_all
+from erc_contact.base.ranks import box, of_all
 from erc_contact.mesh.closest import closest
 
 CLEARANCE = 0.15
@@ -76,7 +76,8 @@ def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:
     """
     result = np.zeros(len(here.corners), dtype=bool)
     # Only what is near the other surface is looked at in detail.
-    reach = CLEARANCE * _greatest(comm, np.concatenate([here.sizes, there.sizes]))
+    greatest = max(here.sizes.max(initial=0.0), there.sizes.max(initial=0.0))
+    reach = CLEARANCE * comm.allreduce(float(greatest), MPI.MAX)
     close_here = _within(comm, here, there, reach)
     close_there = _within(comm, there, here, reach)
     others = there.chosen(close_there).of_all_ranks(comm)
@@ -118,18 +119,8 @@ def _within(comm: MPI.Comm, facets: Facets, others: Facets, reach: float) -> np.
         others: The others of this rank.
         reach: Margin of the box [length].
     """
-    d = facets.normals.shape[1]
-    places = others.corners.reshape(-1, d)
-    low = np.empty(d)
-    high = np.empty(d)
-    comm.Allreduce(places.min(axis=0, initial=np.inf), low, MPI.MIN)
-    comm.Allreduce(places.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    low, high = box(comm, others.corners.reshape(-1, facets.normals.shape[1]))
     middles = facets.corners.mean(axis=1)
     # A facet whose middle is outside may reach into the box with a corner.
     margin = reach + facets.sizes[:, None]
     return np.all((middles >= low - margin) & (middles <= high + margin), axis=1)
-
-
-def _greatest(comm: MPI.Comm, values: np.ndarray) -> float:
-    """Return the greatest value of all ranks, 0 if there is none; collective."""
-    return float(comm.allreduce(float(values.max(initial=0.0)), MPI.MAX))

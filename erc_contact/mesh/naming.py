@@ -19,8 +19,8 @@ from erc_contact.base.exceptions import InputError, raise_together, together
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.sides import boundary_sides, facets_of_cells, inner_facets
-from erc_contact.mesh.simplex import facet_vertices, outward_normals
+from erc_contact.mesh.sides import boundary_sides, inner_facets, local_facets
+from erc_contact.mesh.simplex import of_facets, outward_normals
 from erc_contact.mesh.tags import NO_TAG, listed, tag_table, tags_of
 from erc_contact.mesh.where import EXAMPLE, as_rules, where
 
@@ -107,9 +107,7 @@ def regions_named(
     x, nodes = mesh.points
     middles = x[nodes].mean(axis=1)
     owned = np.arange(len(nodes)) < mesh.owned_cells
-    table = np.full(len(nodes), NO_TAG, dtype=np.int32)
-    if mesh.cell_tags is not None:
-        table = tag_table(mesh.cell_tags)
+    table = mesh.region_tags
     holds = {}
     for name, entries in rules.items():
         holds[name] = np.zeros(len(nodes), dtype=bool)
@@ -180,9 +178,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     d = mesh.dim
     owned = topology.index_map(d - 1).size_local
     x, of_cells = mesh.points
-    region_of = np.full(len(of_cells), NO_TAG, dtype=np.int32)
-    if mesh.cell_tags is not None:
-        region_of = tag_table(mesh.cell_tags)
+    region_of = mesh.region_tags
     outer = dmesh.exterior_facet_indices(topology)
     outer = outer[~taken[outer]]
     cell, local = boundary_sides(mesh.mesh, outer)
@@ -199,7 +195,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
         own_cell = beside[:, side]
         facets.append(inner)
         cells.append(own_cell)
-        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own_cell] == inner[:, None], axis=1))
+        locals_.append(local_facets(mesh.mesh, inner, own_cell))
         across.append(region_of[beside[:, 1 - side]])
     facet = np.concatenate(facets)
     cell = np.concatenate(cells)
@@ -208,7 +204,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     return _Sides(
         facet,
         x,
-        np.take_along_axis(corners, facet_vertices(d)[local], axis=1),
+        of_facets(corners, local),
         outward_normals(x[corners, :d], local),
         region_of[cell],
         np.concatenate(across),

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.ranks import distinct_rows, of_all
+from erc_contact.base.ranks import box, distinct_rows, of_all
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.simplex import facet_vertices
 
@@ -35,11 +35,8 @@ def spread(comm: MPI.Comm, normals: np.ndarray) -> float:
         comm: The ranks.
         normals: Normals of this rank, shape (n, d).
     """
-    low = normals.min(axis=0, initial=np.inf)
-    high = normals.max(axis=0, initial=-np.inf)
-    lowest = np.min(comm.allgather(low), axis=0)
-    highest = np.max(comm.allgather(high), axis=0)
-    return float((highest - lowest).max())
+    low, high = box(comm, normals)
+    return float((high - low).max())
 
 
 def vertex_normals(
@@ -140,10 +137,7 @@ def _quadric_normals(comm: MPI.Comm, corners: np.ndarray) -> np.ndarray | None:
     """
     d = corners.shape[2]
     points = corners.reshape(-1, d)
-    low = np.full(d, np.inf)
-    high = np.full(d, -np.inf)
-    comm.Allreduce(points.min(axis=0, initial=np.inf), low, MPI.MIN)
-    comm.Allreduce(points.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    low, high = box(comm, points)
     scale = float((high - low).max()) / 2
     y = (points - (low + high) / 2) / scale
     first, second = np.triu_indices(d)

@@ -16,7 +16,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import facet_vertices, measures, outward_normals
+from erc_contact.mesh.simplex import measures, of_facets, outward_normals
 from erc_contact.mesh.tags import tag_table
 
 NAMELESS = "(no name)"
@@ -139,7 +139,7 @@ def parts_of(mesh: NamedMesh) -> Parts:
     cell, local = boundary_sides(mesh.mesh, facets)
     x, points_of = mesh.points
     of_cells = x[points_of[cell], :d]
-    corners = np.take_along_axis(of_cells, facet_vertices(d)[local][..., None], axis=1)
+    corners = of_facets(of_cells, local)
     area = measures(corners)
     outer = np.isin(facets, dmesh.exterior_facet_indices(mesh.mesh.topology))
     # The sums of these columns over the facets of each part make the table.

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.mesh.graphs import components
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import of_facets
 from erc_contact.mesh.tags import NO_TAG
 
 
@@ -102,8 +102,7 @@ class PlainMesh:
 
     def points_of(self, sides: np.ndarray) -> np.ndarray:
         """Return the points of sides (cell, local facet), shape (k, d)."""
-        cells = self.cells[sides[:, 0]]
-        return np.take_along_axis(cells, facet_vertices(self.dim)[sides[:, 1]], axis=1)
+        return of_facets(self.cells[sides[:, 0]], sides[:, 1])
 
     def without_unused_points(self) -> PlainMesh:
         """Return the same mesh without the points that are in no cell."""

@@ -11,6 +11,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.ranks import fetched
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
+from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.tags import NO_TAG, tag_table, tags_of
 
 EDGE_SHEAR = np.eye(3) + 1e-5 * np.array(
@@ -131,13 +132,11 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
         fine, parent_cell, parent_facet = dmesh.refine(mesh, edges, partitioner, kind)
     finally:
         mesh.geometry.x[:] = x
-    fine.topology.create_entities(tdim - 1)
-    fine.topology.create_connectivity(tdim, tdim - 1)
-    fine.topology.create_connectivity(tdim - 1, tdim)
+    connect_facets(fine)
     # DOLFINx gives the local number of the facet in the old cell, -1 inside of it.
     local = parent_facet.reshape(-1, tdim + 1)
-    cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    outer = np.take_along_axis(cell_to_facet[parent_cell], np.maximum(local, 0), axis=1)
+    facets = facets_of_cells(mesh)[parent_cell]
+    outer = np.take_along_axis(facets, np.maximum(local, 0), axis=1)
     refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1), local)
     _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
     return refinement

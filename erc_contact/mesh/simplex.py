@@ -40,6 +40,21 @@ def facet_vertices(d: int) -> np.ndarray:
     return np.array(facets)
 
 
+def of_facets(table: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Take what belongs to the vertices of a facet from tables of cells.
+
+    Args:
+        table: Entries for the vertices of each cell, as points or places, shape (n,
+            d+1, ...).
+        facets: The local facet of each cell, shape (n,).
+
+    Returns:
+        Shape (n, d, ...).
+    """
+    vertices = facet_vertices(table.shape[1] - 1)[facets]
+    return np.asarray(table[np.arange(len(table))[:, None], vertices])
+
+
 def in_space(x: np.ndarray) -> np.ndarray:
     """Return points or vectors (n, d) with three components, shape (n, 3).
 
@@ -221,12 +236,11 @@ def outward_normals(corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
         corners: Corners of the cells [length], shape (n, d+1, d).
         facets: The local facet of each cell, shape (n,).
     """
-    d = corners.shape[2]
-    of_facets = np.take_along_axis(corners, facet_vertices(d)[facets][..., None], axis=1)
-    first = of_facets[:, 0]
-    edges = of_facets[:, 1:] - first[:, None]
+    ends = of_facets(corners, facets)
+    first = ends[:, 0]
+    edges = ends[:, 1:] - first[:, None]
     # Products of coordinates, so that a facet along an axis has a normal along an axis.
-    if d == 2:
+    if corners.shape[2] == 2:
         normals = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
     else:
         normals = np.cross(edges[:, 0], edges[:, 1])

@@ -18,7 +18,6 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.simplex import barycentric, measures, rule
-from erc_contact.mesh.tags import NO_TAG, tag_table
 
 FILL = {2: 4 / np.sqrt(3), 3: 5.0}
 """Number of simplices of size 1 in a unit of area or volume, by dimension.
@@ -119,9 +118,7 @@ def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
     owned = domain.owned_cells
     x, corners = domain.points
     nodes = cell_nodes(domain.mesh.geometry)[:owned]
-    regions = np.full(owned, NO_TAG, dtype=np.int32)
-    if domain.cell_tags is not None:
-        regions = tag_table(domain.cell_tags)[:owned]
+    regions = domain.region_tags[:owned]
     return SizeField(domain.dim, x[corners[:owned]], sizes[nodes], regions)
 
 

@@ -28,6 +28,7 @@ from erc_contact.mesh.files.renaming import renamed
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing
+from erc_contact.mesh.sides import connect_facets
 from erc_contact.mesh.tags import tags_of
 from erc_contact.mesh.touching import tell_gaps
 from erc_contact.mesh.where import Rule
@@ -161,7 +162,7 @@ def _structured(brick: Brick, cells: Sequence[int], comm: MPI.Comm) -> Domain:
     corners = [np.array(brick.low), np.array(brick.high)]
     create = dmesh.create_rectangle if dim == 2 else dmesh.create_box
     mesh = create(comm, corners, list(cells), partitioner=partitioner(comm))
-    mesh.topology.create_connectivity(dim - 1, dim)
+    connect_facets(mesh)
     facets = []
     tags = []
     names: dict[str, int] = {}

@@ -21,14 +21,14 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import union
+from erc_contact.base.ranks import global_numbers, union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.hinges import told, touching
 from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import of_facets
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
 ONE_PLACE = 1e-12
@@ -263,10 +263,8 @@ class Carried:
         d = self.mesh.topology.dim
         tags = self.of_sides(tags)
         # A facet of the glued mesh has one number on all ranks, which both sides know.
-        facets = facets_of_cells(self.glued)
         facet_map = self.glued.topology.index_map(d - 1)
-        numbers = facet_map.local_to_global(facets.ravel()).reshape(facets.shape)
-        numbers = self.of_sides(numbers)
+        numbers = self.of_sides(global_numbers(facet_map, facets_of_cells(self.glued)))
         facing = {}
         for interface in interfaces:
             here, there = _facing(tags, numbers, interface.tags)
@@ -301,9 +299,7 @@ class Carried:
         """
         of_sides = []
         for sides in (here, there):
-            of_cells = cell_nodes(self.mesh.geometry)[sides[:, 0]]
-            local = facet_vertices(self.mesh.topology.dim)[sides[:, 1]]
-            vertices = np.take_along_axis(of_cells, local, axis=1)
+            vertices = of_facets(cell_nodes(self.mesh.geometry)[sides[:, 0]], sides[:, 1])
             order = np.argsort(nodes[vertices], axis=1)
             of_sides.append(self.mesh.geometry.x[np.take_along_axis(vertices, order, axis=1)])
         return float(np.linalg.norm(of_sides[1] - of_sides[0], axis=-1).max(initial=0.0))
@@ -316,8 +312,7 @@ class Carried:
     def _nodes(self) -> np.ndarray:
         """Return the node of the glued mesh of each node of the split mesh."""
         index_map = self.glued.geometry.index_map()
-        nodes = cell_nodes(self.glued.geometry)
-        global_nodes = index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
+        global_nodes = global_numbers(index_map, cell_nodes(self.glued.geometry))
         result = np.empty(len(self.mesh.geometry.x), dtype=np.int64)
         result[cell_nodes(self.mesh.geometry)] = self.of_sides(global_nodes)
         return index_map.global_to_local(result)

@@ -21,12 +21,14 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.named_shape import NamedShape
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.shape import Brick, Drawing
+from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
 from erc_contact.mesh.tags import tag_table, tags_of
 
@@ -41,9 +43,8 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     """
     if domain.glued is not None:
         return _glued_tables(domain)
-    d = domain.dim
     owned = domain.owned_cells
-    facets = domain.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
+    facets = facets_of_cells(domain.mesh)[:owned]
     tables = {"facets": tag_table(domain.facet_tags)[facets]}
     marks = domain.marks_of_sides
     if marks is not None:
@@ -62,7 +63,7 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
     corners = _glued_corners(domain)[: domain.owned_cells]
     geometry = domain.glued.mesh.geometry
     nodes = cell_nodes(geometry)[cells]
-    numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
+    numbers = global_numbers(geometry.index_map(), nodes)
     tables = {"glued": np.take_along_axis(numbers, corners, axis=1)}
     if domain.glued.places is not None:
         in_order = np.take_along_axis(nodes, corners, axis=1)
@@ -249,9 +250,5 @@ class CellRows:
 
     def facet_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
         """Make tags of facets from a table of tags."""
-        topology = self.mesh.topology
-        topology.create_entities(self.d - 1)
-        topology.create_connectivity(self.d, self.d - 1)
-        topology.create_connectivity(self.d - 1, self.d)
-        facets = topology.connectivity(self.d, self.d - 1).array.reshape(-1, self.d + 1)
-        return tags_of(self.mesh, self.d - 1, facets, self.of_facets(table))
+        connect_facets(self.mesh)
+        return tags_of(self.mesh, self.d - 1, facets_of_cells(self.mesh), self.of_facets(table))

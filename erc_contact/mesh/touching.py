@@ -21,7 +21,7 @@ from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.simplex import facet_vertices, in_space, measures, outward_normals
+from erc_contact.mesh.simplex import in_space, measures, of_facets, outward_normals
 from erc_contact.mesh.tags import listed
 from erc_contact.mesh.transfer import gathered_mesh
 
@@ -181,9 +181,8 @@ def _pairs(domain: Bodies) -> list[Touching]:
 
 def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
     """Return the areas of sides (cell, local facet) [length^(d-1)], shape (n,)."""
-    nodes = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
-    nodes = np.take_along_axis(nodes, facet_vertices(domain.dim)[sides[:, 1]], axis=1)
-    return measures(domain.mesh.geometry.x[nodes])
+    cells = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
+    return measures(domain.mesh.geometry.x[of_facets(cells, sides[:, 1])])
 
 
 def _near(domain: Bodies, within: float) -> list[Touching]:

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.closing import closed
 from erc_contact.mesh.given import GivenCells
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.sides import facets_of_cells
-from erc_contact.mesh.tags import NO_TAG, tag_table
+from erc_contact.mesh.sides import connect_facets, facets_of_cells
+from erc_contact.mesh.tags import tag_table
 
 
 def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
@@ -29,10 +30,8 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     d = mesh.dim
     count = mesh.owned_cells
     nodes = cell_nodes(geometry)[:count]
-    numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
-    regions = np.full(count, NO_TAG, dtype=np.int32)
-    if mesh.cell_tags is not None:
-        regions = tag_table(mesh.cell_tags)[:count]
+    numbers = global_numbers(geometry.index_map(), nodes)
+    regions = mesh.region_tags[:count]
     tags = tag_table(mesh.facet_tags)[facets_of_cells(mesh.mesh)[:count]]
     x = geometry.x[: geometry.index_map().size_local, :d]
     parts = comm.gather((x, numbers, regions, tags))
@@ -105,9 +104,7 @@ def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
     """
     cells = plain.cells.astype(np.int64)
     mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
-    d = plain.dim
-    mesh.topology.create_connectivity(d - 1, d)
-    mesh.topology.create_connectivity(d, d - 1)
+    connect_facets(mesh)
     return GivenCells(mesh, cells)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import at_nodes, in_space, node_between, node_vertices
@@ -259,5 +260,4 @@ def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str,
     first, second = swapped_vertices[node_vertices(d, k)].T
     swapped_nodes = node_between(d, k)[first, second]
     cells = np.where(negative[:, None], cells[:, swapped_nodes], cells)
-    numbers = nodes.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
-    return {"points": x[: nodes.size_local].copy(), "cells": numbers}
+    return {"points": x[: nodes.size_local].copy(), "cells": global_numbers(nodes, cells)}

@@ -19,7 +19,7 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.parts_table import NAMELESS, facets_of_parts
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import facet_vertices, in_space, outward_normals
+from erc_contact.mesh.simplex import in_space, of_facets, outward_normals
 from erc_contact.output.bodies import skin_of, straight
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered
@@ -65,7 +65,7 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     facets, part = facets_of_parts(domain)
     cell, local = boundary_sides(domain.mesh, facets)
     of_cells = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cell], :d]
-    corners = np.take_along_axis(of_cells, facet_vertices(d)[local][..., None], axis=1)
+    corners = of_facets(of_cells, local)
     table = gathered(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
     body = gathered(comm, **body_mesh(domain))
     size = domain.extent

@@ -12,7 +12,7 @@ import numpy as np
 
 from erc_contact.admissible.fields import sides_of
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
+from erc_contact.mesh.simplex import bernstein, coefficients, mass, nodes, of_facets
 from erc_contact.model.forces import Force, by_cause, total_force
 
 
@@ -40,7 +40,7 @@ def force(result: Any, part: str) -> Force:
     cell, local = np.divmod(cells.side[0][facets], d + 1)
     # Inside the body, the tractions are those on the first cell of a facet.
     sign = np.where(cell == sides[:, 0], 1.0, -1.0)
-    corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[local], axis=1)
+    corners = of_facets(cells.vertices[cell], local)
     # The moments against hat functions are forces at the corners, with the resultant
     # and the moment of the tractions. They follow from those against Bernstein
     # polynomials.
