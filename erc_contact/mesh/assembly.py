@@ -54,16 +54,15 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     facet_tag = 0
     mark = 0
     for name, domain in bodies.items():
-        glued = domain if domain.glued is None else domain.glued
+        glued = domain.whole
         plain = gathered_mesh(glued)
         new_tags = _region_tags(glued, plain, len(regions) + 1)
         of_body = {f"{name} {region}".rstrip(): tag for region, (_, tag) in new_tags.items()}
         regions = _disjoint(regions, of_body)
         of_body = {f"{name} {part}": tag + facet_tag for part, tag in glued.names.items()}
         names = _disjoint(names, of_body)
-        if domain.interface_map is not None:
-            for interface in domain.interface_map.interfaces:
-                interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
+        for interface in domain.interfaces:
+            interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
         shape = glued.geometry if isinstance(glued.geometry, Shape) else None
         region_tags = tuple(new_tags.values())
         member = Member(shape, glued.names, glued.regions, facet_tag, region_tags, mark)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
 from dolfinx import fem
@@ -14,7 +14,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.mesh import parts
-from erc_contact.mesh.interface_map import InterfaceMap
+from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.surface import offset
@@ -153,11 +153,19 @@ class Bodies(NamedMesh):
         return self.geometry is not None and (not curved or self.curved_facets is not None)
 
     @property
+    def whole(self) -> Self:
+        """Return the glued mesh of a split one; any other mesh is its own."""
+        return self if self.glued is None else cast("Self", self.glued)
+
+    @property
+    def interfaces(self) -> tuple[Interface, ...]:
+        """Return the interfaces along which the mesh is split, none if it is not."""
+        return () if self.interface_map is None else self.interface_map.interfaces
+
+    @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Return the names of the boundary parts that face each other, see split."""
-        if self.interface_map is None:
-            return ()
-        return tuple(interface.names for interface in self.interface_map.interfaces)
+        return tuple(interface.names for interface in self.interfaces)
 
     def distance(self, here: str, there: str | None) -> float:
         """Return the greatest distance of facing vertices of two parts [length].
@@ -180,10 +188,9 @@ class Bodies(NamedMesh):
     def tied_sides(self) -> list[np.ndarray]:
         """Return the sides (cell, local facet) of tied joints, shape (n, 2) each."""
         result: list[np.ndarray] = []
-        if self.interface_map is not None:
-            for interface in self.interface_map.interfaces:
-                if interface.tied:
-                    result += self.facing(*interface.names)
+        for interface in self.interfaces:
+            if interface.tied:
+                result += self.facing(*interface.names)
         return result
 
     def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:

@@ -197,11 +197,9 @@ class Domain(Bodies):
             <Domain in 2D: 16 cells, boundary parts left, right, bottom, top, pad>
         """
         rules = together(self.comm, Rules.of, parts, regions)
-        whole = self if self.glued is None else self.glued
-        interfaces = () if self.interface_map is None else self.interface_map.interfaces
-        together(self.comm, rules.check_before, interfaces)
-        result = whole.renamed(rules, joint.last_tag(self), interfaces)
-        return result if self.glued is None else result.cut(interfaces)
+        together(self.comm, rules.check_before, self.interfaces)
+        result = self.whole.renamed(rules, joint.last_tag(self), self.interfaces)
+        return result if self.glued is None else result.cut(self.interfaces)
 
     def renamed(
         self, rules: Rules, last_tag: int, interfaces: tuple[Interface, ...] = ()
@@ -258,23 +256,22 @@ class Domain(Bodies):
             >>> bodies.split({"punch": "upper", "base": "lower"})
             <Domain in 2D: 16 cells, ..., pairs punch/base of 4 facets>
         """
-        glued = self if self.glued is None else self.glued
-        comm = self.comm
         if sides is None and on is None:
             return self._split_everywhere()
-        together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
+        taken = self.whole.names
+        together(self.comm, parts.check_sides, sides, on, self.names, taken, self.regions)
         tag = joint.last_tag(self) + 1
         assert sides is not None
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
         on_tag = None if on is None else self.names[on]
-        before = () if self.interface_map is None else self.interface_map.interfaces
-        return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
+        interface = Interface((here, there), (tag, tag + 1), regions, on_tag)
+        return self.whole.cut((*self.interfaces, interface))
 
     def _split_everywhere(self) -> Domain:
         """Split between all regions that share facets; collective."""
-        glued = self if self.glued is None else self.glued
-        interfaces = () if self.interface_map is None else self.interface_map.interfaces
+        glued = self.whole
+        interfaces = self.interfaces
         if glued.cell_tags is not None:
             assert isinstance(glued.facet_tags, dmesh.MeshTags)
             before = claimed(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
@@ -353,13 +350,12 @@ class Domain(Bodies):
             >>> both.joined("block bottom", "base top").pairs
             (('block bottom', 'base top'),)
         """
-        glued = self if self.glued is None else self.glued
+        glued = self.whole
         comm = self.comm
         together(comm, joint.check_parts, here, there, glued, self.pairs, apart)
         on = joint.last_tag(self) + 1
         found = joint.joint(glued, here, there, on, tied=tied, apart=apart)
-        before = () if self.interface_map is None else self.interface_map.interfaces
-        interfaces = together(comm, joint.interfaces, before, found.interface, tied)
+        interfaces = together(comm, joint.interfaces, self.interfaces, found.interface, tied)
         shape = None
         if isinstance(glued.geometry, Joinable):
             shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
@@ -376,11 +372,8 @@ class Domain(Bodies):
         Raises:
             InputError: If two parts are no pair of this domain.
         """
-        if self.glued is None or self.interface_map is None:
-            joint.tied_alone((), ties)
-            return self
-        interfaces = joint.tied_alone(self.interface_map.interfaces, ties)
-        return self if interfaces == self.interface_map.interfaces else self.glued.cut(interfaces)
+        interfaces = joint.tied_alone(self.interfaces, ties)
+        return self if interfaces == self.interfaces else self.whole.cut(interfaces)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.
@@ -447,9 +440,7 @@ class Domain(Bodies):
         """
         cells = together(self.comm, checks.cells_to_refine, marked, self.owned_cells)
         if self.glued is not None and self.interface_map is not None:
-            return self.glued.refined(self.interface_map.cells[cells]).cut(
-                self.interface_map.interfaces
-            )
+            return self.glued.refined(self.interface_map.cells[cells]).cut(self.interfaces)
         refinement = refine(self.mesh, cells, partition.partitioner(self.comm))
         fine = refinement.mesh
         facet_tags = refinement.inherited(self.facet_tags)
@@ -503,5 +494,5 @@ class Domain(Bodies):
             )
         if self.glued is not None and self.interface_map is not None:
             at_glued = together(self.comm, self.interface_map.least, h)
-            return self.glued.remeshed(at_glued).cut(self.interface_map.interfaces)
+            return self.glued.remeshed(at_glued).cut(self.interfaces)
         return self.geometry.meshed(self, h)

@@ -155,28 +155,21 @@ def _is_chosen(regions: tuple[str, str], chosen: list[set[str]]) -> bool:
 
 def _pairs(domain: Bodies) -> list[Touching]:
     """Return the pairs of a split domain that are not tied; collective."""
-    if domain.interface_map is None:
-        return []
     name_of = {tag: name for name, tag in domain.regions.items()}
     rows = []
-    areas = []
-    distances = []
-    for interface in domain.interface_map.interfaces:
+    for interface in domain.interfaces:
         if interface.tied:
             continue
         sides = []
         for side in interface.regions:
-            tags = side if isinstance(side, tuple) else (side,)
+            tags = np.atleast_1d(side).tolist()
             sides.append(" and ".join(name_of[tag] for tag in tags))
         here, _ = domain.facing(*interface.names)
-        areas.append(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
-        rows.append((*interface.names, (sides[0], sides[1])))
-        distances.append(domain.interface_map.distance(*interface.names))
-    total = domain.comm.allreduce(np.array(areas), MPI.SUM)
-    return [
-        Touching(*row, float(area), distance)
-        for row, area, distance in zip(rows, total, distances, strict=True)
-    ]
+        area = float(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
+        area = domain.comm.allreduce(area, MPI.SUM)
+        distance = domain.distance(*interface.names)
+        rows.append(Touching(*interface.names, (sides[0], sides[1]), area, distance))
+    return rows
 
 
 def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:

@@ -94,11 +94,11 @@ def check_parts(
 
 def last_tag(bodies: Bodies) -> int:
     """Return the greatest tag of the parts and facets of a domain; collective."""
-    glued = bodies if bodies.glued is None else bodies.glued
+    glued = bodies.whole
     used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
-    if bodies.interface_map is not None:
+    for interface in bodies.interfaces:
         # Tags of tied joints are on no facet.
-        used += [tag for interface in bodies.interface_map.interfaces for tag in interface.tags]
+        used += interface.tags
     return bodies.comm.allreduce(int(max(used, default=0)), MPI.MAX)
 
 
