@@ -94,11 +94,11 @@ def meshed(
             return built(mesh_of_model(model), marks, numbered=False)
 
         new = spread_from(comm, 0, make, subject)
-    # Without regions gmsh's tags stand for the group "body", which nobody asked for.
-    cell_tags = new.cell_tags if labels.regions else None
-    return Domain(
-        new.mesh, new.facet_tags, labels.names, cell_tags, labels.regions, geometry, new.marks
-    )
+    new |= {"names": labels.names, "regions": labels.regions}
+    if not labels.regions:
+        # gmsh's tags stand for the group "body" then, which nobody asked for.
+        new["cell_tags"] = None
+    return Domain(**new, geometry=geometry)
 
 
 def _sorted(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

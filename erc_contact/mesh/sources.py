@@ -20,7 +20,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.domain import Domain, Geometry
 from erc_contact.mesh.drawings.kept import Kept, drawing_of
 from erc_contact.mesh.drawings.reading import Wanted, has_geometry, open_geometry
-from erc_contact.mesh.files.building import Built, Spread, built, spread_from
+from erc_contact.mesh.files.building import Built, built, spread_from
 from erc_contact.mesh.files.file_mesh import FacetSet
 from erc_contact.mesh.files.of_gmsh import grouped, marked_entities, mesh_of_model
 from erc_contact.mesh.files.reading import read
@@ -296,7 +296,7 @@ def read_mesh(
             mesh = read(path, numbered=not has_rules)
             return built(mesh if names is None else renamed(mesh, names), numbered=not has_rules)
 
-        domain = _domain_of(spread_from(comm, 0, make, subject))
+        domain = Domain(**spread_from(comm, 0, make, subject))
     if has_rules:
         domain = domain.named(parts, regions=regions)
     if not is_drawing:
@@ -362,24 +362,11 @@ def _from_model(
             mesh = mesh if names is None else renamed(mesh, names)
             return built(mesh, marks, numbered=not has_rules)
 
-    spread = spread_from(comm, rank, make, "The gmsh model")
+    tables = spread_from(comm, rank, make, "The gmsh model")
     shape: Geometry | None = geometry
     found = comm.bcast(drawing[0] if drawing else None, root=rank)
     if found is not None:
         suffix, text, curved = found
         # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
         shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
-    return _domain_of(spread, shape)
-
-
-def _domain_of(spread: Spread, shape: Geometry | None = None) -> Domain:
-    """Return the domain of a mesh that was spread over the ranks; collective."""
-    return Domain(
-        spread.mesh,
-        spread.facet_tags,
-        spread.names,
-        spread.cell_tags,
-        spread.regions,
-        shape,
-        spread.marks,
-    )
+    return Domain(**tables, geometry=shape)

@@ -92,40 +92,32 @@ def _ordered(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
     return result, rows, corners[rows]
 
 
-def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
+def spread(comm: MPI.Comm, plain: PlainMesh, root: int = 0) -> dict[str, Any]:
     """Distribute the mesh of one rank over all ranks; collective.
 
     Args:
         comm: Communicator.
-        plain: The mesh on one rank, one without cells on the other ranks.
-
-    Returns:
-        What relates the cells of the mesh of all ranks to cells of ``plain``.
-    """
-    cells = plain.cells.astype(np.int64)
-    mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
-    connect_facets(mesh)
-    return GivenCells(mesh, cells)
-
-
-def spread(comm: MPI.Comm, plain: PlainMesh) -> dict[str, Any]:
-    """Distribute the mesh of rank 0 over all ranks; collective.
+        plain: The mesh on one rank, a mesh without cells on the other ranks.
+        root: The rank that has it.
 
     Returns:
         The arguments of a domain: "mesh", "facet_tags", "cell_tags", "curved_facets",
         "places" and "marks".
     """
     places = None
-    has_marks = comm.bcast(plain.marks is not None)
-    if comm.bcast(plain.glued is not None):
+    has_marks, is_glued = comm.bcast((plain.marks is not None, plain.glued is not None), root)
+    if is_glued:
         places = plain.x[plain.cells]
         if plain.glued is not None:
             _, numbers = np.unique(plain.glued, return_inverse=True)
             x = closed(plain.x, plain.cells, numbers)
             plain = replace(plain, x=x, cells=numbers[plain.cells])
-    given = given_cells(comm, plain)
+    cells = plain.cells.astype(np.int64)
+    mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
+    connect_facets(mesh)
+    given = GivenCells(mesh, cells)
     tables = {
-        "mesh": given.mesh,
+        "mesh": mesh,
         "facet_tags": given.facet_tags(plain.tags),
         "cell_tags": given.cell_tags(plain.regions),
         "curved_facets": None,

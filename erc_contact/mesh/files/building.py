@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
@@ -21,7 +21,7 @@ from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import given_cells
+from erc_contact.mesh.transfer import spread
 
 BOUNDARY = "boundary"
 """Name of the part of a file without sets of facets: all of the outer facets."""
@@ -38,10 +38,9 @@ class Built:
     """Hold a mesh of simplices made of a file.
 
     Attributes:
-        plain: The mesh, with tags of regions and sides.
+        plain: The mesh, with tags of regions and sides, and marks of sides if any.
         names: Name of each part -> its tag.
         regions: Name of each region -> its tag.
-        marks: Marks of sides, shape (m, d+1), or None.
         nodes: The point of the file at each point of the mesh, -1 where it is new.
         notes: What was left out or changed, in words.
     """
@@ -49,7 +48,6 @@ class Built:
     plain: PlainMesh
     names: dict[str, int]
     regions: dict[str, int]
-    marks: np.ndarray | None
     nodes: np.ndarray
     notes: tuple[str, ...]
 
@@ -95,9 +93,9 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = Tr
 
     used, cells = np.unique(simplices.cells, return_inverse=True)
     nodes = np.where(used < len(body.x), used, -1)
-    plain = PlainMesh(simplices.x[used], cells.reshape(simplices.cells.shape), of_simplices, tags)
+    plain = PlainMesh(simplices.x[used], cells, of_simplices, tags, marks=side_marks)
     notes += _unconnected(plain, regions)
-    return Built(plain, names, regions, side_marks, nodes, tuple(notes))
+    return Built(plain, names, regions, nodes, tuple(notes))
 
 
 def _unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
@@ -259,28 +257,9 @@ def _side_tags(simplices: Simplices, faces: Faces, tag_of_face: np.ndarray) -> n
     return tags
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """Hold a mesh of all ranks with its tags.
-
-    Attributes:
-        mesh: The mesh.
-        facet_tags: Tags of parts.
-        cell_tags: Tags of regions.
-        names: Name of each part -> its tag.
-        regions: Name of each region -> its tag.
-        marks: Marks of facets, or None.
-    """
-
-    mesh: dmesh.Mesh
-    facet_tags: dmesh.MeshTags
-    cell_tags: dmesh.MeshTags
-    names: dict[str, int]
-    regions: dict[str, int]
-    marks: dmesh.MeshTags | None
-
-
-def spread_from(comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: str) -> Spread:
+def spread_from(
+    comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: str
+) -> dict[str, Any]:
     """Make a mesh on a rank and spread it over all; collective.
 
     What was left out is told once.
@@ -290,6 +269,10 @@ def spread_from(comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: s
         rank: The rank that makes the mesh.
         make: Function that makes it, called there.
         subject: Subject of messages.
+
+    Returns:
+        The arguments of a domain: "names", "regions", and those of
+        :func:`erc_contact.mesh.transfer.spread`.
 
     Raises:
         InputError: On all ranks, what ``make`` raises.
@@ -306,25 +289,15 @@ def spread_from(comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: s
     raise_together(comm, error)
     head = None
     if made is not None:
-        head = (made.plain.dim, made.names, made.regions, made.notes, made.marks is not None)
-    dim, names, regions, notes, marked = comm.bcast(head, root=rank)
+        head = (made.plain.dim, made.names, made.regions, made.notes)
+    dim, names, regions, notes = comm.bcast(head, root=rank)
     if notes:
         log_of(comm).warning("%s: left out or changed: %s.", subject, "; ".join(notes))
     empty = np.empty((0, dim + 1), dtype=np.int64)
     plain = PlainMesh(np.empty((0, dim)), empty, empty[:, 0], empty)
-    marks = empty if marked else None
     if made is not None:
         plain = made.plain
-        marks = made.marks
-    given = given_cells(comm, plain)
-    return Spread(
-        given.mesh,
-        given.facet_tags(plain.tags),
-        given.cell_tags(plain.regions),
-        names,
-        regions,
-        None if marks is None else given.facet_tags(marks),
-    )
+    return {"names": names, "regions": regions, **spread(comm, plain, rank)}
 
 
 def _about(subject: str, reason: str) -> str:

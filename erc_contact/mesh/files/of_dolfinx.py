@@ -57,9 +57,9 @@ def simplicial(
 
     new = spread_from(comm, 0, make, "The mesh of DOLFINx")
     return (
-        new.mesh,
-        None if facet_tags is None else new.facet_tags,
-        None if cell_tags is None else new.cell_tags,
+        new["mesh"],
+        None if facet_tags is None else new["facet_tags"],
+        None if cell_tags is None else new["cell_tags"],
     )
 
 
