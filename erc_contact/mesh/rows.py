@@ -1,4 +1,4 @@
-"""Number rows of whole numbers by their entries."""
+"""Number rows of whole numbers by their entries, and look values up by rows."""
 
 from __future__ import annotations
 
@@ -30,3 +30,24 @@ def row_numbers(rows: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
         greatest *= size
     _, numbers = np.unique(keys, return_inverse=True)
     return np.split(numbers, np.cumsum([len(table) for table in tables])[:-1])
+
+
+def look_up(
+    rows: np.ndarray, values: np.ndarray, wanted: np.ndarray, missing: int = -1
+) -> np.ndarray:
+    """Return the values of the rows that have the entries of wanted rows, in any order.
+
+    Args:
+        rows: Whole numbers, shape (n, k).
+        values: The whole number that belongs to each row, shape (n,).
+        wanted: Rows whose values are wanted, shape (m, k).
+        missing: Stands for the value where no row has the entries.
+
+    Returns:
+        Shape (m,).
+    """
+    numbers, of_wanted = row_numbers(rows, wanted)
+    count = 1 + max(numbers.max(initial=-1), of_wanted.max(initial=-1))
+    table = np.full(count, missing)
+    table[numbers] = values
+    return table[of_wanted]

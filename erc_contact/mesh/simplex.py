@@ -211,6 +211,18 @@ def averages(d: int, k: int, points: np.ndarray, weights: np.ndarray) -> np.ndar
     return shape.T * weights / (weights @ shape)[:, None]
 
 
+def determinants(corners: np.ndarray) -> np.ndarray:
+    """Compute d! times the volumes of simplices, with a sign [length^d].
+
+    Args:
+        corners: Corners [length], shape (..., d+1, d).
+
+    Returns:
+        Shape (...).
+    """
+    return np.linalg.det(corners[..., 1:, :] - corners[..., :1, :])
+
+
 def measures(corners: np.ndarray) -> np.ndarray:
     """Compute lengths, areas or volumes of simplices [length^p].
 
@@ -220,10 +232,11 @@ def measures(corners: np.ndarray) -> np.ndarray:
     Returns:
         Shape (...).
     """
-    edges = corners[..., 1:, :] - corners[..., :1, :]
-    p, d = edges.shape[-2:]
+    vertices, d = corners.shape[-2:]
+    p = vertices - 1
     if p == d:
-        return abs(np.linalg.det(edges)) / factorial(p)
+        return abs(determinants(corners)) / factorial(p)
+    edges = corners[..., 1:, :] - corners[..., :1, :]
     # Gram's determinant is the square of the measure, times (p!)^2.
     gram = edges @ edges.swapaxes(-1, -2)
     return np.sqrt(abs(np.linalg.det(gram))) / factorial(p)

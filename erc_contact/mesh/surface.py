@@ -23,7 +23,7 @@ from mpi4py import MPI
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import facets_of_cells
-from erc_contact.mesh.simplex import lagrange, of_facets, rule
+from erc_contact.mesh.simplex import determinants, lagrange, of_facets, rule
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the nearest points (n, d) of the true surface; collective. It
@@ -110,11 +110,10 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
     move = vector.array.reshape(-1, d)
     move[moved_nodes] = moves
     vector.scatter_forward()
-    before = np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])
+    before = determinants(x[cells])
     # Each round holds back at least one vertex more.
     while True:
-        moved = x + move
-        after = np.linalg.det(moved[cells[:, 1:]] - moved[cells[:, :1]])
+        after = determinants((x + move)[cells])
         crushed = np.unique(cells[after / before < LEAST_VOLUME])
         back = crushed[move[crushed].any(axis=1)]
         if not lasting(mesh.comm).allreduce(len(back), MPI.SUM):

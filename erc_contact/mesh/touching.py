@@ -20,7 +20,6 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import in_space, measures, of_facets, outward_normals
 from erc_contact.mesh.tags import listed
 from erc_contact.mesh.transfer import gathered_mesh
@@ -245,10 +244,7 @@ def _surfaces(
     plain: PlainMesh, regions: dict[int, str], tags: dict[int, str]
 ) -> Iterator[_RegionSurface]:
     """Iterate over the named surfaces of regions."""
-    sides = np.argwhere(np.isin(plain.tags, list(tags)))
-    every = np.argwhere(np.ones_like(plain.tags, dtype=bool))
-    numbers, of_sides = row_numbers(plain.points_of(every), plain.points_of(sides))
-    sides = sides[np.bincount(numbers)[of_sides] == 1]
+    sides = np.argwhere(np.isin(plain.tags, list(tags)) & plain.is_outer)
     corners = in_space(plain.x)[plain.points_of(sides)]
     normals = outward_normals(plain.x[plain.cells[sides[:, 0]]], sides[:, 1])
     for region in regions:

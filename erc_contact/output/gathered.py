@@ -18,7 +18,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import at_nodes, in_space, node_between, node_vertices
+from erc_contact.mesh.simplex import at_nodes, determinants, in_space, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.profile import given_way
@@ -253,8 +253,7 @@ def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str,
         d: Dimension.
     """
     k = degree_of(cells, d)
-    ends = x[cells[:, : d + 1], :d]
-    negative = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
+    negative = determinants(x[cells[:, : d + 1], :d]) < 0
     # Two swapped vertices turn the orientation; the nodes on the edges go with them.
     swapped_vertices = np.array([*range(d - 1), d, d - 1])
     first, second = swapped_vertices[node_vertices(d, k)].T

@@ -18,7 +18,7 @@ from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, in_words,
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.rows import look_up
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.mesh.transfer import spread
@@ -210,10 +210,8 @@ def _faces_at(body: Body, faces: Faces, corners: np.ndarray) -> np.ndarray:
     near = np.zeros(len(body.same), dtype=bool)
     near[wanted] = True
     candidates = np.flatnonzero(near[faces.corners].all(axis=1) & (faces.number >= 0))
-    there, here = row_numbers(distinct(faces.corners[candidates]), distinct(wanted))
-    number_of = np.full(max(here.max(initial=-1), there.max(initial=-1)) + 1, -1)
-    number_of[there] = faces.number[candidates]
-    return np.where(known, number_of[here], -1)
+    there = distinct(faces.corners[candidates])
+    return np.where(known, look_up(there, faces.number[candidates], distinct(wanted)), -1)
 
 
 def _faces_within(body: Body, faces: Faces, nodes: np.ndarray) -> np.ndarray:
@@ -250,10 +248,7 @@ def _side_tags(simplices: Simplices, faces: Faces, tag_of_face: np.ndarray) -> n
     near[facets] = True
     sides = simplices.cells[:, facet_vertices(d)]
     cell, side = np.nonzero(near[sides].all(axis=2))
-    there, here = row_numbers(sides[cell, side], facets)
-    value_of = np.full(max(there.max(initial=-1), here.max(initial=-1)) + 1, NO_TAG)
-    value_of[here] = values
-    tags[cell, side] = value_of[there]
+    tags[cell, side] = look_up(facets, values, sides[cell, side], NO_TAG)
     return tags
 
 

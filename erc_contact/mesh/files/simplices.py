@@ -21,6 +21,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.cleaning import Body
 from erc_contact.mesh.files.faces import Faces, cross
 from erc_contact.mesh.files.file_mesh import Block, counted, in_words
+from erc_contact.mesh.simplex import determinants
 
 FLAT_SHARE = 0.02
 """Volume of a part of a cell, by the mean of its parts, below which it is poor [-]."""
@@ -87,8 +88,7 @@ def _of_quadrilaterals(x: np.ndarray, block: Block) -> tuple[np.ndarray, np.ndar
     """
     corners = block.nodes
     options = corners[:, [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]]]
-    edges = x[options[..., 1:]] - x[options[..., :1]]
-    areas = np.linalg.det(edges)
+    areas = determinants(x[options])
     whole = areas.sum(axis=2)
     shares = areas * np.sign(whole)[..., None]
     least = shares.min(axis=2)
@@ -187,9 +187,8 @@ def _check_volumes(simplices: Simplices) -> None:
     """
     corners = simplices.x[simplices.cells]
     d = corners.shape[2]
-    edges = corners[:, 1:] - corners[:, :1]
-    volumes = abs(np.linalg.det(edges))
-    longest = abs(edges).max(axis=(1, 2))
+    volumes = abs(determinants(corners))
+    longest = abs(corners[:, 1:] - corners[:, :1]).max(axis=(1, 2))
     flat = np.flatnonzero(volumes <= NO_VOLUME * longest**d)
     if len(flat):
         parents = np.unique(simplices.parents[flat])

@@ -23,7 +23,9 @@ from erc_contact.base.percent import enough
 from erc_contact.mesh.joining.curve import Curve, curves, directed
 from erc_contact.mesh.joining.cutting import cut
 from erc_contact.mesh.joining.thresholds import CLOSE, CORNER, CRUSHED, FACING, SAME
+from erc_contact.mesh.joining.triangles import edge_lengths
 from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.simplex import determinants
 from erc_contact.mesh.tags import NO_TAG
 
 HEIGHTS = 1.5
@@ -90,7 +92,7 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     places = place[rows.reshape(points.shape)]
     of_points = distance[rows.reshape(points.shape)]
     apart = of_points.max(axis=1)
-    lengths = np.linalg.norm(plain.x[end] - plain.x[start], axis=1)
+    lengths = edge_lengths(plain.x, points)
     step = places[:, 1] - places[:, 0]
     if curve.closed:
         # A facet may go over the vertex where the places begin anew.
@@ -130,13 +132,18 @@ def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray
     Facets of length h on a curve of radius R are h^2 / (8 R) high. The curve turns by
     h / R at each vertex.
     """
-    turn = abs(curve.turns)
-    turn = np.where(turn < CORNER, turn, 0.0)
+    turn = _bends(curve)
     curve_lengths = curve.lengths[facet]
     curvature = np.maximum(turn[facet], turn[facet + 1]) / curve_lengths
     height = (curve_lengths**2 + lengths**2) * curvature / 8
     shorter = np.minimum(curve_lengths, lengths)
     return np.minimum(SAME * shorter + HEIGHTS * height, NEAR * shorter)
+
+
+def _bends(curve: Curve) -> np.ndarray:
+    """Return the angle by which a curve turns at each vertex, zero at corners."""
+    turns = abs(curve.turns)
+    return np.where(turns < CORNER, turns, 0.0)
 
 
 def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep: bool) -> PlainMesh:
@@ -152,8 +159,8 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
         else:
             moved, points = _in_one_place(plain, common)
         # A cell that is turned over has a negative share of its area.
-        before = _areas(plain.x, plain.cells)
-        after = _areas(moved.x, moved.cells)
+        before = determinants(plain.x[plain.cells])
+        after = determinants(moved.x[moved.cells])
         if np.all(after / before > CRUSHED):
             sides = np.concatenate([common.free_sides, common.alone_sides])
             parts = cut(moved.x, moved.cells, moved.tags, sides, points)
@@ -253,8 +260,7 @@ def _turns_beside(curve: Curve) -> np.ndarray:
 
     Corners do not count. Shape (k+1,).
     """
-    turns = abs(curve.turns)
-    turns = np.where(turns < CORNER, turns, 0.0)
+    turns = _bends(curve)
     before, after = turns[-2:-1], turns[1:2]
     if not curve.closed:
         before = after = np.zeros(1)
@@ -372,8 +378,3 @@ def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     ends = np.unique([start, end])
     fixed[ends] |= ~(cosine[ends] > np.cos(CORNER))
     return fixed
-
-
-def _areas(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Compute twice the areas of triangles, with a sign [length^2]."""
-    return np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])

@@ -12,6 +12,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.gmsh_session import FIELD, has_netgen, session
 from erc_contact.mesh.graphs import components
+from erc_contact.mesh.joining.triangles import edge_lengths
 from erc_contact.mesh.simplex import in_space
 
 MARGIN = 0.3
@@ -98,7 +99,6 @@ def triangulated(
         InputError: If gmsh does not keep the edges.
     """
     used, edges = np.unique(edges, return_inverse=True)
-    edges = edges.reshape(-1, 2)
     unit = _Unit.of(y[used])
     given = unit.scaled(y[used])
     low = -np.full(2, MARGIN)
@@ -158,7 +158,7 @@ def _set_field(gmsh: Any, *, extend: bool) -> None:
 
 def _near_edges(gmsh: Any, x: np.ndarray, edges: np.ndarray, lines: list[int]) -> list[int]:
     """Make fields of sizes that grow from the lengths of edges."""
-    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    length = edge_lengths(x, edges)
     octaves = np.floor(np.log2(length))
     fields = []
     for octave in np.unique(octaves):
@@ -257,7 +257,6 @@ def filled(
         InputError: If gmsh fails.
     """
     used, triangles = np.unique(triangles, return_inverse=True)
-    triangles = triangles.reshape(-1, 3)
     unit = _Unit.of(x[used])
     given = unit.scaled(x[used])
     links = np.concatenate([triangles[:, :2], triangles[:, 1:]])

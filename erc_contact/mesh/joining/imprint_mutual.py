@@ -20,8 +20,8 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.loops import area_vectors, outer_edges
 from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, oriented
+from erc_contact.mesh.joining.triangles import area_vectors
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 
@@ -136,8 +136,7 @@ def _taken_in_part(
 
 def _side(plain: PlainMesh, tag: int) -> FacetSide:
     """Return the triangles of a side, oriented."""
-    triangles = oriented(plain, plain.sides(tag))
-    return FacetSide(plain.x, triangles, outer_edges(triangles))
+    return FacetSide.of(plain.x, oriented(plain, plain.sides(tag)))
 
 
 def _lie_on(side: FacetSide, other_side: FacetSide, apart: float, beside: float) -> np.ndarray:
@@ -188,8 +187,8 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     first, second = (_side(plain, tag) for tag in (here, there))
     number1, number2 = row_numbers(first.triangles, second.triangles)
     is_common = np.isin(number1, number2)
-    uncommon1 = _part(first, ~is_common)
-    uncommon2 = _part(second, ~np.isin(number2, number1))
+    uncommon1 = FacetSide.of(plain.x, first.triangles[~is_common])
+    uncommon2 = FacetSide.of(plain.x, second.triangles[~np.isin(number2, number1)])
     areas = np.linalg.norm(area_vectors(plain.x[first.triangles]), axis=1)
     if is_common.all() or not len(uncommon2.triangles):
         return 0.0
@@ -201,9 +200,3 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     faces = (cosine < -FACING) & (distance <= allowed)
     left = np.bincount(of_point, faces, len(uncommon1.triangles)) / len(PLACES)
     return float(left @ areas[~is_common] / areas[is_common].sum())
-
-
-def _part(side: FacetSide, chosen: np.ndarray) -> FacetSide:
-    """Return some triangles of a side."""
-    triangles = side.triangles[chosen]
-    return FacetSide(side.x, triangles, outer_edges(triangles))

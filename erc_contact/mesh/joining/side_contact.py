@@ -13,8 +13,9 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.loops import area_vectors, closed, loops, outer_edges
+from erc_contact.mesh.joining.loops import closed, loops, outer_edges
 from erc_contact.mesh.joining.thresholds import CORNER, FACING, SAME
+from erc_contact.mesh.joining.triangles import area_vectors, side_lengths
 from erc_contact.mesh.plain import PlainMesh
 
 HEIGHTS = 2.0
@@ -46,6 +47,11 @@ class FacetSide:
     triangles: np.ndarray
     outline: np.ndarray
 
+    @classmethod
+    def of(cls, x: np.ndarray, triangles: np.ndarray) -> FacetSide:
+        """Make it of triangles, and find their outline."""
+        return cls(x, triangles, outer_edges(triangles))
+
     @cached_property
     def normals(self) -> np.ndarray:
         """Return the outward unit normals of the triangles, shape (k, 3)."""
@@ -55,16 +61,12 @@ class FacetSide:
     @cached_property
     def point_normals(self) -> np.ndarray:
         """Return the mean normals at all points, zero elsewhere, shape (n, 3)."""
-        result = np.zeros(self.x.shape)
-        np.add.at(result, self.triangles, self.normals[:, None])
-        size = np.linalg.norm(result, axis=1, keepdims=True)
-        return result / np.where(size > 0, size, 1.0)
+        return mean_normals(self.x, self.triangles, self.normals)
 
     @cached_property
     def _lengths(self) -> np.ndarray:
         """Return the lengths of the edges of the triangles [length], shape (k, 3)."""
-        corners = self.x[self.triangles]
-        return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        return side_lengths(self.x[self.triangles])
 
     @property
     def shortest(self) -> float:
@@ -102,6 +104,23 @@ class FacetSide:
         result = np.zeros(len(self.x))
         np.maximum.at(result, self.triangles, self.facet_heights[:, None])
         return result
+
+
+def mean_normals(x: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return unit normals at points from normals of triangles, shape (n, 3).
+
+    Args:
+        x: Points [length], shape (n, 3).
+        triangles: The triangles, shape (k, 3).
+        normals: Their normals, as long as they count, shape (k, 3).
+
+    Returns:
+        Zero at points of no triangle.
+    """
+    result = np.zeros(x.shape)
+    np.add.at(result, triangles, normals[:, None])
+    size = np.linalg.norm(result, axis=1, keepdims=True)
+    return result / np.where(size > 0, size, 1.0)
 
 
 def oriented(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
