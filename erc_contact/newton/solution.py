@@ -43,8 +43,8 @@ from erc_contact.newton.rest import (
     displacement_at_rest,
     displacement_back_at_rest,
 )
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,10 +29,8 @@ from erc_contact.scene.potential import (
     refuse_potential,
     tells_convexity,
 )
-from erc_contact.scene.rigid import Rigid
-from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
-from erc_contact.scene.support import Displacement
+from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.tied import Tied
 from erc_contact.scene.words import in_words
 
