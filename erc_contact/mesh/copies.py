@@ -1,9 +1,14 @@
-"""Number the copies of the nodes at interfaces, where a mesh is split.
+"""Number the copies of nodes where a mesh is split, and tear it at hinges.
 
-A vertex gets as many nodes as there are groups of cells around it that are connected by
-common facets without crossing an interface. So the rim of an interface, where it ends
-inside a body or on its surface, needs no rule of its own. Where cells meet at a vertex
-or an edge alone, a mesh is torn by the same rule. Other vertices stay as they are.
+A vertex at an interface gets as many nodes as there are groups of cells around it that
+are connected by common facets without crossing an interface. So the rim of an
+interface, where it ends inside a body or on its surface, needs no rule of its own.
+Other vertices stay as they are.
+
+Where cells meet at a vertex or an edge without a common facet, such a point would be a
+hinge of the elements alone: in elasticity it transmits no force, and no stress in
+equilibrium does. So a mesh is torn there by the same rule, and messages about what
+nothing holds name these points.
 
 Every rank has all cells around the vertices of its own cells, so it finds their groups
 alone.
@@ -21,12 +26,17 @@ from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.ranks import exchange, fetched, global_numbers
+from erc_contact.base.ranks import distinct_rows, exchange, fetched, global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
 from erc_contact.mesh.sides import inner_facets, local_facets, outer_facets
 from erc_contact.mesh.simplex import of_facets
+
+ROUND_OFF = 1e-12
+"""Coordinate that is told as zero, over the size of the bodies [-]."""
+TOLD = 3
+"""Greatest number of points in a message."""
 
 
 def numbered(
@@ -171,3 +181,29 @@ def same_ranks(mesh: dmesh.Mesh) -> Callable[..., Any]:
         return adjacency
 
     return repeat
+
+
+def touching(comm: MPI.Comm, x: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the points that belong to several groups; collective.
+
+    Args:
+        comm: The ranks.
+        x: Points of this rank [length], shape (n, d).
+        group: Group of each, shape (n,).
+
+    Returns:
+        The points, and the group of each, one row for each point and group; the same on
+        all ranks.
+    """
+    rows = distinct_rows(comm, np.column_stack([x, group]))
+    _, number, count = np.unique(rows[:, :-1], axis=0, return_inverse=True, return_counts=True)
+    rows = rows[count[number.ravel()] > 1]
+    return rows[:, :-1], rows[:, -1].astype(int)
+
+
+def told(points: np.ndarray, size: float) -> str:
+    """Return points (n, d) in words; what is round-off of a size [length] is zero."""
+    points = np.unique(np.where(abs(points) < ROUND_OFF * size, 0.0, points), axis=0)
+    words = [f"({', '.join(f'{value:.4g}' for value in point)})" for point in points[:TOLD]]
+    more = len(points) - len(words)
+    return ", ".join(words) + (f" and {more} more" if more else "")

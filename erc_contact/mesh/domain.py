@@ -24,8 +24,7 @@ from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_close
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.joining import joint
-from erc_contact.mesh.named_shape import NamedShape, measured
-from erc_contact.mesh.naming import Rules, parts_named, regions_named
+from erc_contact.mesh.naming import NamedShape, Rules, measured, parts_named, regions_named
 from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.sides import connect_facets

@@ -20,8 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.mesh.cuts import Cuts, Pieces, first_pieces
-from erc_contact.mesh.quadrature import bisected, piece_samples
+from erc_contact.mesh.quadrature import Cuts, Pieces, bisected, first_pieces, piece_samples
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""

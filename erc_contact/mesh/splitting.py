@@ -24,12 +24,12 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ranks import global_numbers, union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.given import GivenCells
-from erc_contact.mesh.hinges import told, touching
+from erc_contact.mesh.copies import told, touching
 from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
 from erc_contact.mesh.simplex import of_facets
 from erc_contact.mesh.tags import NO_TAG, tag_table
+from erc_contact.mesh.transfer import GivenCells
 
 ONE_PLACE = 1e-12
 """Distance of two sides over the greatest coordinate that is round-off [-]."""

@@ -25,7 +25,7 @@ from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.named_shape import NamedShape
+from erc_contact.mesh.naming import NamedShape
 from erc_contact.mesh.partition import distributed
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.sides import connect_facets, facets_of_cells

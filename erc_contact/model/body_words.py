@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from erc_contact.base.ranks import union
 from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.hinges import told, touching
+from erc_contact.mesh.copies import told, touching
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.model.space import Space
 

@@ -9,7 +9,7 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.cuts import Cuts
+from erc_contact.mesh.quadrature import Cuts
 from erc_contact.mesh.simplex import barycentric
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.space import Space

@@ -12,6 +12,11 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.material import Value
 
+STIFFNESS = "a number >= 0 [force/length^3]"
+"""What is allowed, in words."""
+AXES = "xyz"
+"""Names of the axes, for messages."""
+
 
 @dataclass(frozen=True)
 class Displacement:
@@ -51,10 +56,6 @@ class Displacement:
     def is_moved(self) -> bool:
         """Tell whether a displacement is prescribed that is not zero."""
         return any(callable(component) or component for component in self.value)
-
-
-STIFFNESS = "a number >= 0 [force/length^3]"
-"""What is allowed, in words."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +98,6 @@ class Spring:
             object.__setattr__(self, name, float(value))
         if self.normal == self.tangential == 0.0:
             raise InputError(f"{what} has no stiffness; leave it out.")
-
-
-AXES = "xyz"
-"""Names of the axes, for messages."""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,16 @@ the file have there.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError
+from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.ranks import from_first
 from erc_contact.mesh.files.cleaning import edges_of
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh
+from erc_contact.mesh.files.reading import read
 from erc_contact.mesh.rows import row_numbers
 
 NAMES = ("disp", "u", "depl")
@@ -172,3 +176,27 @@ def _edge_nodes(mesh: FileMesh, block: Block) -> dict[tuple[int, int], int]:
     gaps = np.linalg.norm(x[:, count:, None] - middles[:, None], axis=3).mean(axis=0)
     nearest = gaps.argmin(axis=0)
     return {(int(a), int(b)): count + int(nearest[i]) for i, (a, b) in enumerate(ends)}
+
+
+def from_file(comm: MPI.Comm, path: str | Path) -> FileField:
+    """Read the displacement of a file of results; collective.
+
+    Args:
+        comm: Communicator.
+        path: The file.
+
+    Raises:
+        InputError: On all ranks, if the file is missing, unreadable, or has no
+            displacement at its points.
+    """
+    field: FileField | None = None
+    error: InputError | None = None
+    if comm.rank == 0:
+        try:
+            field = displacement_of(read(Path(path), numbered=False))
+        except Exception as reason:  # every rank must learn of it
+            error = InputError(f"certify: the file {str(path)!r} cannot be used: {reason}")
+    raise_together(comm, error)
+    found = from_first(comm, field)
+    assert found is not None
+    return found
