@@ -154,7 +154,7 @@ class Bodies(NamedMesh):
 
     @property
     def whole(self) -> Self:
-        """Return the glued mesh of a split one; any other mesh is its own."""
+        """Return the glued mesh of a split domain, and an unsplit domain itself."""
         return self if self.glued is None else cast("Self", self.glued)
 
     @property

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import combinations
-from numbers import Real
 
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
 from erc_contact.base.logs import log_of
@@ -125,8 +125,7 @@ def _checked(domain: Bodies, regions: Sequence[str], within: float) -> list[set[
         InputError: If it is none, there are more than two, or the distance is no
             number >= 0.
     """
-    is_number = isinstance(within, Real) and not isinstance(within, bool)
-    if not is_number or not 0 <= within < np.inf:
+    if not is_number(within) or within < 0:
         raise InputError(f"touching: within is {within!r}; give a distance >= 0 [length].")
     if len(regions) > 2:
         raise InputError(f"touching: got {len(regions)} regions; give none, one or two.")

@@ -89,7 +89,7 @@ def write_report(
             :func:`erc_contact.output.verdict.verdict`.
         forces: Forces on the body by their cause, see
             :func:`erc_contact.results.reactions`; the same on all ranks.
-        code: The run as code, see :mod:`erc_contact.output.as_code`.
+        code: The run as code, see :func:`run_as_code`.
         note: What else has to be said of it, below the heading.
     """
     file = Path(path)

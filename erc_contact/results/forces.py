@@ -16,7 +16,7 @@ import numpy as np
 from erc_contact.admissible.fields import sides_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import bernstein, coefficients, mass, nodes, of_facets
+from erc_contact.mesh.simplex import bernstein, coefficients, in_space, mass, nodes, of_facets
 from erc_contact.model.forces import Force, by_cause, total_force
 from erc_contact.model.model import Model
 from erc_contact.scene.contact import Symmetry
@@ -106,13 +106,8 @@ def whole_force(result: Any, part: str) -> Force:
         whole += pulled
         # A reflection changes the sign of a moment, which is a cross product.
         moment += np.linalg.det(linear) * (turned @ own_moment)
-        moment += np.cross(_in_space(shift), _in_space(pulled))
+        moment += np.cross(*in_space(np.array([shift, pulled])))
     return Force(whole, moment[-len(of_part.moment) :])
-
-
-def _in_space(vector: np.ndarray) -> np.ndarray:
-    """Return a vector with three components."""
-    return np.append(vector, np.zeros(3 - len(vector)))
 
 
 def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -8,6 +8,7 @@ from math import isfinite
 from numbers import Real
 from typing import Any
 
+from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.material import Value
@@ -89,8 +90,7 @@ class Spring:
         what = f"Spring({self.facets!r})"
         for name in ("normal", "tangential"):
             value: Any = getattr(self, name)
-            is_number = isinstance(value, Real) and not isinstance(value, bool)
-            if not is_number or not isfinite(value) or value < 0:
+            if not is_number(value) or value < 0:
                 raise InputError(
                     f"{what}: {name} is {value!r}; give {STIFFNESS}. Where it varies, use several"
                     " boundary parts."

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
-from numbers import Real
 from typing import Any
 
+from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name
 
@@ -116,7 +115,7 @@ class Preload(Tied):
         """Check that an argument is a finite number, or None."""
         if value is None:
             return
-        if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+        if not is_number(value):
             raise InputError(
                 f"{self._what}: {name} is {value!r}; give a finite number. In a history the scene"
                 " is a function of time, and so is it."
