@@ -26,6 +26,7 @@ from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.percent import place_words
 from erc_contact.base.ranks import distinct_rows, exchange, fetched, global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
@@ -134,11 +135,11 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:
     count = int(corner_of_touched.sum())
     number = np.full(nodes.shape, -1)
     number[corner_of_touched] = np.arange(count)
-    row, place = np.nonzero(touched[vertex])
+    row, column = np.nonzero(touched[vertex])
     ends = []
     for side in range(2):
         cell = cells[row, side]
-        corner = np.argmax(nodes[cell] == vertex[row, place][:, None], axis=1)
+        corner = np.argmax(nodes[cell] == vertex[row, column][:, None], axis=1)
         ends.append(number[cell, corner])
     group[corner_of_touched] = len(mesh.geometry.x) + components(count, np.column_stack(ends))
     return group
@@ -204,6 +205,6 @@ def touching(comm: MPI.Comm, x: np.ndarray, group: np.ndarray) -> tuple[np.ndarr
 def told(points: np.ndarray, size: float) -> str:
     """Return points (n, d) in words; what is round-off of a size [length] is zero."""
     points = np.unique(np.where(abs(points) < ROUND_OFF * size, 0.0, points), axis=0)
-    words = [f"({', '.join(f'{value:.4g}' for value in point)})" for point in points[:TOLD]]
+    words = [place_words(point) for point in points[:TOLD]]
     more = len(points) - len(words)
     return ", ".join(words) + (f" and {more} more" if more else "")

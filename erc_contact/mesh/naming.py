@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
@@ -288,7 +289,7 @@ def _check_claims(
         if not counts[i, i]:
             error = InputError(
                 f"named: the rule of {name!r} holds on no {kind}; it must hold at all vertices of "
-                f"a {kind}. The mesh goes from {_words(low)} to {_words(high)}"
+                f"a {kind}. The mesh goes from {place_words(low)} to {place_words(high)}"
                 + (", and sides of pairs are not taken." if kind == "facet" else ".")
             )
         for j in range(i):
@@ -329,11 +330,6 @@ def _painted(
     remains = comm.allreduce(here, MPI.SUM)
     left = {name: tag for (name, tag), n in zip(result.items(), remains, strict=True) if n}
     return table, left
-
-
-def _words(corner: np.ndarray) -> str:
-    """Return a place in words."""
-    return f"({', '.join(f'{value:.4g}' for value in corner)})"
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from erc_contact.base.ranks import from_first
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
+from erc_contact.mesh.parts_table import in_columns
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.simplex import in_space, measures, of_facets, outward_normals
 from erc_contact.mesh.tags import listed
@@ -66,14 +67,7 @@ class Pairs(tuple[Touching, ...]):
 
     def __str__(self) -> str:
         """Return the table as text."""
-        rows = [self.HEADER, *self._rows()]
-        widths = [max(len(row[column]) for row in rows) for column in range(4)]
-        lines = []
-        for first, second, *numbers in rows:
-            words = [first.ljust(widths[0]), second.ljust(widths[1])]
-            words += [n.rjust(width) for n, width in zip(numbers, widths[2:], strict=True)]
-            lines.append("  ".join(words))
-        return "\n".join(lines)
+        return in_columns([self.HEADER, *self._rows()], numbers=(2, 3))
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook."""

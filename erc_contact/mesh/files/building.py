@@ -11,10 +11,11 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.files.cleaning import Body, body_of
 from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
-from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, in_words, padded
+from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
@@ -117,7 +118,7 @@ def _unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
             at = plain.x[here[first[here_count > 1][0]]]
             notes.append(
                 f"region {name!r} has {int((here_count > 1).sum())} places with several points, as "
-                f"{in_words(at)}: its pieces are not connected there; merge the points if it "
+                f"{place_words(at, 6)}: its pieces are not connected there; merge the points if it "
                 "is one body, or give the pieces regions of their own"
             )
     return notes

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh, in_words
+from erc_contact.base.percent import place_words
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.rows import row_numbers
 
@@ -111,7 +112,7 @@ def _check_rows(mesh: FileMesh, used: np.ndarray) -> None:
     if len(bad):
         raise InputError(
             f"{len(bad)} points of cells have coordinates that are no numbers, the first is point "
-            f"{bad[0] + 1} at {in_words(mesh.points[bad[0]])}; look how the file was written."
+            f"{bad[0] + 1} at {place_words(mesh.points[bad[0]], 6)}; look how the file was written."
         )
 
 

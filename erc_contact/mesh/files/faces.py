@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import SHAPES, Block, in_words
+from erc_contact.base.percent import place_words
+from erc_contact.mesh.files.file_mesh import SHAPES, Block
 from erc_contact.mesh.rows import row_numbers
 
 SLIVER = 0.02
@@ -74,8 +75,8 @@ def faces_of(blocks: Sequence[Block], x: np.ndarray) -> Faces:
         at = x[corners[crowded[0]]].mean(axis=0)
         raise InputError(
             f"{len(np.unique(number[crowded]))} faces belong to three cells or more, one near "
-            f"{in_words(at)}: cells lie over each other. Mesh the body anew, or leave the extra "
-            "cells out."
+            f"{place_words(at, 6)}: cells lie over each other. Mesh the body anew, or leave the "
+            "extra cells out."
         )
     by_second = np.zeros(len(count), dtype=bool)
     if corners.shape[1] == 4:

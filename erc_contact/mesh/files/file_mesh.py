@@ -57,17 +57,6 @@ SHAPES = {
     "pyramid": Shape(3, ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4))),
 }
 """The shapes by name."""
-PLURALS = {"vertex": "vertices", "hexahedron": "hexahedra", "tetrahedron": "tetrahedra"}
-
-
-def counted(number: int, shape: str) -> str:
-    """Return a number of cells of a shape in words."""
-    return f"{number} {shape}" if number == 1 else f"{number} {PLURALS.get(shape, shape + 's')}"
-
-
-def in_words(x: np.ndarray) -> str:
-    """Return a point in words."""
-    return "(" + ", ".join(f"{value:.6g}" for value in x) + ")"
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import counted, place_words
 from erc_contact.mesh.files.cleaning import Body
 from erc_contact.mesh.files.faces import Faces, cross
-from erc_contact.mesh.files.file_mesh import Block, counted, in_words
+from erc_contact.mesh.files.file_mesh import Block
 from erc_contact.mesh.simplex import determinants
 
 FLAT_SHARE = 0.02
@@ -195,13 +196,14 @@ def _check_volumes(simplices: Simplices) -> None:
         at = corners[flat[0]].mean(axis=0)
         raise InputError(
             f"{len(parents)} cells have a flat part, without volume, the first near "
-            f"{in_words(at)}: corners lie on a line or in a plane. Mesh there anew, or move one."
+            f"{place_words(at, 6)}: corners lie on a line or in a plane. Mesh there anew, or move "
+            "one."
         )
 
 
 def _refuse(number: int, shape: str, at: np.ndarray, what: str) -> None:
     """Raise an error about cells of a shape."""
     raise InputError(
-        f"cells {what}: {counted(number, shape)}, the first near {in_words(at)}; mesh there anew, "
-        "or move a point."
+        f"cells {what}: {counted(number, shape)}, the first near {place_words(at, 6)}; mesh there "
+        "anew, or move a point."
     )

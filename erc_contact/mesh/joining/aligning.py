@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import enough
+from erc_contact.base.percent import enough, place_words
 from erc_contact.mesh.joining.curve import Curve, curves, directed
 from erc_contact.mesh.joining.cutting import cut
 from erc_contact.mesh.joining.thresholds import CLOSE, CORNER, CRUSHED, FACING, SAME
@@ -88,9 +88,9 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     start, end = directed(plain.x, plain.cells, sides, left=False)
     points = np.column_stack([start, end])
     used, rows = np.unique(points, return_inverse=True)
-    place, distance = curve.projected(plain.x[used])
-    places = place[rows.reshape(points.shape)]
-    of_points = distance[rows.reshape(points.shape)]
+    of_used, distance = curve.projected(plain.x[used])
+    places = of_used[rows]
+    of_points = distance[rows]
     apart = of_points.max(axis=1)
     lengths = edge_lengths(plain.x, points)
     step = places[:, 1] - places[:, 0]
@@ -98,8 +98,8 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
         # A facet may go over the vertex where the places begin anew.
         step -= curve.length * np.round(step / curve.length)
         places[:, 1] = places[:, 0] + step
-    middle = places.mean(axis=1)
-    facet = curve.facet_at(middle % curve.length if curve.closed else middle)
+    middles = places.mean(axis=1)
+    facet = curve.facet_at(middles % curve.length if curve.closed else middles)
     shorter = np.minimum(lengths, curve.lengths[facet])
     common = np.minimum(places[:, 1], curve.length) - np.maximum(places[:, 0], 0.0)
     against = step > FACING * lengths
@@ -109,7 +109,7 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     beyond = against & ~near & (apart < shorter + allowance)
     if beyond.any():
         worst = np.flatnonzero(beyond)[np.argmax(apart[beyond])]
-        x, y = plain.x[points[worst]].mean(axis=0)
+        middle = place_words(plain.x[points[worst]].mean(axis=0))
         # What is allowed decides which facets face each other, too.
         excess = apart - _allowed(curve, facet, lengths)
         needed = allowance
@@ -118,7 +118,7 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
             beyond = against & (excess > needed) & (apart < shorter + needed)
         clearance = enough(max(needed, apart[worst]))
         raise InputError(
-            f"joined: the parts are {apart[worst]:.3g} apart near ({x:.4g}, {y:.4g}), where "
+            f"joined: the parts are {apart[worst]:.3g} apart near {middle}, where "
             f"facets have the length {shorter[worst]:.3g}. Give a clearance or an interference by "
             f"apart= ({clearance} is enough), and by gap= of the contact; take smaller facets if "
             "the sides are curved."
@@ -170,10 +170,10 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
             if moved.marks is not None:
                 marks = cut(moved.x, moved.cells, moved.marks, sides, points).tags
             return PlainMesh(parts.x, parts.triangles, regions, parts.tags, glued, marks)
-    x, y = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
+    middle = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
     raise InputError(
-        f"joined: the vertices of the second part cannot move to the first one near ({x:.4g}, "
-        f"{y:.4g}), the cells there are too flat. Mesh the parts with similar facets."
+        "joined: the vertices of the second part cannot move to the first one near "
+        f"{place_words(middle)}, the cells there are too flat. Mesh the parts with similar facets."
     )
 
 

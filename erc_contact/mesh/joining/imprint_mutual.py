@@ -19,6 +19,7 @@ from itertools import product
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, oriented
 from erc_contact.mesh.joining.triangles import area_vectors
@@ -97,10 +98,10 @@ def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> Inp
     worst = np.argmax(distance / sizes)
     if distance[worst] > NEAR_FACETS * sizes[worst]:
         return None
-    place = ", ".join(f"{coordinate:.4g}" for coordinate in plain.x[points[worst]])
+    at_worst = place_words(plain.x[points[worst]])
     return InputError(
         "joined: each of the curved parts ends amid the other one, and their outlines nearly run "
-        f"together: they are {distance[worst]:.3g} apart near ({place}), where facets have edges "
+        f"together: they are {distance[worst]:.3g} apart near {at_worst}, where facets have edges "
         f"of {sizes[worst]:.3g}. Mesh both parts there with facets of half that distance, or let "
         "the bodies end at the same place."
     )

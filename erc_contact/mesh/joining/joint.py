@@ -17,6 +17,7 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.interface_map import Interface, Regions
 from erc_contact.mesh.joining.aligning import aligned
@@ -168,10 +169,9 @@ def _moved_side_words(here: str, there: str, apart: float) -> str:
 
 def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> str:
     """Say that a corner has moved from its place by a distance [length]."""
-    place = ", ".join(f"{coordinate + 0.0:.6g}" for coordinate in corner)
     return (
-        f"joined: the corner ({place}) moved by {distance:.3g}, as {here!r} and {there!r} are that"
-        " near there: the bodies of the mesh are solved and certified. Draw both"
+        f"joined: the corner {place_words(corner, 6)} moved by {distance:.3g}, as {here!r} and "
+        f"{there!r} are that near there: the bodies of the mesh are solved and certified. Draw both"
         " corners in one place, or farther apart than a thousandth of an edge; give a clearance by"
         " gap=."
     )
@@ -253,9 +253,9 @@ def _check_regions(regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, i
     in_both = np.intersect1d(*regions)
     if NO_TAG in np.concatenate(regions) or len(in_both):
         called = [repr(name) for name, tag in names.items() if tag in in_both]
-        place = f"the region {', '.join(called)}" if called else "no region of their own"
+        shared = f"the region {', '.join(called)}" if called else "no region of their own"
         raise InputError(
-            f"joined: both parts are in {place}, so nothing tells one side from the other. Give "
+            f"joined: both parts are in {shared}, so nothing tells one side from the other. Give "
             "each body a region: by a physical group of cells in gmsh, by cell_tags= and regions= "
             "of Domain, or mesh them apart and put them together by assembly."
         )

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import enough
+from erc_contact.base.percent import enough, place_words
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.joining.loops import closed, loops, outer_edges
 from erc_contact.mesh.joining.thresholds import CORNER, FACING, SAME
@@ -181,13 +181,12 @@ def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact
     allowed[points] = apart + allowance(kept, points, taken, facet)
     excess = distance - allowed[points]
     worst = np.argmax(excess)
-    place = ", ".join(f"{coordinate:.4g}" for coordinate in x[points[worst]])
     beyond = float(excess[worst])
     message = (
-        f"joined: the parts are {distance[worst]:.3g} apart near ({place}), and a part is curved. "
-        "Each facet of one of them must lie on the other one: name the parts where the bodies "
-        f"touch, and give a clearance or an interference by apart= ({enough(apart + beyond)} is "
-        "enough), and by gap= of the contact."
+        f"joined: the parts are {distance[worst]:.3g} apart near {place_words(x[points[worst]])}, "
+        "and a part is curved. Each facet of one of them must lie on the other one: name the "
+        "parts where the bodies touch, and give a clearance or an interference by apart= "
+        f"({enough(apart + beyond)} is enough), and by gap= of the contact."
     )
     middles, _, _ = closest(x[kept.triangles].mean(axis=1), corners)
     cosine = np.einsum("ij,ij->i", kept.normals, taken.normals[middles]).max()
