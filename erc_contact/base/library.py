@@ -18,7 +18,6 @@ import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from fcntl import LOCK_EX, flock
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -30,7 +29,7 @@ import numpy as np
 from dolfinx.jit import get_options
 
 from erc_contact.base.exceptions import ErcContactError
-from erc_contact.base.runtime.form_library import compiler
+from erc_contact.base.runtime.form_library import compiled_once, compiler
 
 COMPILER_FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
@@ -133,24 +132,10 @@ def _path(folder: Path, dimension: int) -> Path:
 
 def _compiled(folder: Path, dimension: int) -> Path:
     """Return the path of the compiled library; compile it if it is not there."""
-    path = _path(folder, dimension)
-    if path.exists():
-        return path
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_name(f"{path.name}.lock").open("w")
-    except OSError:
-        of_process = Path(tempfile.mkdtemp(prefix="erc_contact_"))
-        return _compile(folder, dimension, of_process / path.name)
-    with lock:
-        # Other ranks and processes wait here, and then find it.
-        flock(lock, LOCK_EX)
-        if not path.exists():
-            _compile(folder, dimension, path)
-        return path
+    return compiled_once(_path(folder, dimension), lambda path: _compile(folder, dimension, path))
 
 
-def _compile(folder: Path, dimension: int, path: Path) -> Path:
+def _compile(folder: Path, dimension: int, path: Path) -> None:
     """Compile all sources, each on its core, and link them.
 
     The library appears at its path when it is complete.
@@ -180,7 +165,6 @@ def _compile(folder: Path, dimension: int, path: Path) -> Path:
                 "too; set the environment variable CC to a compiler that works, GCC or Clang."
             )
         linked.replace(path)
-    return path
 
 
 def _command(dimension: int) -> list[str]:

@@ -18,8 +18,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ranks import box
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
+from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import in_space
 from erc_contact.mesh.tags import NO_TAG, listed, tag_table
 
 INSIDE_CELLS = "DG inside cells"

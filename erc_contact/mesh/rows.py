@@ -1,4 +1,7 @@
-"""Number rows of whole numbers by their entries, and look values up by rows."""
+"""Work with tables by rows: number them by their entries, look values up, pad them.
+
+It needs numpy alone, as readers of files do in processes of their own.
+"""
 
 from __future__ import annotations
 
@@ -51,3 +54,11 @@ def look_up(
     table = np.full(count, missing)
     table[numbers] = values
     return table[of_wanted]
+
+
+def in_space(x: np.ndarray) -> np.ndarray:
+    """Return points or vectors (n, d) with three components, shape (n, 3).
+
+    gmsh, DOLFINx and VTK want them so.
+    """
+    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))

@@ -25,7 +25,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import MARK_PREFIX
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.remeshing import meshed
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.size_field import Labels, SizeField, labels_of, size_field
 
 SIDES = {

@@ -55,14 +55,6 @@ def of_facets(table: np.ndarray, facets: np.ndarray) -> np.ndarray:
     return np.asarray(table[np.arange(len(table))[:, None], vertices])
 
 
-def in_space(x: np.ndarray) -> np.ndarray:
-    """Return points or vectors (n, d) with three components, shape (n, 3).
-
-    gmsh, DOLFINx and VTK want them so.
-    """
-    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
-
-
 def barycentric(points: np.ndarray) -> np.ndarray:
     """Compute barycentric coordinates of reference points, shape (q, d) -> (q, d+1)."""
     return np.column_stack([1 - points.sum(axis=1), points])

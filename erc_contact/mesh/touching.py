@@ -21,7 +21,8 @@ from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.parts_table import in_columns
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.simplex import in_space, measures, of_facets, outward_normals
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import measures, of_facets, outward_normals
 from erc_contact.mesh.tags import listed
 from erc_contact.mesh.transfer import gathered_mesh
 

@@ -15,7 +15,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import barycentric, in_space
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import barycentric
 from erc_contact.mesh.tags import listed
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force

@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import edges, in_space
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import edges
 from erc_contact.model.profile import OPEN
 from erc_contact.output.bodies import DIVISIONS, sampled, straight
 from erc_contact.output.drawing import tangents

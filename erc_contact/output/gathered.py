@@ -18,7 +18,8 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import at_nodes, determinants, in_space, node_between, node_vertices
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import at_nodes, determinants, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.profile import given_way

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.simplex import bernstein, in_space, lagrange, nodes
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import bernstein, lagrange, nodes
 from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.profile import contact_status

@@ -18,8 +18,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.parts_table import NAMELESS, facets_of_parts
+from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import in_space, of_facets, outward_normals
+from erc_contact.mesh.simplex import of_facets, outward_normals
 from erc_contact.output.bodies import skin_of, straight
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gathered

@@ -57,6 +57,25 @@ SHAPES = {
     "pyramid": Shape(3, ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4))),
 }
 """The shapes by name."""
+NODES: dict[int, dict[str, tuple[int, ...]]] = {
+    1: {"line": (2, 3)},
+    2: {"triangle": (3, 6), "quadrilateral": (4, 8, 9)},
+    3: {
+        "tetrahedron": (4, 10),
+        "pyramid": (5, 13),
+        "prism": (6, 15),
+        "hexahedron": (8, 20, 27),
+    },
+}
+"""Numbers of nodes of the elements that programs have, by dimension and shape."""
+
+
+def shape_with(dim: int, nodes: int) -> str | None:
+    """Return the shape of a dimension that has a number of nodes, None if none has."""
+    for shape, counts in NODES.get(dim, {}).items():
+        if nodes in counts:
+            return shape
+    return None
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -61,7 +62,7 @@ def mesh_of_model(model: Any) -> FileMesh:
     rows, points = _points(model)
     blocks: dict[str, list[np.ndarray]] = {}
     places: dict[tuple[int, int], list[tuple[str, int, int]]] = {}
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     for d, tag in model.getEntities():
         if d < dim - 1:
             continue
@@ -69,7 +70,7 @@ def mesh_of_model(model: Any) -> FileMesh:
             name, _, _, nodes_each, _, _ = model.mesh.getElementProperties(kind)
             shape = SHAPE_NAMES.get(name.split()[0])
             if shape is None or not nodes_each:
-                left_out[name] = left_out.get(name, 0) + len(elements)
+                left_out[name] += len(elements)
                 continue
             nodes = rows[flat.astype(np.int64)].reshape(-1, nodes_each)
             key = f"{shape} {nodes_each}"

@@ -17,7 +17,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, by_tags
 from erc_contact.mesh.files.of_vtk import vectors_of
 from erc_contact.mesh.files.tag_fields import tagged_sets
-from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.rows import in_space, row_numbers
 
 SHAPE_NAMES = {
     "polyvertex": "vertex",
@@ -142,7 +142,7 @@ def _points(path: Path, geometry: Any) -> np.ndarray:
         table = np.column_stack([_data(path, item).ravel() for item in items])
     else:
         table = _data(path, items[0]).reshape(-1, 2 if kind == "XY" else 3)
-    return np.pad(table.astype(float), ((0, 0), (0, 3 - table.shape[1])))
+    return in_space(table.astype(float))
 
 
 def _grid(path: Path, grid: Any, topology: Any) -> _Grid:

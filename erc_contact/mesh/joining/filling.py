@@ -13,7 +13,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.gmsh_session import FIELD, has_netgen, session
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.joining.triangles import edge_lengths
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.rows import in_space
 
 MARGIN = 0.3
 """Width of the frame around the edges in a plane, by their extent [-]."""
