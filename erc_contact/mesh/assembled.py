@@ -9,35 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.bodies import Bodies, Geometry
 from erc_contact.mesh.joining.joint import joint
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.size_field import Labels, SizeField, size_field
+from erc_contact.mesh.size_field import Labels, SizeField
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.mesh.transfer import gathered_mesh, spread
 
 B = TypeVar("B", bound=Bodies)
 """Type of a domain."""
-
-
-@runtime_checkable
-class Shape(Protocol):
-    """Represent the true shape of a body that can be meshed as part of a whole."""
-
-    def meshed_by(self, like: Any, sizes: SizeField, labels: Labels) -> Any:
-        """Mesh it with sizes in the cells of a mesh; collective.
-
-        Args:
-            like: A domain on the same communicator.
-            sizes: The sizes.
-            labels: The names of the new mesh.
-        """
 
 
 @dataclass(frozen=True)
@@ -54,7 +40,7 @@ class Member:
         first_mark: What is added to the marks of its curves or surfaces.
     """
 
-    shape: Shape | None
+    shape: Geometry | None
     names: Mapping[str, int]
     regions: Mapping[str, int]
     first_tag: int
@@ -117,11 +103,6 @@ class Assembled:
             return replace(of_model(glued), joints=(joint,))
         return replace(self, joints=(*self.joints, joint))
 
-    def meshed(self, domain: B, sizes: np.ndarray) -> B:
-        """Mesh the bodies with other sizes, see :meth:`Domain.remeshed`; collective."""
-        labels = Labels(self.names, self.regions, curved=False)
-        return self.meshed_by(domain, size_field(domain, sizes), labels)
-
     def meshed_by(self, like: B, sizes: SizeField, labels: Labels) -> B:
         """Mesh the bodies, put them together and glue them again; collective.
 
@@ -176,8 +157,6 @@ class Assembled:
 
 def of_model(glued: Bodies) -> Assembled:
     """Return the shape of bodies of one model, which are not connected."""
-    assert isinstance(glued.geometry, Shape)
-    shape: Shape = glued.geometry
     same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
-    member = Member(shape, glued.names, glued.regions, 0, same)
+    member = Member(glued.geometry, glued.names, glued.regions, 0, same)
     return Assembled((member,), glued.names, glued.regions)

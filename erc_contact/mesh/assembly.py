@@ -10,7 +10,8 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.mesh.assembled import Assembled, Member, Shape
+from erc_contact.mesh.assembled import Assembled, Member
+from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.interface_map import Interface, Regions
 from erc_contact.mesh.joining.joint import last_tag
@@ -63,7 +64,7 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
         names = _disjoint(names, of_body)
         for interface in domain.interfaces:
             interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
-        shape = glued.geometry if isinstance(glued.geometry, Shape) else None
+        shape = glued.geometry if isinstance(glued.geometry, Geometry) else None
         region_tags = tuple(new_tags.values())
         member = Member(shape, glued.names, glued.regions, facet_tag, region_tags, mark)
         plains.append(member.placed(plain))

@@ -21,8 +21,9 @@ from erc_contact.mesh.surface import offset
 from erc_contact.mesh.tags import tag_table
 
 
-class TrueSurface(Protocol):
-    """Represent the true surface of a body."""
+@runtime_checkable
+class Geometry(Protocol):
+    """Represent the true shape of a body: its surface, and how to mesh it again."""
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.
@@ -42,10 +43,14 @@ class TrueSurface(Protocol):
             Shape (n, d); their signs are open.
         """
 
+    def meshed_by(self, like: Any, sizes: Any, labels: Any) -> Any:
+        """Mesh it with sizes in the cells of a mesh; collective.
 
-@runtime_checkable
-class Joinable(Protocol):
-    """Represent a true shape of bodies that can be joined again on each mesh."""
+        Args:
+            like: A domain on the same communicator.
+            sizes: The sizes, see :mod:`erc_contact.mesh.size_field`.
+            labels: The names of the new mesh, if the shape knows none of its own.
+        """
 
     def with_joint(self, glued: Any, joint: tuple[str, str, int, bool, float]) -> Any:
         """Return the shape with one joint more.
@@ -70,7 +75,7 @@ class Bodies(NamedMesh):
         interface_map: What relates the nodes and cells of both, or None.
     """
 
-    geometry: TrueSurface | None = field(default=None, repr=False)
+    geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Bodies | None = field(default=None, repr=False)
     interface_map: InterfaceMap | None = field(default=None, repr=False)

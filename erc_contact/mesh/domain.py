@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +18,7 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
-from erc_contact.mesh.bodies import Bodies, Joinable, TrueSurface
+from erc_contact.mesh.bodies import Bodies, Geometry
 from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.interface_map import Interface
@@ -28,7 +27,7 @@ from erc_contact.mesh.naming import NamedShape, Rules, measured, parts_named, re
 from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.sides import connect_facets
-from erc_contact.mesh.size_field import labels_of
+from erc_contact.mesh.size_field import labels_of, size_field, sizes_at_nodes
 from erc_contact.mesh.splitting import (
     NO_INTERFACE,
     Carried,
@@ -42,13 +41,6 @@ from erc_contact.mesh.tags import shared, tag_table, tags_of
 from erc_contact.mesh.touching import Pairs, touching
 from erc_contact.mesh.transfer import spread
 from erc_contact.mesh.where import Rule
-
-
-class Geometry(TrueSurface, Protocol):
-    """Represent the true shape of a body: its surface, and how to mesh it again."""
-
-    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
-        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,7 +81,6 @@ class Domain(Bodies):
         20
     """
 
-    geometry: Geometry | None = field(default=None, repr=False)
     glued: Domain | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -356,7 +347,7 @@ class Domain(Bodies):
         found = joint.joint(glued, here, there, on, tied=tied, apart=apart)
         interfaces = together(comm, joint.interfaces, self.interfaces, found.interface, tied)
         shape = None
-        if isinstance(glued.geometry, Joinable):
+        if isinstance(glued.geometry, Geometry):
             shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
         tables = spread(comm, found.plain)
         whole = Domain(names=found.names, regions=self.regions, geometry=shape, **tables)
@@ -484,7 +475,8 @@ class Domain(Bodies):
             InputError: If the geometry is not known, a size is not > 0 and finite, or
                 gmsh fails.
         """
-        h = together(self.comm, parts.checked_sizes, sizes)
+        nodes = len(self.mesh.geometry.x)
+        h = together(self.comm, sizes_at_nodes, sizes, nodes)
         if self.geometry is None:
             raise InputError(
                 "The true geometry of this domain is not known, only its mesh; refine it by "
@@ -492,6 +484,6 @@ class Domain(Bodies):
                 "read_mesh of a .geo file."
             )
         if self.glued is not None and self.interface_map is not None:
-            at_glued = together(self.comm, self.interface_map.least, h)
-            return self.glued.remeshed(at_glued).cut(self.interfaces)
-        return self.geometry.meshed(self, h)
+            return self.glued.remeshed(self.interface_map.least(h)).cut(self.interfaces)
+        labels = labels_of(self, self.curved_facets)
+        return self.geometry.meshed_by(self, size_field(self, h), labels)

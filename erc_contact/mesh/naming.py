@@ -26,7 +26,7 @@ from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.sides import boundary_sides, inner_facets, local_facets
 from erc_contact.mesh.simplex import measures, of_facets, outward_normals
-from erc_contact.mesh.size_field import Labels, SizeField, size_field
+from erc_contact.mesh.size_field import Labels, SizeField
 from erc_contact.mesh.tags import NO_TAG, listed, tag_table, tags_of
 from erc_contact.mesh.where import EXAMPLE, as_rules, where
 
@@ -366,10 +366,6 @@ class NamedShape:
         """Return the opposite corner, or None."""
         return getattr(self.shape, "high", None)
 
-    def meshed(self, domain: Any, sizes: np.ndarray) -> Any:
-        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return self.meshed_by(domain, size_field(domain, sizes), self.labels)
-
     def meshed_by(self, like: Any, sizes: SizeField, labels: Labels) -> Any:
         """Mesh the shape with sizes in the cells of a mesh, and name it; collective.
 
@@ -401,13 +397,11 @@ class NamedShape:
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective."""
-        nearest: np.ndarray = self.shape.nearest(comm, points, marks)
-        return nearest
+        return np.asarray(self.shape.nearest(comm, points, marks))
 
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return unit normals of the true surface, nan where not known; collective."""
-        normals: np.ndarray = self.shape.normals(comm, points, marks)
-        return normals
+        return np.asarray(self.shape.normals(comm, points, marks))
 
 
 def measured(domain: Any, rules: Rules) -> dict[tuple[str, str], float]:

@@ -13,7 +13,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.bodies import Geometry
+from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.files.building import Built, built, spread_from
 from erc_contact.mesh.files.of_gmsh import marked_entities, mesh_of_model
 from erc_contact.mesh.gmsh_session import FIELD, session

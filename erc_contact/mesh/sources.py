@@ -17,7 +17,8 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.bodies import Geometry
+from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import Kept, drawing_of
 from erc_contact.mesh.drawings.reading import Wanted, has_geometry, open_geometry
 from erc_contact.mesh.files.building import Built, built, spread_from

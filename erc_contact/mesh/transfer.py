@@ -7,6 +7,7 @@ tables of the given cells are fetched for it (:class:`GivenCells`).
 from __future__ import annotations
 
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -154,30 +155,32 @@ class GivenCells:
         self.mesh = mesh
         self.source = mesh.topology.original_cell_index
         """Number of the given cell of each cell on this rank, with ghosts."""
-        # DOLFINx may give the corners of a cell another order.
+        # Places in the table of corners, to which DOLFINx may give another order.
         geometry = mesh.geometry
         numbers_here = geometry.input_global_indices[cell_nodes(geometry)]
-        order = self.of_cells(numbers)[:, None, :] == numbers_here[:, :, None]
-        self._order = np.argmax(order, axis=2)
+        in_table = self.of_cells(numbers)
+        self.order = np.argmax(in_table[:, None, :] == numbers_here[:, :, None], axis=2)
 
-    def of_cells(self, table: np.ndarray) -> np.ndarray:
-        """Return the rows (cells, k) of the cells on this rank, with ghosts."""
-        return fetched(lasting(self.mesh.comm), table, self.source)
+    def of_cells(self, table: Any) -> np.ndarray:
+        """Return the rows (cells, ...) of the cells on this rank, with ghosts."""
+        width = prod(table.shape[1:])
+        rows = fetched(lasting(self.mesh.comm), table.reshape(len(table), width), self.source)
+        return rows.reshape(len(rows), *table.shape[1:])
 
-    def of_sides(self, table: np.ndarray) -> np.ndarray:
+    def of_sides(self, table: Any) -> np.ndarray:
         """Return the same for a table of sides or corners, shape (cells, d+1)."""
-        return np.take_along_axis(self.of_cells(table), self._order, axis=1)
+        return np.take_along_axis(self.of_cells(table), self.order, axis=1)
 
-    def of_corners(self, places: np.ndarray) -> np.ndarray:
+    def of_corners(self, places: Any) -> np.ndarray:
         """Return the same for vectors at corners, shape (cells, d+1, d)."""
-        return np.stack([self.of_sides(values) for values in np.moveaxis(places, 2, 0)], axis=2)
+        return np.take_along_axis(self.of_cells(places), self.order[..., None], axis=1)
 
-    def cell_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
+    def cell_tags(self, tags: Any) -> dmesh.MeshTags:
         """Return tags of cells, given by the tag of each cell, shape (cells,)."""
-        values = self.of_cells(tags[:, None])[:, 0]
+        values = self.of_cells(tags)
         return tags_of(self.mesh, self.mesh.topology.dim, np.arange(len(values)), values)
 
-    def facet_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
+    def facet_tags(self, tags: Any) -> dmesh.MeshTags:
         """Return tags of facets, given by the tags of the sides, shape (cells, d+1)."""
         dim = self.mesh.topology.dim - 1
         facets = facets_of_cells(self.mesh)

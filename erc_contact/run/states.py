@@ -304,7 +304,7 @@ class Restored:
             if places is None:
                 curved = rows.facet_tags(table("curved"))
             else:
-                marks = rows.of_facets(table("curved"))
+                marks = rows.of_sides(table("curved"))
         cells = None
         if "regions" in about["tags"]:
             cells = rows.cell_tags(table("regions"))
