@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, on_rank
 from erc_contact.mesh.simplex import lattice, node_between
 
 STYLE = {
@@ -57,20 +57,19 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
     Raises:
         InputError: If a library for pictures is not installed.
     """
-    error: Exception | None = None
-    if comm.rank == 0:
+
+    def make() -> None:
+        if path is not None:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
         try:
-            if path is not None:
-                Path(path).parent.mkdir(parents=True, exist_ok=True)
             draw()
         except ModuleNotFoundError as reason:
-            error = InputError(
+            raise InputError(
                 f"Pictures and files for ParaView need {reason.name}, which is not installed: "
                 "pip install 'erc-contact[pictures]' brings it. All else works without."
-            )
-        except Exception as reason:
-            error = reason
-    raise_together(comm, error)
+            ) from reason
+
+    on_rank(comm, 0, make)
 
 
 def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
@@ -80,18 +79,19 @@ def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
         InputError: If it cannot be written.
     """
     path = Path(folder)
-    error = None
-    if comm.rank == 0:
+
+    def make() -> None:
         try:
             path.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=path):
                 pass
         except OSError as reason:
-            error = InputError(
+            raise InputError(
                 f"Nothing can be saved in {str(folder)!r}: {reason.strerror}. The results are as "
                 "they were; call save() again with a folder that you may write to."
-            )
-    raise_together(comm, error)
+            ) from reason
+
+    on_rank(comm, 0, make)
     return path
 
 

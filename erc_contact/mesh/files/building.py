@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, on_rank
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import place_words
 from erc_contact.mesh.files.cleaning import Body, body_of
@@ -273,16 +273,17 @@ def spread_from(
     Raises:
         InputError: On all ranks, what ``make`` raises.
     """
-    error: Exception | None = None
-    made: Built | None = None
-    if comm.rank == rank:
+
+    def make_there() -> Built:
         try:
-            made = make()
+            return make()
         except InputError as reason:
-            error = InputError(_about(subject, str(reason)))
-        except Exception as reason:  # every rank must learn of it
-            error = InputError(f"{subject} cannot be used: {reason}")
-    raise_together(comm, error)
+            words = str(reason)
+            raise InputError(words if subject in words else f"{subject}: {words}") from reason
+        except Exception as reason:  # libraries raise errors of any class
+            raise InputError(f"{subject} cannot be used: {reason}") from reason
+
+    made = on_rank(comm, rank, make_there)
     head = None
     if made is not None:
         head = (made.plain.dim, made.names, made.regions, made.notes)
@@ -294,8 +295,3 @@ def spread_from(
     if made is not None:
         plain = made.plain
     return {"names": names, "regions": regions, **spread(comm, plain, rank)}
-
-
-def _about(subject: str, reason: str) -> str:
-    """Return a message with its subject, if it does not name it."""
-    return reason if subject in reason else f"{subject}: {reason}"

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, on_rank
 from erc_contact.base.ranks import from_first
 from erc_contact.mesh.files.cleaning import edges_of
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh
@@ -189,14 +190,13 @@ def from_file(comm: MPI.Comm, path: str | Path) -> FileField:
         InputError: On all ranks, if the file is missing, unreadable, or has no
             displacement at its points.
     """
-    field: FileField | None = None
-    error: InputError | None = None
-    if comm.rank == 0:
+
+    def read_field() -> FileField:
         try:
-            field = displacement_of(read(Path(path), numbered=False))
-        except Exception as reason:  # every rank must learn of it
-            error = InputError(f"certify: the file {str(path)!r} cannot be used: {reason}")
-    raise_together(comm, error)
-    found = from_first(comm, field)
-    assert found is not None
-    return found
+            return displacement_of(read(Path(path), numbered=False))
+        except Exception as reason:  # libraries raise errors of any class
+            raise InputError(
+                f"certify: the file {str(path)!r} cannot be used: {reason}"
+            ) from reason
+
+    return cast("FileField", from_first(comm, on_rank(comm, 0, read_field)))
