@@ -177,9 +177,11 @@ class Bodies(NamedMesh):
 
         It is zero where both sides of a pair are in one place, and of other parts.
         """
-        if self.interface_map is None or there is None:
-            return 0.0
-        return self.interface_map.distance(here, there)
+        distances = () if self.interface_map is None else self.interface_map.distances
+        for interface, distance in zip(self.interfaces, distances, strict=True):
+            if set(interface.names) == {here, there}:
+                return distance
+        return 0.0
 
     @property
     def paired_sides(self) -> list[np.ndarray]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -91,15 +92,13 @@ class Domain(Bodies):
             )
         parts.check_names(self.names, self.regions)
         if has_other_cells(self.mesh):
-            tables = simplicial(self.mesh, self.facet_tags, self.cell_tags)
-            for name, table in zip(("mesh", "facet_tags", "cell_tags"), tables, strict=True):
-                # A frozen dataclass sets its own members by this detour.
-                object.__setattr__(self, name, table)
+            mesh, facet_tags, cell_tags = simplicial(self.mesh, self.facet_tags, self.cell_tags)
+            self._set(mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags)
         partition.check_mesh(self.mesh)
         connect_facets(self.mesh)
         if self.facet_tags is None and not self.names:
             none = np.empty(0, dtype=np.int32)
-            object.__setattr__(self, "facet_tags", tags_of(self.mesh, self.dim - 1, none, none))
+            self._set(facet_tags=tags_of(self.mesh, self.dim - 1, none, none))
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
@@ -110,14 +109,14 @@ class Domain(Bodies):
     def _complete(self) -> None:
         """Give every rank complete vertex patches with all their tags; collective."""
         mesh = self.mesh
-        tag_names = ("facet_tags", "cell_tags", "curved_facets")
-        tag_sets = [shared(self.comm, mesh, getattr(self, name)) for name in tag_names]
+        tag_sets = (self.facet_tags, self.cell_tags, self.curved_facets)
+        new = [shared(self.comm, mesh, tags) for tags in tag_sets]
         if self.interface_map is None and not partition.patches_complete(mesh):
-            mesh, tag_sets = partition.redistributed(mesh, *tag_sets)
-        # A frozen dataclass sets its own members by this detour.
-        object.__setattr__(self, "mesh", mesh)
-        for name, tags in zip(tag_names, tag_sets, strict=True):
-            object.__setattr__(self, name, tags)
+            mesh, new = partition.redistributed(mesh, *new)
+        facet_tags, cell_tags, curved_facets = new
+        self._set(
+            mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags, curved_facets=curved_facets
+        )
 
     def _tear(self) -> None:
         """Tear the mesh where cells meet at a vertex or an edge alone; collective."""
@@ -126,15 +125,19 @@ class Domain(Bodies):
         new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
         carried = Carried(mesh, new, numbers)
-        object.__setattr__(self, "mesh", new)
-        object.__setattr__(self, "facet_tags", carried.marks(self.facet_tags))
-        object.__setattr__(self, "curved_facets", carried.marks(self.curved_facets))
-        if self.cell_tags is not None:
-            object.__setattr__(self, "cell_tags", carried.cell_tags(self.cell_tags))
-        if self.places is not None:
-            object.__setattr__(self, "places", carried.of_corners(self.places))
-        if self.marks is not None:
-            object.__setattr__(self, "marks", carried.of_sides(self.marks))
+        self._set(
+            mesh=new,
+            facet_tags=carried.marks(self.facet_tags),
+            curved_facets=carried.marks(self.curved_facets),
+            cell_tags=carried.cell_tags(self.cell_tags),
+            places=None if self.places is None else carried.of_corners(self.places),
+            marks=None if self.marks is None else carried.of_sides(self.marks),
+        )
+
+    def _set(self, **members: Any) -> None:
+        """Set members of the domain while it is made, which is frozen afterwards."""
+        for name, value in members.items():
+            object.__setattr__(self, name, value)
 
     def parts(self) -> Parts:
         """List the parts: facets, area, centre, mean normal, regions; collective.

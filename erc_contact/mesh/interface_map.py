@@ -76,13 +76,6 @@ class InterfaceMap:
             words.append(f"{'/'.join(interface.names)} of {count}{kind} facets")
         return ", ".join(words)
 
-    def distance(self, here: str, there: str) -> float:
-        """Return the greatest distance of facing vertices of a pair [length]."""
-        for interface, distance in zip(self.interfaces, self.distances, strict=True):
-            if set(interface.names) == {here, there}:
-                return distance
-        return 0.0
-
     def least(self, values: np.ndarray) -> np.ndarray:
         """Return the least of the values at the copies of each node of the glued mesh.
 

@@ -236,8 +236,10 @@ class Carried:
         """Return the rows of the owned cells of the glued mesh."""
         return table[: self.glued.topology.index_map(self.glued.topology.dim).size_local]
 
-    def cell_tags(self, tags: dmesh.MeshTags) -> dmesh.MeshTags:
-        """Return tags of cells."""
+    def cell_tags(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
+        """Return tags of cells; None stays None."""
+        if tags is None:
+            return None
         return self._given.cell_tags(self._owned(tag_table(tags)))
 
     def facet_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
