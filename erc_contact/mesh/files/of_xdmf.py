@@ -159,11 +159,8 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
         blocks = [Block(shape, table.reshape(count, -1))]
         order = [np.arange(count)]
     fields = {}
-    for attribute in grid.findall("Attribute"):
-        item = attribute.find("DataItem")
-        if attribute.get("Center", "Node").lower() == "cell" and item is not None:
-            flat = _data(path, item)
-            fields[attribute.get("Name", "")] = [flat[rows] for rows in order]
+    for name, flat in _values(path, grid, "cell").items():
+        fields[name] = [flat[rows] for rows in order]
     return _Grid(grid.get("Name", ""), blocks, fields)
 
 
@@ -196,12 +193,18 @@ def _mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
 
 def _node_values(path: Path, grid: Any, count: int) -> dict[str, np.ndarray]:
     """Return the vectors at all points of a grid by name, shape (n, 3) each."""
-    fields = {}
+    vectors = vectors_of(_values(path, grid, "node"))
+    return {name: values for name, values in vectors.items() if len(values) == count}
+
+
+def _values(path: Path, grid: Any, centre: str) -> dict[str, np.ndarray]:
+    """Return the values of a grid at each "cell" or "node" by their names."""
+    found = {}
     for attribute in grid.findall("Attribute"):
         item = attribute.find("DataItem")
-        if attribute.get("Center", "Node").lower() == "node" and item is not None:
-            fields[attribute.get("Name", "")] = _data(path, item)
-    return {name: values for name, values in vectors_of(fields).items() if len(values) == count}
+        if attribute.get("Center", "Node").lower() == centre and item is not None:
+            found[attribute.get("Name", "")] = _data(path, item)
+    return found
 
 
 def _with_tags(grids: list[_Grid]) -> tuple[list[Block], list[ElementSet]]:
