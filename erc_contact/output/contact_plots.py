@@ -22,14 +22,12 @@ from erc_contact.output.drawing import (
     STATUS_NAMES,
     draw_figure,
     log_ticks,
-    new_figure,
-    panels_of,
     weighted_level,
     words,
 )
 from erc_contact.output.files import PARTS, subdivided
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
-from erc_contact.output.placing import place
+from erc_contact.output.placing import panels
 from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
@@ -112,37 +110,34 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     status = contact_status(traction)
     abscissa, label = along(surface)
     line = _Line(surface, abscissa)
-    if ax is None:
-        axes = new_figure(*CURVES_SIZE).subplots()
-    else:
-        axes = panels_of(ax, 1, "plot_contact in 2D")[0]
-    _draw_strips(axes, abscissa, status)
-    limited = bool(np.isfinite(traction.friction_bound).all())
-    # A tied joint has no bound.
-    if limited:
-        bound = line.path(line.curve(traction.friction_bound))
-        look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
-        axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
-    tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-    direction = words(tangent[0, 0]) if np.allclose(tangent, tangent[0, 0]) else "$(-n_2, n_1)$"
-    pressure = -traction.normal_component
-    shear = (traction.tangential_part * tangent).sum(axis=-1)
-    _draw_traction(axes, line, pressure, PRESSURE, "pressure")
-    _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
-    axes.axhline(0.0, color="0.4", lw=0.6)
-    closed = abscissa[status != OPEN] if np.any(status != OPEN) else abscissa
-    # The closed part is shown with as much beside it, where the contact goes on.
-    around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
-    of_pair = ""
-    if surface.partners is not None:
-        of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
-    axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
-    axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
-    greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(axis=1)
-    _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
-    _write_legend(axes, status, surface.degree)
-    if ax is None:
-        place([axes], np.array([CURVES_SIZE]))
+    with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
+        _draw_strips(axes, abscissa, status)
+        limited = bool(np.isfinite(traction.friction_bound).all())
+        # A tied joint has no bound.
+        if limited:
+            bound = line.path(line.curve(traction.friction_bound))
+            look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
+            axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
+        tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
+        direction = words(tangent[0, 0]) if np.allclose(tangent, tangent[0, 0]) else "$(-n_2, n_1)$"
+        pressure = -traction.normal_component
+        shear = (traction.tangential_part * tangent).sum(axis=-1)
+        _draw_traction(axes, line, pressure, PRESSURE, "pressure")
+        _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
+        axes.axhline(0.0, color="0.4", lw=0.6)
+        closed = abscissa[status != OPEN] if np.any(status != OPEN) else abscissa
+        # The closed part is shown with as much beside it, where the contact goes on.
+        around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
+        of_pair = ""
+        if surface.partners is not None:
+            of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
+        axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
+        axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
+        greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(
+            axis=1
+        )
+        _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
+        _write_legend(axes, status, surface.degree)
     return axes
 
 

@@ -41,12 +41,10 @@ from erc_contact.output.foundations import (
 )
 from erc_contact.output.gathered import (
     WholeContact,
-    body_nodes,
     colours_in_words,
     is_symmetry,
     letters_of,
-    nodal_fields,
-    whole_contacts,
+    whole_body,
 )
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import ShownPart, upward, views_of
@@ -122,9 +120,8 @@ def draw_deformed(
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
     d = model.d
-    body = gathered(model.comm, **body_nodes(model), **nodal_fields(admissible))
+    body, gathered_contacts = whole_body(admissible)
     cells = gathered_mises(admissible, stress)
-    gathered_contacts = whole_contacts(admissible)
     up = upward(admissible)
     letters = letters_of(model)
     only_round_off = error.scale == 0 or error.solution.at_rest
@@ -199,8 +196,7 @@ def magnification(error: ConstitutiveError) -> float:
     """
     model = error.model
     size = model.domain.extent
-    body = gathered(model.comm, **body_nodes(model), **nodal_fields(error.admissible))
-    contacts = whole_contacts(error.admissible)
+    body, contacts = whole_body(error.admissible)
     factor = np.inf
     if model.comm.rank == 0:
         factor = greatest_magnification(body, contacts, size)

@@ -158,17 +158,13 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         friction_bound=parts["friction_bound"],
         nodes=parts["nodes"],
     )
+    fields = {name: parts[name] for name in ("x", "gap", "gap_left", "slip", "place", "drawn")}
     return WholeContact(
         whole_traction,
-        x=parts["x"],
         vertices=parts["nodes"][:, : model.d],
-        gap=parts["gap"],
-        gap_left=parts["gap_left"],
-        slip=parts["slip"],
-        place=parts["place"],
-        drawn=parts["drawn"],
         partners=None if contact.against is None else parts["partners"],
         letters=letters_of(model),
+        **fields,
     )
 
 
@@ -230,18 +226,23 @@ def nodal_displacement(admissible: Admissible) -> np.ndarray:
     return in_space(admissible.displacement.x.array.reshape(-1, model.d)[:owned])
 
 
-def nodal_fields(admissible: Admissible) -> dict[str, np.ndarray]:
-    """Return u^ and which components supports hold at zero at these points.
+def whole_body(
+    admissible: Admissible,
+) -> tuple[dict[str, np.ndarray], list[WholeContact]]:
+    """Gather the nodes with u^ and the contacts on rank 0; collective.
 
     Returns:
-        "u" [length] and "still", shape (n, 3) each.
+        The arrays of :func:`body_nodes`, and at these points "u", u^ [length], and
+        "still", which components supports hold at zero, shape (n, 3) each; the contacts
+        that have facets. Other ranks get none of them.
     """
     model = admissible.model
     u = nodal_displacement(admissible)
     prescribed = model.prescribed.x.array.reshape(-1, model.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
     still[:, : model.d] = model.held[: len(u)] & (prescribed == 0.0)
-    return {"u": u, "still": still}
+    body = gathered(model.comm, **body_nodes(model), u=u, still=still)
+    return body, whole_contacts(admissible)
 
 
 def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:

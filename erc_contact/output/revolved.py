@@ -28,9 +28,9 @@ from erc_contact.output.deformed import (
     shift_of,
 )
 from erc_contact.output.drawing import draw_figure, only_turned
-from erc_contact.output.files import gathered, grid_of, on_root, save_grid
+from erc_contact.output.files import grid_of, on_root, save_grid
 from erc_contact.output.foundations import rounded
-from erc_contact.output.gathered import body_nodes, nodal_fields, whole_contacts
+from erc_contact.output.gathered import whole_body
 from erc_contact.output.maps import draw_map
 from erc_contact.output.views import views_of
 
@@ -80,9 +80,8 @@ def draw_revolved(
     if not 0.0 < angle <= 360.0:
         raise InputError(f"draw_revolved: angle is {angle!r}; give degrees in (0, 360].")
     size = model.domain.extent
-    body = gathered(model.comm, **body_nodes(model), **nodal_fields(error.admissible))
+    body, contacts = whole_body(error.admissible)
     cells = gathered_mises(error.admissible)
-    contacts = whole_contacts(error.admissible)
     count = int(np.ceil(angle / STEP)) + 1
     angles = np.radians(EYE - angle / 2 + 180 + np.linspace(0, angle, count))
 
