@@ -18,8 +18,6 @@ from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import determinants
 
-DIRECTION = np.array([0.5411, 0.6231, 0.5647])
-"""Direction along which points are sorted; few of a mesh have the same place on it."""
 ALONG_NORMAL = 0.5
 """Greatest share of a distance of facing points that is along the side [-]."""
 SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])
@@ -128,18 +126,13 @@ def in_one_place(
         points2: Numbers of the points of the second set.
         tolerance: Distance of points that are in one place [length].
     """
-    direction = DIRECTION[: x.shape[1]]
-    height1 = x[points1] @ direction
-    order = np.argsort(height1)
-    height2 = x[points2] @ direction
-    first = np.searchsorted(height1[order], height2 - tolerance)
-    counts = np.searchsorted(height1[order], height2 + tolerance, side="right") - first
-    starts = np.cumsum(counts) - counts
-    row = np.repeat(first - starts, counts) + np.arange(counts.sum())
-    pairs1 = points1[order[row]]
-    pairs2 = np.repeat(points2, counts)
-    near = np.linalg.norm(x[pairs1] - x[pairs2], axis=1) <= tolerance
-    return pairs1[near], pairs2[near]
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - for joints only
+
+    tree = cKDTree(x[points1])
+    other_tree = cKDTree(x[points2])
+    near = tree.sparse_distance_matrix(other_tree, tolerance, output_type="ndarray")
+    near = near[np.lexsort((near["i"], near["j"]))]
+    return points1[near["i"]], points2[near["j"]]
 
 
 def _overlap(x: np.ndarray, facets: np.ndarray, others: np.ndarray, apart: float) -> bool:
