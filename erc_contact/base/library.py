@@ -29,7 +29,7 @@ import numpy as np
 from dolfinx.jit import get_options
 
 from erc_contact.base.exceptions import ErcContactError
-from erc_contact.base.runtime.form_library import compiled_once, compiler
+from erc_contact.base.runtime.form_library import compile_once, compiler
 
 COMPILER_FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
@@ -59,7 +59,7 @@ class Library:
     def __init__(self, folder: Path, dimension: int) -> None:
         self._ffi = cffi.FFI()
         self._ffi.cdef((folder / "kernels.h").read_text())
-        self._functions = self._ffi.dlopen(str(_compiled(folder, dimension)))
+        self._functions = self._ffi.dlopen(str(_find_or_compile(folder, dimension)))
 
     def __call__(self, name: str, *arguments: Any) -> Any:
         """Call a function with numbers and contiguous arrays; None is a null pointer.
@@ -77,17 +77,17 @@ class Library:
         So arguments that stay are converted once.
         """
         function = getattr(self._functions, name)
-        passed = [self._passed(argument) for argument in first]
+        passed = [self._as_cffi(argument) for argument in first]
 
         def call(*others: Any) -> Any:
-            result = function(*passed, *(self._passed(argument) for argument in others))
+            result = function(*passed, *(self._as_cffi(argument) for argument in others))
             if result == -1:
                 raise MemoryError(f"{name} finds too little memory.")
             return result
 
         return call
 
-    def _passed(self, argument: Any) -> Any:
+    def _as_cffi(self, argument: Any) -> Any:
         """Return an argument as cffi wants it."""
         if argument is None:
             return self._ffi.NULL
@@ -118,7 +118,7 @@ def _compile_quietly(folder: Path, dimension: int) -> None:
     """Compile a library if it is not there; who needs it will tell what fails."""
     # At the end of a process no pool begins: a RuntimeError.
     with suppress(ErcContactError, OSError, RuntimeError):
-        _compiled(folder, dimension)
+        _find_or_compile(folder, dimension)
 
 
 def _path(folder: Path, dimension: int) -> Path:
@@ -130,9 +130,9 @@ def _path(folder: Path, dimension: int) -> Path:
     return Path(get_options()["cache_dir"]).expanduser() / name
 
 
-def _compiled(folder: Path, dimension: int) -> Path:
+def _find_or_compile(folder: Path, dimension: int) -> Path:
     """Return the path of the compiled library; compile it if it is not there."""
-    return compiled_once(_path(folder, dimension), lambda path: _compile(folder, dimension, path))
+    return compile_once(_path(folder, dimension), lambda path: _compile(folder, dimension, path))
 
 
 def _compile(folder: Path, dimension: int, path: Path) -> None:

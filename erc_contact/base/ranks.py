@@ -90,7 +90,7 @@ def exchange(
     return out, np.repeat(np.arange(comm.size), received)
 
 
-def fetched(comm: MPI.Comm, rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def fetch(comm: MPI.Comm, rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return rows of a table whose parts the ranks hold; collective.
 
     Args:

@@ -20,7 +20,7 @@ from erc_contact.mesh.joining.joint import joint
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.size_field import Labels, SizeField
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import gathered_mesh, spread
+from erc_contact.mesh.transfer import gather_mesh, spread
 
 B = TypeVar("B", bound=Bodies)
 """Type of a domain."""
@@ -47,7 +47,7 @@ class Member:
     region_tags: tuple[tuple[int, int], ...]
     first_mark: int = 0
 
-    def placed(self, plain: PlainMesh) -> PlainMesh:
+    def with_tags_of_whole(self, plain: PlainMesh) -> PlainMesh:
         """Return the mesh of the body alone with the tags of the whole."""
         new_tags = dict(self.region_tags)
         regions = np.full_like(plain.regions, new_tags.get(NO_TAG, NO_TAG))
@@ -60,7 +60,7 @@ class Member:
             marks = np.where(marks == NO_TAG, NO_TAG, marks + self.first_mark)
         return replace(plain, regions=regions, tags=tags, marks=marks)
 
-    def meshed(self, like: Bodies, sizes: SizeField) -> PlainMesh:
+    def mesh(self, like: Bodies, sizes: SizeField) -> PlainMesh:
         """Mesh the body with its part of the sizes of the whole; collective."""
         assert self.shape is not None
         back = {new: old for old, new in self.region_tags}
@@ -70,7 +70,7 @@ class Member:
         curved = bool(getattr(self.shape, "curved", False))
         labels = Labels(self.names, self.regions, curved)
         body = self.shape.meshed_by(like, sizes.in_regions(back), labels)
-        return self.placed(gathered_mesh(body))
+        return self.with_tags_of_whole(gather_mesh(body))
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Assembled:
             labels: Not used: the names are those that the bodies had.
         """
         comm = like.comm
-        plains = [member.meshed(like, sizes) for member in self.members]
+        plains = [member.mesh(like, sizes) for member in self.members]
         tables = spread(comm, PlainMesh.beside_each_other(plains))
         blank: dict[str, Any] = {"glued": None, "interface_map": None}
         blank |= {"regions": self.regions, "geometry": self}

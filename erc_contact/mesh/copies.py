@@ -27,7 +27,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.percent import place_words
-from erc_contact.base.ranks import distinct_rows, exchange, fetched, global_numbers
+from erc_contact.base.ranks import distinct_rows, exchange, fetch, global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
@@ -40,7 +40,7 @@ TOLD = 3
 """Greatest number of points in a message."""
 
 
-def numbered(
+def number_nodes(
     mesh: dmesh.Mesh, is_cut: np.ndarray | None = None, places: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Number the nodes of the split mesh; collective.
@@ -75,7 +75,7 @@ def numbered(
     # The corner in the lowest cell has the same vertex of the glued mesh.
     vertices = global_numbers(mesh.geometry.index_map(), nodes[:owned])
     cell, corner = np.nonzero(~first)
-    known = fetched(comm, np.hstack([vertices, numbers]), lowest_cell[cell, corner])
+    known = fetch(comm, np.hstack([vertices, numbers]), lowest_cell[cell, corner])
     same_vertex = known[:, : d + 1] == vertices[cell, corner][:, None]
     numbers[cell, corner] = known[:, d + 1 :][same_vertex]
     return numbers, x
@@ -148,7 +148,7 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:
 def is_pinched(mesh: dmesh.Mesh) -> bool:
     """Tell whether cells meet at a vertex or an edge alone; collective.
 
-    Then :func:`numbered` without interfaces tears the mesh there.
+    Then :func:`number_nodes` without interfaces tears the mesh there.
     """
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     nodes = cell_nodes(mesh.geometry)

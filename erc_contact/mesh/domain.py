@@ -20,11 +20,11 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
 from erc_contact.mesh.bodies import Bodies, Geometry
-from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
+from erc_contact.mesh.copies import is_pinched, number_nodes, same_ranks, stay_closed
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.joining import joint
-from erc_contact.mesh.naming import NamedShape, Rules, measured, parts_named, regions_named
+from erc_contact.mesh.naming import NamedShape, Rules, name_parts, name_regions, part_measures
 from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
 from erc_contact.mesh.sides import connect_facets
@@ -33,12 +33,12 @@ from erc_contact.mesh.splitting import (
     NO_INTERFACE,
     Carried,
     check_opened,
-    claimed,
+    claim_facets,
     side_tags,
     touching_regions,
 )
 from erc_contact.mesh.surface import snap
-from erc_contact.mesh.tags import shared, tag_table, tags_of
+from erc_contact.mesh.tags import share_tags, tag_table, tags_of
 from erc_contact.mesh.touching import Pairs, touching
 from erc_contact.mesh.transfer import spread
 from erc_contact.mesh.where import Rule
@@ -110,9 +110,9 @@ class Domain(Bodies):
         """Give every rank complete vertex patches with all their tags; collective."""
         mesh = self.mesh
         tag_sets = (self.facet_tags, self.cell_tags, self.curved_facets)
-        new = [shared(self.comm, mesh, tags) for tags in tag_sets]
+        new = [share_tags(self.comm, mesh, tags) for tags in tag_sets]
         if self.interface_map is None and not partition.patches_complete(mesh):
-            mesh, new = partition.redistributed(mesh, *new)
+            mesh, new = partition.redistribute(mesh, *new)
         facet_tags, cell_tags, curved_facets = new
         self._set(
             mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags, curved_facets=curved_facets
@@ -121,8 +121,8 @@ class Domain(Bodies):
     def _tear(self) -> None:
         """Tear the mesh where cells meet at a vertex or an edge alone; collective."""
         mesh = self.mesh
-        numbers, x = numbered(mesh)
-        new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
+        numbers, x = number_nodes(mesh)
+        new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
         carried = Carried(mesh, new, numbers)
         self._set(
@@ -205,19 +205,19 @@ class Domain(Bodies):
             interfaces: Interfaces along which the mesh will be split; they keep their
                 facets.
         """
-        cell_tags, regions = regions_named(self, rules.regions)
+        cell_tags, regions = name_regions(self, rules.regions)
         result = replace(self, cell_tags=cell_tags, regions=regions)
         if rules.parts:
             taken = np.zeros(len(tag_table(self.facet_tags)), dtype=bool)
             if interfaces:
-                taken = claimed(self.mesh, self.facet_tags, self.cell_tags, interfaces)
+                taken = claim_facets(self.mesh, self.facet_tags, self.cell_tags, interfaces)
                 taken = taken != NO_INTERFACE
-            facet_tags, names = parts_named(result, rules.parts, taken, last_tag)
+            facet_tags, names = name_parts(result, rules.parts, taken, last_tag)
             result = replace(result, facet_tags=facet_tags, names=names)
         if self.geometry is None:
             return result
         known = labels_of(self, self.curved_facets)
-        sizes = measured(result, rules)
+        sizes = part_measures(result, rules)
         shape = NamedShape(self.geometry, known, rules, last_tag, sizes)
         return replace(result, geometry=shape)
 
@@ -267,7 +267,7 @@ class Domain(Bodies):
         interfaces = self.interfaces
         if glued.cell_tags is not None:
             assert isinstance(glued.facet_tags, dmesh.MeshTags)
-            before = claimed(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
+            before = claim_facets(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
             name_of = {tag: name for name, tag in self.regions.items()}
             tag = joint.last_tag(self) + 1
             for regions in touching_regions(glued.mesh, glued.cell_tags, before):
@@ -365,7 +365,7 @@ class Domain(Bodies):
         Raises:
             InputError: If two parts are no pair of this domain.
         """
-        interfaces = joint.tied_alone(self.interfaces, ties)
+        interfaces = joint.tie_alone(self.interfaces, ties)
         return self if interfaces == self.interfaces else self.whole.cut(interfaces)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
@@ -376,7 +376,7 @@ class Domain(Bodies):
         """
         mesh = self.mesh
         assert self.cell_tags is not None
-        interface_of_facet = claimed(mesh, self.facet_tags, self.cell_tags, interfaces)
+        interface_of_facet = claim_facets(mesh, self.facet_tags, self.cell_tags, interfaces)
         tied = [number for number, interface in enumerate(interfaces) if interface.tied]
         # Facets of tied joints keep their nodes and the tags that they have.
         cut = np.where(np.isin(interface_of_facet, tied), NO_INTERFACE, interface_of_facet)
@@ -384,8 +384,8 @@ class Domain(Bodies):
         cut[closed] = NO_INTERFACE
         interface_of_facet[closed] = NO_INTERFACE
         check_opened(mesh, interfaces, interface_of_facet)
-        numbers, x = numbered(mesh, cut != NO_INTERFACE, self.places)
-        new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
+        numbers, x = number_nodes(mesh, cut != NO_INTERFACE, self.places)
+        new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
         carried = Carried(mesh, new, numbers)
         whole = self
@@ -436,9 +436,9 @@ class Domain(Bodies):
             return self.glued.refined(self.interface_map.cells[cells]).cut(self.interfaces)
         refinement = refine(self.mesh, cells, partition.partitioner(self.comm))
         fine = refinement.mesh
-        facet_tags = refinement.inherited(self.facet_tags)
-        cell_tags = refinement.inherited(self.cell_tags)
-        curved = refinement.inherited(self.curved_facets)
+        facet_tags = refinement.inherit_tags(self.facet_tags)
+        cell_tags = refinement.inherit_tags(self.cell_tags)
+        curved = refinement.inherit_tags(self.curved_facets)
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
         places = None

@@ -54,7 +54,7 @@ class Facets:
         middle = self.corners.mean(axis=1)
         return middle + OUTWARD * (self.corners[:, corner] - middle)
 
-    def chosen(self, which: np.ndarray) -> Facets:
+    def take(self, which: np.ndarray) -> Facets:
         """Return some of the facets."""
         return Facets(self.corners[which], self.normals[which])
 
@@ -80,11 +80,11 @@ def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:
     reach = CLEARANCE * comm.allreduce(float(greatest), MPI.MAX)
     close_here = _within(comm, here, there, reach)
     close_there = _within(comm, there, here, reach)
-    others = there.chosen(close_there).of_all_ranks(comm)
+    others = there.take(close_there).of_all_ranks(comm)
     rows = np.flatnonzero(close_here)
     if not len(rows) or not len(others.corners):
         return result
-    near = here.chosen(close_here)
+    near = here.take(close_here)
     touches = _points_near(near.corners.mean(axis=1), near, others)
     for corner in range(near.corners.shape[1]):
         touches |= _points_near(near.places(corner), near, others)

@@ -99,7 +99,7 @@ def _by_name(argument: str, rules: Any) -> dict[str, list[where]]:
     return {name: as_rules(name, rule) for name, rule in rules.items()}
 
 
-def regions_named(
+def name_regions(
     mesh: NamedMesh, rules: Mapping[str, list[where]]
 ) -> tuple[dmesh.MeshTags | None, dict[str, int]]:
     """Return the tags of cells and the regions of a mesh after rules; collective.
@@ -128,11 +128,11 @@ def regions_named(
     _check_claims(mesh, holds, owned, "cell")
     used = [int(table.max(initial=0)), *mesh.regions.values()]
     last_tag = comm.allreduce(max(used), MPI.MAX)
-    table, regions = _painted(comm, table, mesh.regions, holds, last_tag)
+    table, regions = _paint(comm, table, mesh.regions, holds, last_tag)
     return tags_of(mesh.mesh, mesh.dim, np.arange(len(table)), table), regions
 
 
-def parts_named(
+def name_parts(
     mesh: NamedMesh, rules: Mapping[str, list[where]], taken: np.ndarray, last_tag: int
 ) -> tuple[dmesh.MeshTags, dict[str, int]]:
     """Return the tags of facets and the names of a mesh after rules; collective.
@@ -157,7 +157,7 @@ def parts_named(
         for entry in entries:
             holds[name][sides.facet[_on_sides(mesh, sides, entry)]] = True
     _check_claims(mesh, holds, np.arange(len(table)) < owned, "facet")
-    table, names = _painted(mesh.comm, table, mesh.names, holds, last_tag)
+    table, names = _paint(mesh.comm, table, mesh.names, holds, last_tag)
     return tags_of(mesh.mesh, mesh.dim - 1, np.arange(len(table)), table), names
 
 
@@ -247,7 +247,7 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
     every = Facets(corners, sides.normal)
     here = np.flatnonzero(holds & on_boundary & (sides.region != tag_against))
     there = on_boundary & (sides.region == tag_against)
-    lies = lying_against(comm, every.chosen(here), every.chosen(there))
+    lies = lying_against(comm, every.take(here), every.take(there))
     shared[here[lies]] = True
     return shared
 
@@ -301,7 +301,7 @@ def _check_claims(
     raise_together(mesh.comm, error)
 
 
-def _painted(
+def _paint(
     comm: MPI.Comm,
     table: np.ndarray,
     names: Mapping[str, int],
@@ -380,7 +380,7 @@ class NamedShape:
         plain = self.shape.meshed_by(like, sizes, self.labels)
         result = plain.renamed(self.rules, self.last_tag)
         allowed = SAME_CURVED if self.curved else SAME
-        for (kind, name), value in measured(result, self.rules).items():
+        for (kind, name), value in part_measures(result, self.rules).items():
             before = self.measures[kind, name]
             if abs(value - before) > allowed * before:
                 raise InputError(
@@ -404,7 +404,7 @@ class NamedShape:
         return np.asarray(self.shape.normals(comm, points, marks))
 
 
-def measured(domain: Any, rules: Rules) -> dict[tuple[str, str], float]:
+def part_measures(domain: Any, rules: Rules) -> dict[tuple[str, str], float]:
     """Return areas of parts and volumes of regions of a domain; collective.
 
     See :class:`NamedShape`. The facets against which another region lies may reach

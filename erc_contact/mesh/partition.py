@@ -117,7 +117,7 @@ def partitioner(comm: MPI.Comm) -> Any:
     return vertex_patch_partitioner if comm.size > 1 else None
 
 
-def distributed(
+def distribute(
     comm: MPI.Comm, cells: np.ndarray, x: np.ndarray, ranks: Any = vertex_patch_partitioner
 ) -> dmesh.Mesh:
     """Make a mesh of simplices, with complete vertex patches by default; collective.
@@ -156,7 +156,7 @@ def patches_complete(mesh: dmesh.Mesh) -> bool:
     return bool(lasting(mesh.comm).allreduce(complete, MPI.LAND))
 
 
-def redistributed(
+def redistribute(
     mesh: dmesh.Mesh, *tag_sets: dmesh.MeshTags | None
 ) -> tuple[dmesh.Mesh, list[dmesh.MeshTags | None]]:
     """Balance a mesh anew over the ranks, with complete vertex patches; collective.
@@ -173,7 +173,7 @@ def redistributed(
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
     owned = mesh.topology.index_map(tdim).size_local
     cells = global_numbers(nodes, cell_nodes(mesh.geometry)[:owned])
-    new = distributed(lasting(mesh.comm), cells, x)
+    new = distribute(lasting(mesh.comm), cells, x)
     new_tags = []
     for tags in tag_sets:
         new_tags.append(None if tags is None else _move_tags(tags, mesh, new))

@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.mesh.quadrature import Cuts, Pieces, bisected, first_pieces, piece_samples
+from erc_contact.mesh.quadrature import Cuts, Pieces, bisect, first_pieces, piece_samples
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""
@@ -154,7 +154,7 @@ def _of_chunk(
         inherits = np.where(is_jump, INHERITED_AT_JUMP * at_jump, 0.0)
         inherited_at_jump = np.repeat(inherits[goes_on], 2)
         simplex = simplex[goes_on]
-        corners = bisected(corners[goes_on], vertices[simplex])
+        corners = bisect(corners[goes_on], vertices[simplex])
         simplex = np.repeat(simplex, 2)
         inherited = np.repeat(INHERITED_SHARE * roughness[goes_on], 2)
     return bound

@@ -157,7 +157,7 @@ def integrate(
         np.add.at(unknown, simplex[done], piece_unknown[done])
         if last:
             break
-        corners = bisected(corners[bad], vertices[simplex[bad]])
+        corners = bisect(corners[bad], vertices[simplex[bad]])
         simplex = np.repeat(simplex[bad], 2)
         piece_measure = np.repeat(piece_measure[bad] / 2, 2)
         count += bad_count
@@ -239,7 +239,7 @@ def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
     return points, residual
 
 
-def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def bisect(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Cut pieces at the middle of their longest edge, (n, v, v) -> (2n, v, v).
 
     Rows 2i and 2i + 1 of the result are the halves of piece i. Of several longest edges
@@ -278,15 +278,15 @@ def facet_pieces(size: int) -> np.ndarray:
         middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
         if size == 1:
             halves = [[corners[:, 0], middles[:, 0]], [middles[:, 0], corners[:, 1]]]
-            corners = _joined(halves)
+            corners = _join(halves)
         else:
             outer = [[corners[:, i], middles[:, i], middles[:, i - 1]] for i in range(3)]
             inner = [middles[:, i] for i in range(3)]
-            corners = _joined([*outer, inner])
+            corners = _join([*outer, inner])
     return corners
 
 
-def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:
+def _join(parts: list[list[np.ndarray]]) -> np.ndarray:
     """Join pieces given part by part and corner by corner in an array (n, v, v)."""
     return np.concatenate([np.stack(part, axis=1) for part in parts])
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.base.ranks import fetched
+from erc_contact.base.ranks import fetch
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
@@ -68,7 +68,7 @@ class Refinement:
         values = np.take_along_axis(of_parents, np.maximum(self.parent_side, 0), axis=1)
         return self.of_cells(np.where(self.parent_side >= 0, values, NO_TAG), slice(None))
 
-    def inherited(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
+    def inherit_tags(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return the tags of the new mesh; collective.
 
         Each cell or facet gets the tag of the old one in which it lies.
@@ -94,7 +94,7 @@ class Refinement:
             rows: Rows of the children made here, shape (children, m).
             cells: Cells of the new mesh on this rank.
         """
-        return fetched(lasting(self.mesh.comm), rows, self.mesh.topology.original_cell_index[cells])
+        return fetch(lasting(self.mesh.comm), rows, self.mesh.topology.original_cell_index[cells])
 
 
 def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:

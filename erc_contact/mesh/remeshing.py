@@ -15,7 +15,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.files.building import Built, built, spread_from
+from erc_contact.mesh.files.building import Built, build_simplices, spread_from
 from erc_contact.mesh.files.of_gmsh import marked_entities, mesh_of_model
 from erc_contact.mesh.gmsh_session import FIELD, session
 from erc_contact.mesh.size_field import Labels, SizeField, at_corners
@@ -49,7 +49,7 @@ def count(domain: Domain, sizes: np.ndarray) -> float:
     return at_corners(domain, sizes).count(domain.comm)
 
 
-def meshed(
+def mesh_geometry(
     geometry: Geometry,
     build: Callable[[Any], dict[int, int] | None],
     comm: MPI.Comm,
@@ -84,7 +84,7 @@ def meshed(
         assert parts is not None
         corners = np.concatenate([x for x, _ in parts])
         corner_sizes = np.concatenate([values for _, values in parts])
-        corners, corner_sizes = _sorted(corners, corner_sizes)
+        corners, corner_sizes = _sort(corners, corner_sizes)
         _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
 
     subject = "The geometry, meshed again,"
@@ -92,7 +92,7 @@ def meshed(
 
         def make() -> Built:
             marks = marked_entities(model, tags) if labels.curved else []
-            return built(mesh_of_model(model), marks, numbered=False)
+            return build_simplices(mesh_of_model(model), marks, numbered=False)
 
         new = spread_from(comm, 0, make, subject)
     new |= {"names": labels.names, "regions": labels.regions}
@@ -102,7 +102,7 @@ def meshed(
     return Domain(**new, geometry=geometry)
 
 
-def _sorted(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sort(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sort simplices and their corners, so that the ranks do not matter.
 
     gmsh takes the size at a point on an edge from the first simplex that holds it. So

@@ -24,7 +24,7 @@ from erc_contact.mesh.assembled import Assembled, of_model
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import MARK_PREFIX
 from erc_contact.mesh.gmsh_session import session
-from erc_contact.mesh.remeshing import meshed
+from erc_contact.mesh.remeshing import mesh_geometry
 from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.size_field import Labels, SizeField
 
@@ -106,7 +106,7 @@ class Brick(_OneModel):
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return self.exact(meshed(self, self.build, like.comm, sizes, labels))
+        return self.exact(mesh_geometry(self, self.build, like.comm, sizes, labels))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
@@ -161,7 +161,7 @@ class Drawing(_OneModel):
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return meshed(self, self.build, like.comm, sizes, labels)
+        return mesh_geometry(self, self.build, like.comm, sizes, labels)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.

@@ -37,7 +37,7 @@ NO_INTERFACE = -1
 """Number that stands for no interface."""
 
 
-def claimed(
+def claim_facets(
     mesh: dmesh.Mesh,
     facet_tags: dmesh.MeshTags,
     cell_tags: dmesh.MeshTags,
@@ -135,8 +135,8 @@ def touching_regions(
     Args:
         mesh: The glued mesh.
         cell_tags: Tags of its cells.
-        interface_of_facet: What :func:`claimed` returned; facets of an interface do not
-            count.
+        interface_of_facet: What :func:`claim_facets` returned; facets of an interface
+            do not count.
     """
     facets, cells = inner_facets(mesh)
     beside = tag_table(cell_tags)[cells[interface_of_facet[facets] == NO_INTERFACE]]
@@ -161,7 +161,7 @@ def side_tags(
         facet_tags: Tags of its facets.
         cell_tags: Tags of its cells.
         interfaces: The interfaces.
-        interface_of_facet: What :func:`claimed` returned.
+        interface_of_facet: What :func:`claim_facets` returned.
     """
     facets = facets_of_cells(mesh)
     tags = tag_table(facet_tags)[facets]
@@ -194,11 +194,11 @@ class Carried:
 
     def of_sides(self, table: np.ndarray) -> np.ndarray:
         """Return a table of sides or corners of the glued mesh, shape (cells, d+1)."""
-        return self._given.of_sides(self._owned(table))
+        return self._given.of_sides(self._of_owned(table))
 
     def of_corners(self, places: np.ndarray) -> np.ndarray:
         """Return vectors at the corners of the glued mesh, shape (cells, d+1, d)."""
-        return self._given.of_corners(self._owned(places))
+        return self._given.of_corners(self._of_owned(places))
 
     def places(self) -> np.ndarray:
         """Return the places of the corners of glued cells [length], (cells, d+1, d)."""
@@ -232,7 +232,7 @@ class Carried:
                 "one onto the first one, or leave a facet between both joints."
             )
 
-    def _owned(self, table: np.ndarray) -> np.ndarray:
+    def _of_owned(self, table: np.ndarray) -> np.ndarray:
         """Return the rows of the owned cells of the glued mesh."""
         return table[: self.glued.topology.index_map(self.glued.topology.dim).size_local]
 
@@ -240,11 +240,11 @@ class Carried:
         """Return tags of cells; None stays None."""
         if tags is None:
             return None
-        return self._given.cell_tags(self._owned(tag_table(tags)))
+        return self._given.cell_tags(self._of_owned(tag_table(tags)))
 
     def facet_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
         """Return tags of facets, given by the tags of their sides in the glued mesh."""
-        return self._given.facet_tags(self._owned(tags))
+        return self._given.facet_tags(self._of_owned(tags))
 
     def marks(self, marks: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return marks of facets, which are the same on both sides; None stays None."""

@@ -26,7 +26,7 @@ from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.naming import NamedShape
-from erc_contact.mesh.partition import distributed
+from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
@@ -110,7 +110,7 @@ def glued_mesh(places: np.ndarray, glued: np.ndarray) -> tuple[np.ndarray, np.nd
     return x, glued
 
 
-def described(geometry: Geometry | None) -> dict[str, Any] | None:
+def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
     """Return the true shape in plain data; its text comes from rank 0.
 
     Of a shape whose parts are named by rules, these are left out: they may be
@@ -122,11 +122,11 @@ def described(geometry: Geometry | None) -> dict[str, Any] | None:
     if geometry is None:
         return None
     if isinstance(geometry, NamedShape):
-        return described(geometry.shape)
+        return describe_shape(geometry.shape)
     if isinstance(geometry, Assembled):
         members = []
         for member in geometry.members:
-            shape = described(cast("Geometry", member.shape))
+            shape = describe_shape(cast("Geometry", member.shape))
             members.append(_shallow(member) | {"shape": shape})
         return {"kind": "Assembled"} | _shallow(geometry) | {"members": members}
     if not isinstance(geometry, Brick | Drawing):
@@ -147,7 +147,7 @@ def _shallow(value: Any) -> dict[str, Any]:
 
 
 def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
-    """Return the true shape from what :func:`described` gave."""
+    """Return the true shape from what :func:`describe_shape` gave."""
     if plain is None:
         return None
     if plain["kind"] == "Brick":
@@ -186,7 +186,7 @@ class CellRows(GivenCells):
             used, numbers = np.unique(cells[:, : d + 1], return_inverse=True)
             vertices = numbers.astype(np.int64)
             x = points[used, :d]
-        mesh = distributed(comm, vertices, np.ascontiguousarray(x))
+        mesh = distribute(comm, vertices, np.ascontiguousarray(x))
         connect_facets(mesh)
         self._rows_of_ranks = comm.gather(mesh.topology.original_cell_index)
         super().__init__(mesh, vertices)

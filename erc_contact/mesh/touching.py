@@ -24,7 +24,7 @@ from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.simplex import measures, of_facets, outward_normals
 from erc_contact.mesh.tags import listed
-from erc_contact.mesh.transfer import gathered_mesh
+from erc_contact.mesh.transfer import gather_mesh
 
 OPPOSED = -0.7
 """Greatest cosine of the angle of outward normals of facets that face each other."""
@@ -81,7 +81,7 @@ class Pairs(tuple[Touching, ...]):
 
 def touching(domain: Bodies, regions: Sequence[str], within: float) -> Pairs:
     """List which parts of a domain lie against which, see :meth:`Domain.touching`."""
-    chosen = together(domain.comm, _checked, domain, regions, within)
+    chosen = together(domain.comm, _choose_regions, domain, regions, within)
     rows = _pairs(domain)
     if within > 0:
         rows += _near(domain, within)
@@ -113,7 +113,7 @@ def tell_gaps(domain: Bodies, size: float) -> None:
         )
 
 
-def _checked(domain: Bodies, regions: Sequence[str], within: float) -> list[set[str]]:
+def _choose_regions(domain: Bodies, regions: Sequence[str], within: float) -> list[set[str]]:
     """Return the regions that each pattern means.
 
     Raises:
@@ -173,7 +173,7 @@ def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
 
 def _near(domain: Bodies, within: float) -> list[Touching]:
     """Return parts of two regions that are near each other and no pair; collective."""
-    plain = gathered_mesh(domain)
+    plain = gather_mesh(domain)
     rows: list[Touching] | None = None
     if domain.comm.rank == 0:
         paired = {domain.names[name] for pair in domain.pairs for name in pair}

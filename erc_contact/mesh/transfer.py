@@ -14,18 +14,18 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.ranks import fetched, global_numbers
+from erc_contact.base.ranks import fetch, global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.closing import closed
+from erc_contact.mesh.closing import close_bodies
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.partition import distributed
+from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.tags import tag_table, tags_of
 
 
-def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
+def gather_mesh(mesh: NamedMesh) -> PlainMesh:
     """Return a mesh on rank 0, and a mesh without cells on other ranks; collective.
 
     The order of points and cells does not depend on the number of ranks. Bodies that
@@ -50,8 +50,8 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     if all_marks is not None:
         plain = replace(plain, marks=np.concatenate(all_marks))
     if places is None:
-        return _ordered(plain)[0]
-    plain, cells, corners = _ordered(plain)
+        return _sort(plain)[0]
+    plain, cells, corners = _sort(plain)
     in_order = np.take_along_axis(np.concatenate(places)[cells], corners[..., None], axis=1)
     return _at_places(plain, in_order)
 
@@ -70,7 +70,7 @@ def _at_places(plain: PlainMesh, places: np.ndarray) -> PlainMesh:
     return replace(plain, x=points[:, 1:], cells=cells.reshape(plain.cells.shape), glued=glued)
 
 
-def _ordered(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
+def _sort(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
     """Sort points and cells by their places.
 
     Returns:
@@ -116,10 +116,10 @@ def spread(comm: MPI.Comm, plain: PlainMesh, root: int = 0) -> dict[str, Any]:
         places = plain.x[plain.cells]
         if plain.glued is not None:
             _, numbers = np.unique(plain.glued, return_inverse=True)
-            x = closed(plain.x, plain.cells, numbers)
+            x = close_bodies(plain.x, plain.cells, numbers)
             plain = replace(plain, x=x, cells=numbers[plain.cells])
     cells = plain.cells.astype(np.int64)
-    mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
+    mesh = distribute(comm, cells, np.ascontiguousarray(plain.x))
     connect_facets(mesh)
     given = GivenCells(mesh, cells)
     tables = {
@@ -164,7 +164,7 @@ class GivenCells:
     def of_cells(self, table: Any) -> np.ndarray:
         """Return the rows (cells, ...) of the cells on this rank, with ghosts."""
         width = prod(table.shape[1:])
-        rows = fetched(lasting(self.mesh.comm), table.reshape(len(table), width), self.source)
+        rows = fetch(lasting(self.mesh.comm), table.reshape(len(table), width), self.source)
         return rows.reshape(len(rows), *table.shape[1:])
 
     def of_sides(self, table: Any) -> np.ndarray:

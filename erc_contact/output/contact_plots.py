@@ -25,7 +25,7 @@ from erc_contact.output.drawing import (
     weighted_level,
     words,
 )
-from erc_contact.output.files import PARTS, subdivided
+from erc_contact.output.files import PARTS, subdivide
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
 from erc_contact.results.profile import contact_of, contact_status
@@ -158,7 +158,7 @@ class _Line:
         self.degree = surface.degree
         self.order = np.argsort(ends.min(axis=1))
         self.turned = (ends[:, 0] > ends[:, 1])[:, None]
-        self.points = subdivided(1, PARTS)[0]
+        self.points = subdivide(1, PARTS)[0]
         places = np.sort(ends[:, :1] + self.points.T * np.diff(ends), axis=1)[self.order]
         self.lengths = np.ptp(places, axis=1)
         # Facets that do not touch the one before begin a new part of the contact.
@@ -166,7 +166,7 @@ class _Line:
         self.parts = np.flatnonzero(jumps > AXIS * np.ptp(places)) + 1
         self.abscissa = self.path(places)
 
-    def computed(self, coefficients: np.ndarray) -> np.ndarray:
+    def sample(self, coefficients: np.ndarray) -> np.ndarray:
         """Return r^ at points of the facets, in order along the contact, (n, q)."""
         values = coefficients @ bernstein(1, self.degree, self.points).T
         return np.where(self.turned, values[:, ::-1], values)[self.order]
@@ -174,7 +174,7 @@ class _Line:
     def curve(self, coefficients: np.ndarray) -> np.ndarray:
         """Return the values that are drawn, shape (n, q)."""
         if self.degree > 1:
-            return self.computed(coefficients)
+            return self.sample(coefficients)
         means = coefficients.mean(axis=1)[self.order]
         return through_means(means, self.lengths, self.parts, self.points[:, 0])
 
@@ -198,7 +198,7 @@ def _draw_traction(axes: Any, line: _Line, values: np.ndarray, colour: str, name
     """Draw the curve of a component of r^, and for degree 1 r^ itself by thin lines."""
     axes.plot(line.abscissa, line.path(line.curve(values)), color=colour, lw=1.6, label=name)
     if line.degree == 1:
-        computed = line.path(line.computed(values))
+        computed = line.path(line.sample(values))
         axes.plot(line.abscissa, computed, color=colour, lw=0.5, alpha=0.7)
 
 

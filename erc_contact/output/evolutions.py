@@ -23,7 +23,7 @@ from erc_contact.output.drawing import (
     tangents,
 )
 from erc_contact.output.files import on_root
-from erc_contact.output.foundations import rounded
+from erc_contact.output.foundations import round_factor
 from erc_contact.output.placing import panels
 
 ZONE_POINTS = 400
@@ -220,7 +220,7 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     comm = history.errors[0].domain.comm
     places = np.unique(np.linspace(0, len(history.errors) - 1, FRAMES).round().astype(int))
     shown = [history.errors[i] for i in places]
-    factor = rounded(min(magnification(error) for error in shown))
+    factor = round_factor(min(magnification(error) for error in shown))
     folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
     # Rank 0 draws, but all ranks know the names.
     frames = [folder / f"{number:04d}.png" for number in range(len(shown))]

@@ -72,7 +72,7 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
     on_rank(comm, 0, make)
 
 
-def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
+def make_folder(comm: MPI.Comm, folder: str | Path) -> Path:
     """Make the folder of a run's files before anything is drawn; collective.
 
     Raises:
@@ -95,7 +95,7 @@ def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
     return path
 
 
-def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
+def gather(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
     """Gather arrays of all ranks in a row on rank 0; collective.
 
     Other ranks get an empty dictionary.
@@ -112,7 +112,7 @@ def degree_of(cells: np.ndarray, d: int) -> int:
 
 
 @cache
-def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
+def subdivide(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut the reference line or triangle into smaller pieces.
 
     Returns:

@@ -24,7 +24,7 @@ from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.profile import given_way
 from erc_contact.model.trace import split
-from erc_contact.output.files import degree_of, gathered
+from erc_contact.output.files import degree_of, gather
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
@@ -129,7 +129,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     if contact.is_exchanged:
         place = place + contact.to_partners
         nodes, partners = partners, nodes
-    parts = gathered(
+    parts = gather(
         model.comm,
         area=traction.area[owned],
         values=contact.sign * traction.values[owned],
@@ -205,7 +205,7 @@ def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
     """
     geometry = domain.mesh.geometry
     cells = cell_nodes(geometry)[: domain.owned_cells]
-    return _numbered(geometry.x, cells, geometry.index_map(), domain.dim)
+    return _number_cells(geometry.x, cells, geometry.index_map(), domain.dim)
 
 
 def body_nodes(model: Model) -> dict[str, np.ndarray]:
@@ -216,7 +216,7 @@ def body_nodes(model: Model) -> dict[str, np.ndarray]:
     """
     cells = model.nodes[: model.domain.owned_cells]
     x = model.V.tabulate_dof_coordinates()
-    return _numbered(x, cells, model.V.dofmap.index_map, model.d)
+    return _number_cells(x, cells, model.V.dofmap.index_map, model.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
@@ -241,11 +241,11 @@ def whole_body(
     prescribed = model.prescribed.x.array.reshape(-1, model.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
     still[:, : model.d] = model.held[: len(u)] & (prescribed == 0.0)
-    body = gathered(model.comm, **body_nodes(model), u=u, still=still)
+    body = gather(model.comm, **body_nodes(model), u=u, still=still)
     return body, whole_contacts(admissible)
 
 
-def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
+def _number_cells(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
     """Return owned nodes, and cells by global numbers, positively oriented.
 
     Args:

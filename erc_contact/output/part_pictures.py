@@ -23,9 +23,9 @@ from erc_contact.mesh.sides import boundary_sides
 from erc_contact.mesh.simplex import of_facets, outward_normals
 from erc_contact.output.bodies import skin_of, straight
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
-from erc_contact.output.files import gathered
+from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_mesh
-from erc_contact.output.views import SPACE, ShownPart, seen, show, views_of
+from erc_contact.output.views import SPACE, ShownPart, corners_seen, show, views_of
 
 INSIDE = 0.004
 """Distance of a line of a part from its side, over the size of the body [-]."""
@@ -67,8 +67,8 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     cell, local = boundary_sides(domain.mesh, facets)
     of_cells = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cell], :d]
     corners = of_facets(of_cells, local)
-    table = gathered(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
-    body = gathered(comm, **body_mesh(domain))
+    table = gather(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
+    body = gather(comm, **body_mesh(domain))
     size = domain.extent
     names = [*domain.names, NAMELESS]
     in_pairs = {name for pair in domain.pairs for name in pair}
@@ -156,7 +156,7 @@ def _draw_flat(ax: Any, body: dict[str, np.ndarray], shown: _Shown, in_pairs: se
             parts.append(shown.surface(number, -INSIDE * shown.size, **look))
     view = np.eye(3)
     if ax is None:
-        width, height = np.ptp(seen(parts, view), axis=0)[:2]
+        width, height = np.ptp(corners_seen(parts, view), axis=0)[:2]
         scale = min(7.0 / width, 6.0 / height)
         figure = new_figure(scale * width + 2.0, scale * height + 1.2, "compressed")
         ax = figure.subplots()
@@ -175,7 +175,7 @@ def _draw_flat(ax: Any, body: dict[str, np.ndarray], shown: _Shown, in_pairs: se
         }
         _write(ax, name, place[:2], **words)
     # Names below the body would else stand on the ticks.
-    low, high = seen(parts, view)
+    low, high = corners_seen(parts, view)
     margin = MARGIN * shown.size
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
     return ax
@@ -194,7 +194,7 @@ def _draw_in_space(shown: _Shown) -> Any:
         lines = straight(points, np.arange(len(points)).reshape(-1, 2))
         parts.append((lines, {"color": "#404040", "opacity": 0.35, "line_width": 0.8}))
     views = views_of(3, np.eye(3)[2])
-    sizes = np.array([np.ptp(seen(parts, view), axis=0)[:2] for view in views.values()])
+    sizes = np.array([np.ptp(corners_seen(parts, view), axis=0)[:2] for view in views.values()])
     scale = 1.6 * SPACE / sizes[:, 0].sum()
     height = scale * sizes[:, 1].max()
     rows = -(-len(used) // 5)

@@ -94,7 +94,7 @@ def _axes_of_view(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
-def seen(parts: Sequence[ShownPart], view: np.ndarray) -> np.ndarray:
+def corners_seen(parts: Sequence[ShownPart], view: np.ndarray) -> np.ndarray:
     """Find the low and the high corner of parts in the axes of a view [length].
 
     They have a margin; shape (2, 3).
@@ -116,11 +116,11 @@ def mirror_images(parts: Sequence[ShownPart]) -> list[ShownPart]:
     return images
 
 
-def rendered(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[np.ndarray]:
-    """Draw images of parts in parallel projection, each from where :func:`seen` says.
+def render(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[np.ndarray]:
+    """Draw images of parts in parallel projection.
 
-    All are drawn in one window, because a window costs more than a second view of the
-    same parts.
+    Each shows what :func:`corners_seen` encloses. All are drawn in one window, because
+    a window costs more than a second view of the same parts.
 
     Args:
         pictures: Parts (data of pyvista, and options with which they are drawn) and
@@ -182,7 +182,7 @@ def _image(
         parts: What is seen.
         view: Axes of the view, shape (3, 3).
     """
-    low, high = seen(parts, view)
+    low, high = corners_seen(parts, view)
     size = float(np.linalg.norm(high - low))
     middle = (low + high) / 2 @ view
     sides = (high - low)[:2]
@@ -225,13 +225,13 @@ def show(
     """
     if pictures[0][1][2, 2] == 1.0:
         for axes, (parts, view) in zip(panels, pictures, strict=True):
-            low, high = seen(parts, view)
+            low, high = corners_seen(parts, view)
             draw_flat(axes, parts, letters)
             axes.set(**limits(low, high))
         return
-    images = rendered(pictures)
+    images = render(pictures)
     for axes, (parts, view), image in zip(panels, pictures, images, strict=True):
-        low, high = seen(parts, view)
+        low, high = corners_seen(parts, view)
         axes.imshow(image, extent=(low[0], high[0], low[1], high[1]))
         axes.spines[:].set_visible(False)
         axes.set_axis_off()

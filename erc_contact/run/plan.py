@@ -14,7 +14,7 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Mark, Strategy
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.tables import described
+from erc_contact.mesh.tables import describe_shape
 from erc_contact.model.functions import check_no_functions
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.methods import Method
@@ -120,4 +120,4 @@ def check_folder(checkpoint: Any, domain: Domain) -> None:
     """
     if not isinstance(checkpoint, str | Path):
         raise InputError(f"checkpoint is {checkpoint!r}; give the name of a folder, or None.")
-    described(domain.geometry)
+    describe_shape(domain.geometry)

@@ -43,8 +43,8 @@ from mpi4py import MPI
 
 from erc_contact.base.releases import c_code, other_domains
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.base.runtime.form_library import compiled_objects
-from erc_contact.base.runtime.parts import renumbered
+from erc_contact.base.runtime.form_library import compile_objects
+from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
 from erc_contact.base.ufl_types import Ufl
 
@@ -75,7 +75,7 @@ def constant(mesh: dmesh.Mesh, value: npt.ArrayLike) -> fem.Constant:
 def form(integrals: ufl.Form) -> fem.Form:
     """Compile a form, or find it among the forms of this process; collective."""
     with _remembering():
-        return fem.form(renumbered(integrals))
+        return fem.form(renumber(integrals))
 
 
 def expression(value: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
@@ -91,18 +91,18 @@ def _remembering() -> Iterator[None]:
         if refused():
             yield
             return
-        with replaced(dolfinx_jit, "ffcx_jit", _remembered):
+        with replaced(dolfinx_jit, "ffcx_jit", _find_or_compile):
             yield
 
 
-def _remembered(
+def _find_or_compile(
     comm: MPI.Comm, source: Any, form_compiler_options: Any = None, jit_options: Any = None
 ) -> tuple[Any, Any, Any]:
     """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective."""
     key = _key(source, form_compiler_options, jit_options)
     ranks = lasting(comm)
     if not _all_known(ranks, [key]):
-        (compiled,), module = compiled_objects(ranks, [source], form_compiler_options, c_code)
+        (compiled,), module = compile_objects(ranks, [source], form_compiler_options, c_code)
         _known[key] = compiled, module, (None, None)
     return _known[key]
 
@@ -124,13 +124,13 @@ def compile_together(
     if refused():
         return
     options = {"scalar_type": np.float64}
-    sources = [*(renumbered(form) for form in forms), *expressions]
+    sources = [*(renumber(form) for form in forms), *expressions]
     # Two contacts may have the same expression, which a module has once.
     by_key = {_key(source, options, None): source for source in sources}
     if _all_known(comm, list(by_key)):
         return
     with method_caches_off():
-        objects, module = compiled_objects(comm, list(by_key.values()), options, c_code)
+        objects, module = compile_objects(comm, list(by_key.values()), options, c_code)
     for key, compiled_object in zip(by_key, objects, strict=True):
         _known[key] = compiled_object, module, (None, None)
 

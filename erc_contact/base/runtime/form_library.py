@@ -58,7 +58,7 @@ class FormLibrary:
 
 
 @dolfinx_jit.mpi_jit_decorator
-def compiled_objects(
+def compile_objects(
     sources: list[Any], options: dict[str, Any], c_code: Callable[..., str]
 ) -> tuple[list[Any], FormLibrary]:
     """Return FFCx's objects for forms and expressions, and their library; collective.
@@ -104,18 +104,18 @@ def form_library(path: Path, flags: Sequence[str], code: Callable[[], str]) -> F
     """Open a library; compile it if it is not there.
 
     Args:
-        path: Where it is, or will be, see :func:`compiled_once`.
+        path: Where it is, or will be, see :func:`compile_once`.
         flags: Options of the compiler.
         code: Returns the C code.
 
     Raises:
         RuntimeError: If the C compiler fails.
     """
-    path = compiled_once(path, lambda path: _compile(code(), path, flags))
+    path = compile_once(path, lambda path: _compile(code(), path, flags))
     return FormLibrary(ctypes.CDLL(str(path)), _structs())
 
 
-def compiled_once(path: Path, compile_to: Callable[[Path], None]) -> Path:
+def compile_once(path: Path, compile_to: Callable[[Path], None]) -> Path:
     """Return where a library is; compile it if it is not there.
 
     Args:

@@ -94,12 +94,12 @@ def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
         )
     is_cad = path.suffix.lower() in CAD
     if is_cad or wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
-        return [_meshed(gmsh, path, wanted)]
+        return [_mesh(gmsh, path, wanted)]
     gmsh.open(str(path))
     return []
 
 
-def _meshed(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
+def _mesh(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
     """Mesh a drawing, and open the mesh in gmsh's current session."""
     with tempfile.TemporaryDirectory() as folder:
         job = asdict(wanted) | {"path": str(path.resolve()), "folder": folder}

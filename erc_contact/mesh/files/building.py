@@ -15,7 +15,7 @@ from erc_contact.base.percent import place_words
 from erc_contact.mesh.files.cleaning import Body, body_of
 from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
-from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, padded
+from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, pad
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
@@ -53,7 +53,9 @@ class Built:
     notes: tuple[str, ...]
 
 
-def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = True) -> Built:
+def build_simplices(
+    mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = True
+) -> Built:
     """Make simplices with parts and regions of the mesh of a file.
 
     Args:
@@ -95,11 +97,11 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = Tr
     used, cells = np.unique(simplices.cells, return_inverse=True)
     nodes = np.where(used < len(body.x), used, -1)
     plain = PlainMesh(simplices.x[used], cells, of_simplices, tags, marks=side_marks)
-    notes += _unconnected(plain, regions)
+    notes += _note_unconnected(plain, regions)
     return Built(plain, names, regions, nodes, tuple(notes))
 
 
-def _unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
+def _note_unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
     """Tell of points of a region that lie at one place and are not connected."""
     extent = np.ptp(plain.x, axis=0).max()
     boxes = np.floor(plain.x / (SAME_PLACE * extent) + OFFSET)
@@ -196,7 +198,7 @@ def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:
         for number, members in element_set.members.items():
             block = mesh.blocks[number]
             if block.dim == mesh.dim - 1:
-                tables.append(padded(block.corners[members]))
+                tables.append(pad(block.corners[members]))
         if tables:
             corners = np.concatenate(tables)
             weak = element_set.weak

@@ -70,7 +70,7 @@ def body_of(mesh: FileMesh) -> Body:
     used = np.unique(np.concatenate([block.corners.ravel() for block in blocks]))
     _check_rows(mesh, used)
     x = _in_body_space(mesh.points, used, dim)
-    same = _merged(x, blocks)
+    same = _merge(x, blocks)
     moved = int((same != np.arange(len(same))).sum())
     if moved:
         notes.append(f"{moved} points in the place of another corner of the same cell")
@@ -141,7 +141,7 @@ def _in_body_space(points: np.ndarray, used: np.ndarray, dim: int) -> np.ndarray
     )
 
 
-def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
+def _merge(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
     """Return for each point the least point of a common cell that is in its place.
 
     Args:

@@ -59,7 +59,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
     Raises:
         InputError: If the file has none, or several vectors of which none is called so.
     """
-    u = _chosen(mesh)
+    u = _choose_vector(mesh)
     blocks = [block for block in mesh.blocks if block.dim == mesh.dim]
     used = np.unique(np.concatenate([block.corners.ravel() for block in blocks]))
     ends = []
@@ -72,7 +72,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
         quadratic |= second
         split |= block.shape not in ("triangle", "tetrahedron")
         middle = mesh.points[block.corners].mean(axis=1)
-        for a, b, value in _between(mesh, block, u, second=second):
+        for a, b, value in _values_between(mesh, block, u, second=second):
             ends.append(np.column_stack([block.nodes[:, a], block.nodes[:, b]]))
             values.append(value)
             middles.append(middle)
@@ -101,7 +101,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
     )
 
 
-def _chosen(mesh: FileMesh) -> np.ndarray:
+def _choose_vector(mesh: FileMesh) -> np.ndarray:
     """Return the vector that is the displacement [length], shape (n, 3).
 
     Raises:
@@ -120,7 +120,7 @@ def _chosen(mesh: FileMesh) -> np.ndarray:
     )
 
 
-def _between(
+def _values_between(
     mesh: FileMesh, block: Block, u: np.ndarray, *, second: bool
 ) -> list[tuple[int, int, np.ndarray]]:
     """Return pairs of corners of cells, and the displacement in their middles.

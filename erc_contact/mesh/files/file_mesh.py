@@ -188,7 +188,7 @@ class FileMesh:
         return max((block.dim for block in self.blocks if len(block.nodes)), default=0)
 
 
-def padded(corners: np.ndarray) -> np.ndarray:
+def pad(corners: np.ndarray) -> np.ndarray:
     """Return corners of facets in space with four columns, of edges as they are.
 
     A triangle has its last corner twice.

@@ -23,7 +23,7 @@ from erc_contact.mesh.files.file_mesh import (
     FacetSet,
     FileMesh,
     NodeSet,
-    padded,
+    pad,
     shape_with,
 )
 
@@ -207,7 +207,7 @@ def _load(mesh: _Mesh, space: _Space, cards: list[Card], place: list[str]) -> No
 def _add_nodes(mesh: _Mesh, space: _Space, card: Card, place: list[str]) -> None:
     """Add the nodes of a card, put where an instance is."""
     table = numbers_of(card.lines, 4)
-    x = _placed(table[:, 1:], place)
+    x = _place(table[:, 1:], place)
     rows = range(mesh.node_count, mesh.node_count + len(x))
     space.node_rows.update(zip(table[:, 0].astype(np.int64).tolist(), rows, strict=True))
     mesh.points.append(x)
@@ -215,7 +215,7 @@ def _add_nodes(mesh: _Mesh, space: _Space, card: Card, place: list[str]) -> None
     _extend(space, space.node_sets, card.get("NSET"), rows)
 
 
-def _placed(x: np.ndarray, place: list[str]) -> np.ndarray:
+def _place(x: np.ndarray, place: list[str]) -> np.ndarray:
     """Move points by the translation and the rotation about an axis of an instance.
 
     Args:
@@ -370,13 +370,13 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
     for space in of_elements:
         for name, rows in space.element_sets.items():
             if name not in space.hidden and not INNER.match(name):
-                called = _called(space, name, several)
+                called = _name_of(space, name, several)
                 weak = name not in space.listed
                 element_sets.append(ElementSet(called, _members(begins, rows), weak=weak))
     for space in of_nodes:
         for name, rows in space.node_sets.items():
             if not INNER.match(name):
-                called = _called(space, name, several)
+                called = _name_of(space, name, several)
                 nodes = np.unique(np.asarray(rows, dtype=np.int64))
                 node_sets.append(NodeSet(called, nodes, weak=name not in space.listed))
     instances = [space for space in instances if space.element_rows]
@@ -399,7 +399,7 @@ def _names_of_several(spaces: Sequence[_Space]) -> set[str]:
     return several
 
 
-def _called(space: _Space, name: str, several: set[str]) -> str:
+def _name_of(space: _Space, name: str, several: set[str]) -> str:
     """Return the name of a set, with the name of its instance if several have it."""
     spelled = space.spelling.get(name, name)
     return f"{space.name}.{spelled}" if space.name and name in several else spelled
@@ -411,8 +411,8 @@ def _facets(name: str, block: Block, elements: np.ndarray, face: int | None) -> 
     if face is not None:
         if face >= len(faces):
             return []
-        return [FacetSet(name, padded(block.nodes[elements][:, faces[face]]))]
+        return [FacetSet(name, pad(block.nodes[elements][:, faces[face]]))]
     result = []
     for corners in SHAPES[block.shape].faces:
-        result.append(FacetSet(name, padded(block.nodes[elements][:, corners]), outer=True))
+        result.append(FacetSet(name, pad(block.nodes[elements][:, corners]), outer=True))
     return result

@@ -10,8 +10,8 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes, coordinate_map
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.files.building import Built, built, spread_from
-from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, padded
+from erc_contact.mesh.files.building import Built, build_simplices, spread_from
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, pad
 from erc_contact.mesh.sides import connect_facets
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
@@ -53,7 +53,7 @@ def simplicial(
 
     def make() -> Built:
         assert parts is not None
-        return built(_file_mesh(mesh, parts), numbered=False)
+        return build_simplices(_file_mesh(mesh, parts), numbered=False)
 
     new = spread_from(comm, 0, make, "The mesh of DOLFINx")
     return (
@@ -85,7 +85,7 @@ def _tables(
         here = facet_tags.indices < mesh.topology.index_map(d - 1).size_local
         found = facet_tags.indices[here]
         corners = dmesh.entities_to_geometry(mesh, d - 1, found, False)
-        facets = padded(global_numbers(nodes, corners)[:, :width])
+        facets = pad(global_numbers(nodes, corners)[:, :width])
         values = facet_tags.values[here].astype(np.int64)
     count = nodes.size_local
     given = mesh.geometry.input_global_indices[:count]

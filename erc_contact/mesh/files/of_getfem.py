@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import Block, ElementSet, FacetSet, FileMesh, padded
+from erc_contact.mesh.files.file_mesh import Block, ElementSet, FacetSet, FileMesh, pad
 from erc_contact.mesh.rows import in_space
 
 FACTOR = re.compile(r"GT_(PK|QK)\((\d+),\s*(\d+)\)")
@@ -89,7 +89,7 @@ def mesh_of_getfem(path: Path) -> FileMesh:
             found = {number: np.array(rows) for number, rows in members.items()}
             element_sets.append(ElementSet(name, found, int(name)))
         if facets:
-            facet_sets.append(FacetSet(name, padded(np.array(facets)), int(name)))
+            facet_sets.append(FacetSet(name, pad(np.array(facets)), int(name)))
     return FileMesh(
         in_space(x),
         tuple(blocks),

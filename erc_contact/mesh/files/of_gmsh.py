@@ -17,7 +17,7 @@ from erc_contact.mesh.files.file_mesh import (
     ElementSet,
     FacetSet,
     FileMesh,
-    padded,
+    pad,
 )
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 
@@ -178,5 +178,5 @@ def marked_entities(model: Any, tags: dict[int, int]) -> list[FacetSet]:
         for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
             _, _, _, nodes_each, _, corners_each = model.mesh.getElementProperties(kind)
             corners = rows[flat.astype(np.int64)].reshape(-1, nodes_each)[:, :corners_each]
-            result.append(FacetSet(str(mark), padded(corners), mark))
+            result.append(FacetSet(str(mark), pad(corners), mark))
     return result

@@ -17,7 +17,7 @@ from erc_contact.mesh.files.file_mesh import (
     FacetSet,
     FileMesh,
     NodeSet,
-    padded,
+    pad,
 )
 from erc_contact.mesh.files.tag_fields import tagged_sets
 from erc_contact.mesh.rows import in_space
@@ -84,7 +84,7 @@ def mesh_of_vtk(path: Path) -> FileMesh:
                 f"it is an image of {data.GetNumberOfCells()} voxels; mesh the body that it shows, "
                 "by pyvista's threshold and a mesher, and read that mesh."
             )
-        grid = _unstructured(data)
+        grid = _unstructured_grid(data)
     if grid is None or not grid.GetNumberOfCells():
         raise InputError("VTK found no cells in it; the file is damaged, or of another format.")
     blocks, cells_of, left_out = _blocks(grid)
@@ -116,7 +116,7 @@ def _reader(path: Path) -> Any:
     return vtkXMLGenericDataObjectReader()
 
 
-def _unstructured(data: Any) -> Any:
+def _unstructured_grid(data: Any) -> Any:
     """Return data of VTK as one unstructured grid, None if there is no grid."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter  # noqa: PLC0415
 
@@ -271,7 +271,7 @@ def _of_exodus_groups(output: Any) -> FileMesh:
         elif leaf.group in FACE_SETS:
             for block in found:
                 if block.dim in (1, 2):
-                    facet_sets.append(FacetSet(leaf.name, padded(block.corners), leaf.tag))
+                    facet_sets.append(FacetSet(leaf.name, pad(block.corners), leaf.tag))
     dim = max((block.dim for block in blocks), default=0)
     width = 2 * (dim - 1)
     fitting = tuple(found for found in facet_sets if found.corners.shape[1] == width)
@@ -283,7 +283,7 @@ class _Leaf:
 
     def __init__(self, group: str, words: str, grid: Any) -> None:
         self.group = group
-        self.grid = _unstructured(grid)
+        self.grid = _unstructured_grid(grid)
         self.global_ids = _arrays(self.grid.GetPointData())["GlobalNodeId"]
         head, separator, number = words.rpartition("ID: ")
         digits = number.strip().split()[0] if separator else ""

@@ -150,7 +150,7 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
     kind = topology.get("TopologyType", topology.get("Type", "")).lower()
     table = _data(path, topology.find("DataItem")).astype(np.int64)
     if kind == "mixed":
-        blocks, order = _mixed(table.ravel())
+        blocks, order = _split_mixed(table.ravel())
     else:
         shape = SHAPE_NAMES.get(kind.split("_")[0])
         if shape is None:
@@ -164,7 +164,7 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
     return _Grid(grid.get("Name", ""), blocks, fields)
 
 
-def _mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
+def _split_mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
     """Take a mixed topology apart: blocks, and the numbers of their elements."""
     found: dict[tuple[str, int], tuple[list[int], list[int]]] = {}
     at = 0

@@ -14,7 +14,7 @@ Key = tuple[int, int]
 """Dimension and tag of a set."""
 
 
-def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
+def rename_sets(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
     """Give names to the sets of a mesh.
 
     Args:

@@ -20,7 +20,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough, place_words
-from erc_contact.mesh.joining.curve import Curve, curves, directed
+from erc_contact.mesh.joining.curve import Curve, curves, direct_facets
 from erc_contact.mesh.joining.cutting import cut
 from erc_contact.mesh.joining.thresholds import CLOSE, CORNER, CRUSHED, FACING, SAME
 from erc_contact.mesh.joining.triangles import edge_lengths
@@ -53,7 +53,7 @@ class _Facing:
     lengths: np.ndarray
 
 
-def aligned(
+def align(
     plain: PlainMesh, here: int, there: int, apart: float = 0.0, *, keep: bool = False
 ) -> PlainMesh:
     """Return a mesh in the plane whose two sides have common vertices.
@@ -85,10 +85,10 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     Raises:
         InputError: If some face it and are too far away.
     """
-    start, end = directed(plain.x, plain.cells, sides, left=False)
+    start, end = direct_facets(plain.x, plain.cells, sides, left=False)
     points = np.column_stack([start, end])
     used, rows = np.unique(points, return_inverse=True)
-    of_used, distance = curve.projected(plain.x[used])
+    of_used, distance = curve.project(plain.x[used])
     places = of_used[rows]
     of_points = distance[rows]
     apart = of_points.max(axis=1)
@@ -105,13 +105,13 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     against = step > FACING * lengths
     if not curve.closed:
         against &= common > SAME * shorter
-    near = against & (apart <= _allowed(curve, facet, lengths) + allowance)
+    near = against & (apart <= _allowed_distance(curve, facet, lengths) + allowance)
     beyond = against & ~near & (apart < shorter + allowance)
     if beyond.any():
         worst = np.flatnonzero(beyond)[np.argmax(apart[beyond])]
         middle = place_words(plain.x[points[worst]].mean(axis=0))
         # What is allowed decides which facets face each other, too.
-        excess = apart - _allowed(curve, facet, lengths)
+        excess = apart - _allowed_distance(curve, facet, lengths)
         needed = allowance
         while np.any(beyond):
             needed = float(excess[beyond].max())
@@ -126,7 +126,7 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     return _Facing(sides[near], points[near], places[near], of_points[near], lengths[near])
 
 
-def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+def _allowed_distance(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Return the distance from the curve that facets of side 2 may have [length].
 
     Facets of length h on a curve of radius R are h^2 / (8 R) high. The curve turns by
@@ -155,7 +155,7 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
     for close in CLOSE:
         common = _common(plain, curve, facing, close, keep)
         if keep:
-            moved, points = _kept_apart(plain, curve, facing, common)
+            moved, points = _keep_apart(plain, curve, facing, common)
         else:
             moved, points = _in_one_place(plain, common)
         # A cell that is turned over has a negative share of its area.
@@ -217,7 +217,7 @@ def _common(plain: PlainMesh, curve: Curve, facing: _Facing, close: float, keep:
         place2 %= curve.length
     size1 = _smallest(points1, curve.points[:-1], curve.points[1:], curve.lengths)
     size2 = _smallest(points2, facing.points[:, 0], facing.points[:, 1], facing.lengths)
-    fixed = _fixed(plain, curve, facing)
+    fixed = _find_fixed(plain, curve, facing)
 
     # The nearest vertex of side 1; the end of a closed curve is its beginning.
     after = np.clip(np.searchsorted(curve.places, place2), 1, len(curve.places) - 1)
@@ -285,7 +285,7 @@ def _in_one_place(plain: PlainMesh, common: _Common) -> tuple[PlainMesh, np.ndar
     return moved, np.concatenate([common.free, common.alone])
 
 
-def _kept_apart(
+def _keep_apart(
     plain: PlainMesh, curve: Curve, facing: _Facing, common: _Common
 ) -> tuple[PlainMesh, np.ndarray]:
     """Let both sides keep their places, as :func:`_in_one_place` moves side 2."""
@@ -352,7 +352,7 @@ def _smallest(
     return sizes[points]
 
 
-def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
+def _find_fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     """Check which points must stay: at corners, at other parts and between regions."""
     fixed = np.zeros(len(plain.x), dtype=bool)
     for region in np.unique(plain.regions):
@@ -367,7 +367,7 @@ def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     if not curve.closed:
         fixed[curve.points[[0, -1]]] = True
     # Side 2 ends where it has one facet only, and has a corner where it turns.
-    start, end = directed(plain.x, plain.cells, plain.sides(other_tag), left=False)
+    start, end = direct_facets(plain.x, plain.cells, plain.sides(other_tag), left=False)
     direction = plain.x[end] - plain.x[start]
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     arriving = np.full((len(plain.x), 2), np.nan)

@@ -92,7 +92,7 @@ class Curve:
         total = np.vstack([first, facet_normal]) + np.vstack([facet_normal, last])
         return total / np.linalg.norm(total, axis=1)[:, None]
 
-    def projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points on the curve.
 
         Args:
@@ -102,11 +102,11 @@ class Curve:
             Their places, and the distances from them to the points, shape (n,) each.
         """
         rows = max(1, ROWS_AT_ONCE // len(self.lengths))
-        parts = [self._projected(x[i : i + rows]) for i in range(0, len(x), rows)]
+        parts = [self._project(x[i : i + rows]) for i in range(0, len(x), rows)]
         places, distances = zip(*parts, strict=True)
         return np.concatenate(places), np.concatenate(distances)
 
-    def _projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _project(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points on the nearest facet and its neighbours; keep the best."""
         count = len(self.lengths)
         edge = np.diff(self.x, axis=0)
@@ -165,7 +165,7 @@ class Curve:
         return self.x[facet] + share[:, None] * (self.x[facet + 1] - self.x[facet])
 
 
-def directed(
+def direct_facets(
     x: np.ndarray, cells: np.ndarray, sides: np.ndarray, *, left: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the first and the last point of facets, with their cells on one hand.
@@ -191,7 +191,7 @@ def curves(x: np.ndarray, cells: np.ndarray, sides: np.ndarray) -> list[Curve]:
         cells: Points of the triangles, shape (m, 3).
         sides: Facets (cell, local facet), shape (k, 2).
     """
-    start, end = directed(x, cells, sides, left=True)
+    start, end = direct_facets(x, cells, sides, left=True)
     order = order_along_curves(start, end, x[start])
     start = start[order]
     end = end[order]

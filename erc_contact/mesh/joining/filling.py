@@ -61,7 +61,7 @@ class _Unit:
         """Make it of points [length], shape (n, d)."""
         return cls(x.min(axis=0), float(np.ptp(x, axis=0).max()))
 
-    def scaled(self, x: np.ndarray) -> np.ndarray:
+    def scale(self, x: np.ndarray) -> np.ndarray:
         """Return points [length], shape (..., d), without their unit."""
         return np.round((x - self.low) / self.extent, DIGITS)
 
@@ -74,7 +74,7 @@ class _Unit:
         return self.low + self.extent * x
 
 
-def triangulated(
+def triangulate(
     y: np.ndarray,
     edges: np.ndarray,
     sides: list[tuple[np.ndarray, np.ndarray]],
@@ -100,7 +100,7 @@ def triangulated(
     """
     used, edges = np.unique(edges, return_inverse=True)
     unit = _Unit.of(y[used])
-    given = unit.scaled(y[used])
+    given = unit.scale(y[used])
     low = -np.full(2, MARGIN)
     high = given.max(axis=0) + MARGIN
     frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
@@ -125,12 +125,12 @@ def triangulated(
             near = _near_edges(gmsh, given, edges, lines)
             # The frontal algorithm leaves some loops of short edges without points.
             gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
-        _set_sizes(gmsh, [(unit.scaled(x), unit.sizes(h)) for x, h in sides], near)
+        _set_sizes(gmsh, [(unit.scale(x), unit.sizes(h)) for x, h in sides], near)
         gmsh.model.mesh.generate(2)
 
     with session(MPI.COMM_SELF, build, "joined: the plane of the contact") as model:
         x, triangles = _simplices(model, TRIANGLE)
-    new, triangles = _renumbered(x[:, :2], triangles, given, used, len(y))
+    new, triangles = _renumber(x[:, :2], triangles, given, used, len(y))
     return np.concatenate([y, unit.lengths(new)]), triangles
 
 
@@ -205,7 +205,7 @@ def _simplices(model: Any, kind: int) -> tuple[np.ndarray, np.ndarray]:
     return x.reshape(-1, 3), place[simplices]
 
 
-def _renumbered(
+def _renumber(
     x: np.ndarray, simplices: np.ndarray, given: np.ndarray, numbers: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give points of gmsh the numbers of given points, and new points new numbers.
@@ -238,7 +238,7 @@ def _renumbered(
     return x[new], number[simplices]
 
 
-def filled(
+def fill(
     x: np.ndarray, triangles: np.ndarray, *, optimize: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill a closed surface with tetrahedra that keep its triangles.
@@ -258,7 +258,7 @@ def filled(
     """
     used, triangles = np.unique(triangles, return_inverse=True)
     unit = _Unit.of(x[used])
-    given = unit.scaled(x[used])
+    given = unit.scale(x[used])
     links = np.concatenate([triangles[:, :2], triangles[:, 1:]])
     shell_of_point = components(len(used), links)
     # The outer shell, which gmsh wants first, has the lowest point.
@@ -288,5 +288,5 @@ def filled(
         points, cells = _simplices(model, TETRAHEDRON)
     if not len(cells):
         raise InputError("joined: gmsh cannot fill a body behind the contact; mesh it otherwise.")
-    new, cells = _renumbered(points, cells, given, used, len(x))
+    new, cells = _renumber(points, cells, given, used, len(x))
     return np.concatenate([x, unit.lengths(new)]), cells

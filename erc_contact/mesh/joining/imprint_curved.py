@@ -18,7 +18,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.joining.behind import RemeshedRegion, regions_behind, surface, with_cells
-from erc_contact.mesh.joining.filling import filled
+from erc_contact.mesh.joining.filling import fill
 from erc_contact.mesh.joining.loops import band, loops, outer_edges
 from erc_contact.mesh.joining.outlines import cut_edges
 from erc_contact.mesh.joining.side_contact import (
@@ -28,7 +28,7 @@ from erc_contact.mesh.joining.side_contact import (
     Outlines,
     SideContact,
     allowance,
-    oriented,
+    orient,
     outlines_on,
     side_contact,
 )
@@ -86,7 +86,7 @@ def imprint_curved(plain: PlainMesh, here: int, there: int, apart: float = 0.0) 
 
 def _side(plain: PlainMesh, region: RemeshedRegion) -> FacetSide:
     """Return the triangles of the side of a region, oriented."""
-    triangles = oriented(plain, plain.sides(region.side_tag))
+    triangles = orient(plain, plain.sides(region.side_tag))
     return FacetSide(plain.x, triangles, region.outline)
 
 
@@ -105,7 +105,7 @@ def _take_facets(
     region = _move_points(plain, behind, number)
     shell = surface(whole, region, number, outlines.inserted, side)
     _check_closed(shell[0])
-    new_x, cells = filled(x, shell[0], optimize=True)
+    new_x, cells = fill(x, shell[0], optimize=True)
     moved = contact.allowed.max() * measures(x[taken.triangles]).sum()
     return with_cells(whole, region, new_x, cells, shell, moved).without_cells(region.cells)
 

@@ -21,7 +21,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import place_words
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, oriented
+from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, orient
 from erc_contact.mesh.joining.triangles import area_vectors
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
@@ -65,11 +65,11 @@ def imprint_mutually(
         error = _near_outlines(plain, here, there, apart) or reason
     for (first, second), beside in product(((here, there), (there, here)), BESIDE):
         try:
-            with_outline = _taken_in_part(take, plain, (first, second), apart, beside)
-            whole = _taken_in_part(take, with_outline, (second, first), apart, 0.0)
+            with_outline = _take_in_part(take, plain, (first, second), apart, beside)
+            whole = _take_in_part(take, with_outline, (second, first), apart, 0.0)
         except InputError:
             continue
-        left_out = _left_out(whole, here, there, apart)
+        left_out = _area_left_out(whole, here, there, apart)
         if left_out <= MOST_LEFT_OUT:
             return whole
         if left_out < CROSSING:
@@ -107,7 +107,7 @@ def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> Inp
     )
 
 
-def _taken_in_part(
+def _take_in_part(
     take: Facets, plain: PlainMesh, tags: tuple[int, int], apart: float, beside: float
 ) -> PlainMesh:
     """Give a side the facets of another side that lie on it.
@@ -137,7 +137,7 @@ def _taken_in_part(
 
 def _side(plain: PlainMesh, tag: int) -> FacetSide:
     """Return the triangles of a side, oriented."""
-    return FacetSide.of(plain.x, oriented(plain, plain.sides(tag)))
+    return FacetSide.of(plain.x, orient(plain, plain.sides(tag)))
 
 
 def _lie_on(side: FacetSide, other_side: FacetSide, apart: float, beside: float) -> np.ndarray:
@@ -173,7 +173,7 @@ def _outline_amid(side: FacetSide, other_side: FacetSide, apart: float) -> np.nd
     return side.outline[amid[side.outline].any(axis=1)]
 
 
-def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
+def _area_left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     """Estimate the area on which sides face each other without common facets.
 
     Args:

@@ -25,7 +25,7 @@ from erc_contact.mesh.joining.behind import (
     with_cells,
     with_surface,
 )
-from erc_contact.mesh.joining.filling import filled, triangulated
+from erc_contact.mesh.joining.filling import fill, triangulate
 from erc_contact.mesh.joining.outlines import (
     Alignment,
     common_points,
@@ -218,7 +218,7 @@ def _with_common_facets(
         lengths = side_lengths(corners).mean(axis=1)
         sizes.append((corners, np.repeat(lengths[:, None], 3, axis=1)))
     edges = np.unique(np.sort(np.concatenate(outlines), axis=1), axis=0)
-    y, triangles = triangulated(alignment.y, edges, sizes, graded=any(is_cut))
+    y, triangles = triangulate(alignment.y, edges, sizes, graded=any(is_cut))
     middles = y[triangles].mean(axis=1)
     within = [inside(y, middles, outline) for outline in outlines]
     in_both = within[0] & within[1]
@@ -241,7 +241,7 @@ def _with_common_facets(
             own_facets = triangles[within[i] & ~in_both]
             side = np.concatenate([common, own_facets])
             closed = surface(result, regions[i], alignment.number, inserted[i], side)
-            x, cells = filled(result.x, closed[0], optimize=is_cut[i])
+            x, cells = fill(result.x, closed[0], optimize=is_cut[i])
             moved = 2 * alignment.tolerance * _area_beside(x, regions[i])
             result = with_cells(result, regions[i], x, cells, closed, moved)
     refilled = [regions[i].cells for i in range(2) if i != kept]

@@ -20,16 +20,16 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.percent import place_words
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.interface_map import Interface, Regions
-from erc_contact.mesh.joining.aligning import aligned
+from erc_contact.mesh.joining.aligning import align
 from erc_contact.mesh.joining.corners import moved_corner
 from erc_contact.mesh.joining.imprint_curved import imprint_curved
 from erc_contact.mesh.joining.imprint_mutual import imprint_mutually
 from erc_contact.mesh.joining.imprint_plane import imprint_plane, plane_sides
-from erc_contact.mesh.joining.matching import matched
+from erc_contact.mesh.joining.matching import match_facets
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.tags import NO_TAG, listed
-from erc_contact.mesh.transfer import gathered_mesh
+from erc_contact.mesh.transfer import gather_mesh
 
 ROUND_OFF = 1e-9
 """Share of a distance that is its round-off [-]."""
@@ -121,7 +121,7 @@ def joint(
             not tied.
     """
     comm = glued.comm
-    plain = gathered_mesh(glued)
+    plain = gather_mesh(glued)
     tags = (glued.names[here], glued.names[there])
     error: Exception | None = None
     about = None
@@ -129,7 +129,7 @@ def joint(
         try:
             drawn = plain
             keep = apart > 0 and not tied
-            plain, regions = met(drawn, tags, on, apart, keep=keep)
+            plain, regions = glue_sides(drawn, tags, on, apart, keep=keep)
             if keep and plain.glued is None:
                 log_of(comm).warning(_moved_side_words(here, there, apart))
             if not keep or plain.glued is None:
@@ -177,7 +177,7 @@ def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> 
     )
 
 
-def met(
+def glue_sides(
     plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0, *, keep: bool = False
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
     """Glue the two sides, and give the facets where they meet a new tag.
@@ -196,10 +196,10 @@ def met(
         InputError: If they do not meet.
     """
     if plain.dim == 2:
-        whole = aligned(plain, *tags, apart, keep=keep)
+        whole = align(plain, *tags, apart, keep=keep)
     else:
         # Sides that match keep their cells, plane or curved.
-        whole = matched(plain, *tags, apart, keep=keep) or _imprinted(plain, tags, apart)
+        whole = match_facets(plain, *tags, apart, keep=keep) or _imprint(plain, tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
     glued = whole.glued_points
@@ -216,7 +216,7 @@ def met(
     return replace(whole, tags=new_tags), regions
 
 
-def _imprinted(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
+def _imprint(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
     """Return a mesh in space of which one side has the facets of the other side.
 
     Raises:
@@ -295,7 +295,7 @@ def interfaces(
     return (joint, *before) if whole else (*before, joint)
 
 
-def tied_alone(
+def tie_alone(
     interfaces: tuple[Interface, ...], ties: Sequence[tuple[str, str]]
 ) -> tuple[Interface, ...]:
     """Return interfaces of which exactly the given pairs are tied.

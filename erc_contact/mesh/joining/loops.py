@@ -47,7 +47,7 @@ def loops(x: np.ndarray, edges: np.ndarray) -> list[np.ndarray]:
     return np.split(start[order], breaks)
 
 
-def closed(loop: np.ndarray) -> np.ndarray:
+def loop_edges(loop: np.ndarray) -> np.ndarray:
     """Return the edges of a loop of points, shape (k, 2)."""
     return np.column_stack([loop, np.roll(loop, -1)])
 
@@ -66,7 +66,7 @@ def band(x: np.ndarray, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     Raises:
         InputError: If the outer loop does not go once around the inner one.
     """
-    edges = closed(inner)
+    edges = loop_edges(inner)
     lengths = edge_lengths(x, edges)
     places = np.concatenate([[0.0], np.cumsum(lengths)])
     edge, shares, _ = closest(x[outer], x[edges])
@@ -89,5 +89,5 @@ def band(x: np.ndarray, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     reached = np.searchsorted((around + outer_middles).ravel(), middles, side="left")
     outer_reached = np.searchsorted((around + middles).ravel(), outer_middles, side="right")
     from_inner = np.column_stack([edges, outer[reached % len(outer)]])
-    from_outer = np.column_stack([closed(outer)[:, ::-1], inner[outer_reached % len(inner)]])
+    from_outer = np.column_stack([loop_edges(outer)[:, ::-1], inner[outer_reached % len(inner)]])
     return np.concatenate([from_inner, from_outer])

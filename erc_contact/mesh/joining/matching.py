@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.joining.side_contact import mean_normals, oriented
+from erc_contact.mesh.joining.side_contact import mean_normals, orient
 from erc_contact.mesh.joining.thresholds import CRUSHED, SAME
 from erc_contact.mesh.joining.triangles import area_vectors, side_lengths
 from erc_contact.mesh.plain import PlainMesh
@@ -26,7 +26,7 @@ PAIRS_AT_ONCE = 1_000_000
 """Greatest number of pairs (point, facet) that are looked at together."""
 
 
-def matched(
+def match_facets(
     plain: PlainMesh, here: int, there: int, apart: float = 0.0, *, keep: bool = False
 ) -> PlainMesh | None:
     """Return the mesh with common vertices, or None if the facets do not match.
@@ -72,7 +72,7 @@ def matched(
 
 def _normals(plain: PlainMesh, tag: int) -> np.ndarray:
     """Return unit normals of a side in space at its points, zero elsewhere, (n, 3)."""
-    triangles = oriented(plain, plain.sides(tag))
+    triangles = orient(plain, plain.sides(tag))
     return mean_normals(plain.x, triangles, area_vectors(plain.x[triangles]))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough, place_words
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.loops import closed, loops, outer_edges
+from erc_contact.mesh.joining.loops import loop_edges, loops, outer_edges
 from erc_contact.mesh.joining.thresholds import CORNER, FACING, SAME
 from erc_contact.mesh.joining.triangles import area_vectors, side_lengths
 from erc_contact.mesh.plain import PlainMesh
@@ -123,7 +123,7 @@ def mean_normals(x: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> n
     return result / np.where(size > 0, size, 1.0)
 
 
-def oriented(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
+def orient(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
     """Return sides (cell, local facet) as triangles that are oriented outwards."""
     triangles = plain.points_of(sides)
     corners = plain.x[triangles]
@@ -229,7 +229,7 @@ def outlines_on(x: np.ndarray, contact: SideContact) -> Outlines:
     allowed = contact.allowed
     number = np.arange(len(x))
     kept_loops = loops(x, outer_edges(kept.triangles))
-    edges = np.concatenate([NO_EDGES, *[closed(loop) for loop in kept_loops]])
+    edges = np.concatenate([NO_EDGES, *[loop_edges(loop) for loop in kept_loops]])
     outline = taken.outline
     points = edges[:, 0]
     beside, _, distance = closest(x[points], x[outline])

@@ -62,7 +62,7 @@ class _Limits:
     points: np.ndarray
     at_points: np.ndarray
 
-    def allowed(self, ends: np.ndarray, along: np.ndarray) -> np.ndarray:
+    def allowed_lengths(self, ends: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Return the length that pieces of edges may have [length], shape (n,).
 
         It grows with the distance from a corner.
@@ -201,7 +201,7 @@ def _bisect(
     while True:
         ends = coordinates(x[pieces.ravel()]).reshape(-1, 2, 2)
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        long = length > limits.allowed(ends, along)
+        long = length > limits.allowed_lengths(ends, along)
         if not long.any():
             return x, CutSurface(triangles, parents, pieces)
         edges, of_triangles, of_pieces = _edges(triangles, pieces)
