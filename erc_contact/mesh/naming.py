@@ -191,34 +191,20 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     region_of = mesh.region_tags
     outer = dmesh.exterior_facet_indices(topology)
     outer = outer[~taken[outer]]
-    cell, local = boundary_sides(mesh.mesh, outer)
+    cell, _ = boundary_sides(mesh.mesh, outer)
     inner, beside = inner_facets(mesh.mesh)
     between = (region_of[beside[:, 0]] != region_of[beside[:, 1]]) & (inner < owned)
     between &= ~taken[inner]
     inner = inner[between]
     beside = beside[between]
-    facets = [outer]
-    cells = [cell]
-    locals_ = [local]
-    across = [np.full(len(outer), BOUNDARY)]
-    for side in range(2):
-        own_cell = beside[:, side]
-        facets.append(inner)
-        cells.append(own_cell)
-        locals_.append(local_facets(mesh.mesh, inner, own_cell))
-        across.append(region_of[beside[:, 1 - side]])
-    facet = np.concatenate(facets)
-    cell = np.concatenate(cells)
-    local = np.concatenate(locals_)
+    # Each of the others has two sides: the cells beside it, in both orders.
+    facet = np.concatenate([outer, inner, inner])
+    cell = np.concatenate([cell, *beside.T])
+    across = np.concatenate([np.full(len(outer), BOUNDARY), *region_of[beside[:, ::-1]].T])
+    local = local_facets(mesh.mesh, facet, cell)
     corners = of_cells[cell]
-    return _Sides(
-        facet,
-        x,
-        of_facets(corners, local),
-        outward_normals(x[corners, :d], local),
-        region_of[cell],
-        np.concatenate(across),
-    )
+    normals = outward_normals(x[corners, :d], local)
+    return _Sides(facet, x, of_facets(corners, local), normals, region_of[cell], across)
 
 
 def _at_points(mesh: NamedMesh, rule: where, points: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.mesh.quadrature import Cuts, Pieces, bisect, first_pieces, piece_samples
+from erc_contact.mesh.quadrature import Cuts, Pieces, bisect, first_pieces, piece_points
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""
@@ -174,7 +174,7 @@ def _on_pieces(
         where the function is not smooth, and the greatest distance of a sample from the
         greatest or the least one, infinite where there is no jump, shape (n,) each.
     """
-    points, residual = piece_samples(vertices.shape[1] - 1)
+    points, _, residual = piece_points(vertices.shape[1] - 1)
     places = np.matmul(points, corners)
     values = f(simplex, places, np.matmul(places, vertices[simplex]))
     greatest = values.max(axis=1)

@@ -201,7 +201,7 @@ def _on_pieces(
     the error. It was below the error in one of a hundred pieces, but its sum over the
     pieces was above.
     """
-    points, weights, residual = _points(vertices.shape[1] - 1)
+    points, weights, residual = piece_points(vertices.shape[1] - 1)
     chunks = []
     # A rank without pieces does this once, to know the number of integrands.
     for start in range(0, max(len(simplex), 1), CHUNK_PIECES):
@@ -216,7 +216,7 @@ def _on_pieces(
 
 
 @cache
-def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def piece_points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points of a piece, weights, and the matrix to distances from polynomials.
 
     Returns:
@@ -231,12 +231,6 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     fit = basix.tabulate_polynomials(legendre, CELLS[size], FIT_DEGREE[size], points).T
     residual = np.eye(len(points)) - fit @ np.linalg.pinv(fit)
     return barycentric(points), np.concatenate([weights, np.zeros(len(outer))]), residual
-
-
-def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (q, v) and matrix (q, q) of :func:`_points`, without weights."""
-    points, _, residual = _points(size)
-    return points, residual
 
 
 def bisect(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:

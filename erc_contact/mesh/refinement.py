@@ -30,15 +30,15 @@ class Refinement:
     Attributes:
         mesh: The refined mesh.
         parent_cell: The old cell of each child made here, shape (children,).
-        parent_facet: The old facets in which the facets of these children lie, -1
-            inside, shape (children, d+1).
-        parent_side: Their local numbers in the old cell, -1 inside.
+        parent_side: Local number in the old cell of the side in which each facet of
+            these children lies, -1 inside, shape (children, d+1).
+        facets: Facets of the old cells, shape (cells, d+1).
     """
 
     mesh: dmesh.Mesh
     parent_cell: np.ndarray
-    parent_facet: np.ndarray
     parent_side: np.ndarray
+    facets: np.ndarray
 
     def places(self, corners: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return places of the corners of the new cells [length]; collective.
@@ -76,16 +76,13 @@ class Refinement:
         if tags is None:
             return None
         table = tag_table(tags)
-        topology = self.mesh.topology
-        dim = tags.dim
-        if dim == topology.dim:
-            child_tags = table[self.parent_cell][:, None]
-            entities = np.arange(len(topology.original_cell_index))
+        if tags.dim == self.mesh.topology.dim:
+            values = self.of_cells(table[self.parent_cell][:, None], slice(None))
+            entities = np.arange(len(values))
         else:
-            child_tags = np.where(self.parent_facet >= 0, table[self.parent_facet], NO_TAG)
-            entities = topology.connectivity(topology.dim, dim).array
-        values = self.of_cells(child_tags, slice(None))
-        return tags_of(self.mesh, dim, entities, values.ravel())
+            values = self.of_sides(table[self.facets])
+            entities = facets_of_cells(self.mesh).ravel()
+        return tags_of(self.mesh, tags.dim, entities, values.ravel())
 
     def of_cells(self, rows: np.ndarray, cells: np.ndarray | slice) -> np.ndarray:
         """Return the rows of new cells from a table of children; collective.
@@ -134,10 +131,8 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
         mesh.geometry.x[:] = x
     connect_facets(fine)
     # DOLFINx gives the local number of the facet in the old cell, -1 inside of it.
-    local = parent_facet.reshape(-1, tdim + 1)
-    facets = facets_of_cells(mesh)[parent_cell]
-    outer = np.take_along_axis(facets, np.maximum(local, 0), axis=1)
-    refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1), local)
+    parent_side = parent_facet.reshape(-1, tdim + 1)
+    refinement = Refinement(fine, parent_cell, parent_side, facets_of_cells(mesh))
     _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
     return refinement
 
