@@ -1,4 +1,7 @@
-"""Sparse matrices of PETSc from forms, or from places and values of their entries."""
+"""Sparse matrices from forms, or from places and values of their entries.
+
+Matrices of all ranks are PETSc's, matrices of one rank are scipy's.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from dolfinx import cpp, fem
 from petsc4py import PETSc
-from scipy.sparse import csr_array  # type: ignore[import-untyped]
+from scipy.sparse import coo_array, csr_array  # type: ignore[import-untyped]
 
 
 def assembled(form: fem.Form, bcs: Sequence[fem.DirichletBC], diagonal: float) -> PETSc.Mat:
@@ -73,14 +76,11 @@ def as_blocks(entries: PETSc.Mat, size: int) -> PETSc.Mat:
     return entries.convert("baij", PETSc.Mat())
 
 
-def sparse(
-    height: int, width: int, rows: np.ndarray, columns: np.ndarray, values: list[np.ndarray]
-) -> PETSc.Mat:
+def local_matrix(
+    shape: tuple[int, int], rows: np.ndarray, columns: np.ndarray, values: np.ndarray
+) -> csr_array:
     """Make a sparse matrix of this rank; entries add up where they coincide."""
-    matrix = PETSc.Mat().createAIJ((height, width), comm=PETSc.COMM_SELF)
-    matrix.setPreallocationCOO(rows.astype(PETSc.IntType), columns.astype(PETSc.IntType))
-    matrix.setValuesCOO(np.concatenate(values))
-    return matrix
+    return coo_array((values, (rows, columns)), shape).tocsr()
 
 
 def sparse_like(like: PETSc.Mat, rows: np.ndarray, columns: np.ndarray) -> PETSc.Mat:
@@ -110,19 +110,6 @@ def summed(parts: Sequence[PETSc.Mat], total: PETSc.Mat | None) -> PETSc.Mat:
     for part in parts:
         total.axpy(1.0, part, structure)
     return total
-
-
-def times(matrix: PETSc.Mat, dense: np.ndarray) -> np.ndarray:
-    """Return the product of a sparse matrix of this rank and a dense matrix (n, k)."""
-    begin, columns, values = matrix.getValuesCSR()
-    by_rows = csr_array((values, columns, begin), shape=matrix.getSize())
-    return np.asarray(by_rows @ dense)
-
-
-def diagonal(values: np.ndarray) -> PETSc.Mat:
-    """Make a diagonal matrix of this rank."""
-    place = np.arange(len(values))
-    return sparse(len(values), len(values), place, place, [values])
 
 
 class Places:

@@ -8,7 +8,7 @@ cells that the rank owns.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -83,8 +83,10 @@ class Domain(Bodies):
     """
 
     glued: Domain | None = field(default=None, repr=False)
+    _is_torn: InitVar[bool] = field(default=False, kw_only=True)
+    """Whether no cells meet at a vertex or an edge alone; ``replace`` forgets it."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, _is_torn: bool) -> None:
         if not isinstance(self.mesh, dmesh.Mesh):
             raise InputError(
                 f"Domain: mesh is {checks.description(self.mesh)}; give a mesh of DOLFINx, or use "
@@ -102,7 +104,7 @@ class Domain(Bodies):
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
-        if self.interface_map is None and is_pinched(self.mesh):
+        if not _is_torn and self.interface_map is None and is_pinched(self.mesh):
             self._tear()
         self._inside.update(parts.parts_inside(self.mesh, self.facet_tags, self.names))
 
@@ -456,6 +458,8 @@ class Domain(Bodies):
             curved,
             places=places,
             marks=marks,
+            # Cells that were split still meet at facets where their parents did.
+            _is_torn=True,
         )
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:

@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.quadrature import facet_pieces, piece_samples, polynomials
+from erc_contact.mesh.quadrature import facet_pieces, piece_points, polynomials
 from erc_contact.mesh.simplex import barycentric, node_vertices, nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
@@ -112,7 +112,7 @@ def _samples(size: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
         Barycentric coordinates, shape (q, v), and the matrix (q, q) from values at the
         points to their differences from the nearest polynomial of degree 4.
     """
-    samples, _ = piece_samples(size)
+    samples, _, _ = piece_points(size)
     inside = np.matmul(samples, facet_pieces(size)).reshape(-1, size + 1)
     places = np.concatenate([barycentric(nodes(size, degree)), inside])
     quadratic = polynomials(2, places[None])[0]

@@ -75,7 +75,7 @@ def greatest_of_bodies(
         else:
             of_rows = values.reshape(len(values), -1).max(axis=1, initial=0.0)
             np.maximum.at(greatest, body[nodes], of_rows)
-    return np.asarray(np.max(comm.allgather(greatest), axis=0))
+    return greatest if comm.size == 1 else np.max(comm.allgather(greatest), axis=0)
 
 
 def bodies_of_nodes(space: Space, cut: np.ndarray | None = None) -> tuple[np.ndarray, int]:

@@ -147,14 +147,14 @@ class _Spread:
         rows, factors, sources = [], [], []
         for number, reading in enumerate(readings):
             assert reading.matrix is not None
-            begin, unknowns, values = reading.matrix.getValuesCSR()
+            begin, unknowns = reading.matrix.indptr, reading.matrix.indices
             of_reader = np.flatnonzero(places[0] == number)
             row = places[1, of_reader]
             count = np.diff(begin)[row]
             first = np.repeat(begin[row] - (np.cumsum(count) - count), count)
             entry = first + np.arange(len(first))
             rows.append(unknowns[entry])
-            factors.append(values[entry])
+            factors.append(reading.matrix.data[entry])
             sources.append(np.repeat(of_reader, count))
         self.rows = np.concatenate(rows)
         self._factors = np.concatenate(factors)

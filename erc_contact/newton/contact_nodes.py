@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.ranks import of_all
-from erc_contact.base.sparse import sparse
+from erc_contact.base.sparse import local_matrix
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.groups import NOBODY
 from erc_contact.model.model import Model
@@ -34,7 +34,7 @@ class Entries:
     columns: np.ndarray
     values: np.ndarray
 
-    def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> PETSc.Mat:
+    def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> csr_array:
         """Make a matrix between degrees of freedom, on this rank.
 
         Args:
@@ -48,12 +48,11 @@ class Entries:
         others = np.setdiff1d(np.arange(len(rows)), row)
         if not identity:
             others = others[:0]
-        return sparse(
-            len(rows),
-            len(columns),
+        return local_matrix(
+            (len(rows), len(columns)),
             np.concatenate([row, others]),
             np.concatenate([column, others]),
-            [self.values, np.ones(len(others))],
+            np.concatenate([self.values, np.ones(len(others))]),
         )
 
 
@@ -68,7 +67,7 @@ class Reading:
     """
 
     row_of: np.ndarray
-    matrix: PETSc.Mat | None
+    matrix: csr_array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +150,7 @@ class RowsOfAll:
 
     def change_of_basis(
         self, of_facet: np.ndarray, numbers: Sequence[int], free: np.ndarray | None = None
-    ) -> PETSc.Mat:
+    ) -> csr_array:
         """Return a change of basis of polynomials on facets as a matrix between rows.
 
         Args:
@@ -176,7 +175,8 @@ class RowsOfAll:
         pair, component = np.nonzero(free[i] & free[j])
         rows = i[pair] * self.d + component
         columns = j[pair] * self.d + component
-        return sparse(size * self.d, size * self.d, rows, columns, [value[pair]])
+        shape = (size * self.d, size * self.d)
+        return local_matrix(shape, rows, columns, value[pair])
 
     @property
     def dofs(self) -> np.ndarray:

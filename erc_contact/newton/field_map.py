@@ -18,11 +18,10 @@ from __future__ import annotations
 
 import numpy as np
 from dolfinx import fem
-from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import together
 from erc_contact.base.ranks import gathered
-from erc_contact.base.sparse import times
 from erc_contact.model.trace import dofs_of
 from erc_contact.newton.contact_nodes import Entries, Reading
 from erc_contact.newton.forms import ContactForms
@@ -121,7 +120,7 @@ class FieldMap:
                 change = self.multipliers.coefficients_of(contact)
             read = self._read(contact, rows, change)
             _, lift = self._stiffness.reduced(self._unknowns)
-            derivative = times(read, lift)
+            derivative = read @ lift
             return derivative, values - derivative @ self._w_A
 
         return together(model.comm, affine)
@@ -157,13 +156,12 @@ class FieldMap:
         order = np.argsort(rows)
         row_of = np.full(model.fixed.size, -1)
         row_of[local] = order[np.searchsorted(rows, model.global_dofs(local), sorter=order)]
-        matrix: PETSc.Mat | None = None
+        matrix: csr_array | None = None
         if self._on_first:
-            columns = self._unknowns
-            matrix = self._stiffness.basis.first(self._read(contact, rows, None), columns)
+            matrix = self._read(contact, rows, None)[:, : self._unknowns]
         return Reading(row_of, matrix)
 
-    def _read(self, contact: int | None, rows: np.ndarray, change: Entries | None) -> PETSc.Mat:
+    def _read(self, contact: int | None, rows: np.ndarray, change: Entries | None) -> csr_array:
         """Return the matrix from unknowns L to u or to a jump, on rank 0.
 
         Args:
@@ -183,7 +181,7 @@ class FieldMap:
         read = self._stiffness.basis.read(len(rows), places, column, value)
         if change is None:
             return read
-        return change.matrix(rows, rows, identity=True).matMult(read)
+        return change.matrix(rows, rows, identity=True) @ read
 
     def set_reactions(self, matrix: np.ndarray, loads: np.ndarray) -> None:
         """Set the multipliers in Z by the reactions ``K u_A - b_A``, on rank 0.
@@ -204,6 +202,6 @@ class FieldMap:
             order = np.argsort(dofs)
             places = order[np.searchsorted(dofs, entries.rows, sorter=order)]
             by_forces = basis.read(len(dofs), places, entries.columns, entries.values)
-            of_reactions = basis.first(by_forces, self._unknowns)
-            parts.append((times(of_reactions, matrix), -times(of_reactions, loads)))
+            of_reactions = by_forces[:, : self._unknowns]
+            parts.append((of_reactions @ matrix, -of_reactions @ loads))
         self._set_rows(parts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import ufl
@@ -12,6 +13,7 @@ from dolfinx import fem
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime import compiled
+from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import ContactOnMesh
@@ -45,12 +47,6 @@ class Reader:
         self.contact = contact
         self.equations: list[fem.Form] = []
         self.tangents: list[list[fem.Form]] = [[] for _ in range(count)]
-
-    def add(self, equations: fem.Form, tangents: list[tuple[int, Ufl]]) -> None:
-        """Add equations and their derivatives by the fields of some numbers."""
-        self.equations.append(equations)
-        for number, tangent in tangents:
-            self.tangents[number].append(compiled.form(tangent))
 
     def assemble(self, forces: np.ndarray) -> None:
         """Add the equations to the forces of this rank on what is read [force]."""
@@ -103,36 +99,34 @@ class ContactForms:
 
         # A method of the user's may make Constants, and may fail on one rank only.
         with compiled.constants_with_ten_digits():
-            equations = together(model.comm, self._parts)
-            looked_at = together(model.comm, self._looked_at)
-        coefficients = ufl.algorithms.extract_coefficients
-        read = {field for parts in equations for part in parts for field in coefficients(part[1])}
+            equations, projections = together(model.comm, self._parts)
+            looked_at = together(model.comm, partial(self._looked_at, projections))
+        read = {field for parts in equations for _, form in parts for field in form.coefficients()}
         # Between bodies the equations of a multiplier contain the jump only.
         self.displacements = [w for w in (self.u, *self.jumps) if w in read]
         self.fields = (*self.displacements, *self.multipliers)
         self.equations: list[fem.Form] = []
         readers: dict[fem.Function, Reader] = {}
         self._values_of_facets = []
-        points = self._points
         for number, parts in enumerate(equations):
             contact = self.contacts[number]
-            at_points = (looked_at[number], points)
-            derivatives = [self._derivatives(form) for _, form in parts]
-            forms = [form for _, form in parts]
+            forms: list[ufl.Form] = []
+            places: list[list[fem.Form]] = []
+            for field, form in parts:
+                reads = number if field in self.jumps else None
+                reader = readers.setdefault(field, Reader(reads, len(self.fields)))
+                forms.append(form)
+                places.append(reader.equations)
+                for of_field, tangent in self._derivatives(form):
+                    forms.append(tangent)
+                    places.append(reader.tangents[of_field])
             # One module for each contact: contacts that are alike have the same one.
-            of_contact = [*forms, *(form for part in derivatives for _, form in part)]
-            compiled.compile_together(model.comm, of_contact, [at_points])
-            of_parts = [compiled.form(form) for form in forms]
-            self.equations.append(of_parts[0])
-            fields = [field for field, _ in parts]
-            for field, form, by_fields in zip(fields, of_parts, derivatives, strict=True):
-                is_jump = field is not self.u
-                reader = readers.setdefault(
-                    field, Reader(number if is_jump else None, len(self.fields))
-                )
-                reader.add(form, by_fields)
+            at_points = (looked_at[number], self._points)
+            compiled_forms, (values,) = compiled.together(model.comm, forms, [at_points])
+            for form, place in zip(compiled_forms, places, strict=True):
+                place.append(form)
+            self.equations.append(compiled_forms[0])
             owned = contact.facets[contact.trace.here.owned]
-            values = compiled.expression(looked_at[number], points, model.comm)
             self._values_of_facets.append((values, owned))
         self.readers = list(readers.values())
 
@@ -149,10 +143,10 @@ class ContactForms:
         self.jumps[jump] = contact
         return replace(of_solver, variable=(self.u, jump))
 
-    def _derivatives(self, form: Ufl) -> list[tuple[int, Ufl]]:
+    def _derivatives(self, form: ufl.Form) -> list[tuple[int, ufl.Form]]:
         """Return the derivatives of a form by the fields in it, with their numbers."""
         du = ufl.TrialFunction(self.model.V)
-        fields = ufl.algorithms.extract_coefficients(form)
+        fields = form.coefficients()
         derivatives = []
         for number, field in enumerate(self.fields):
             if field in fields:
@@ -232,25 +226,26 @@ class ContactForms:
             fields = (None,) * len(self.contacts)
         return list(zip(self.contacts, fields, strict=True))
 
-    def _parts(self) -> list[list[tuple[fem.Function, Ufl]]]:
-        """Return the equations of the method on each contact, in UFL.
+    def _parts(self) -> tuple[list[list[tuple[fem.Function, ufl.Form]]], list[Ufl]]:
+        """Return the method's equations on each contact and its projections, in UFL.
 
         Each part is with the field on which its forces are. Between bodies that is the
         jump, and u for what tests the stress.
         """
         v = ufl.TestFunction(self.model.V)
         jumps = {contact.name: jump for jump, contact in self.jumps.items()}
-        equations = []
+        equations, projections = [], []
         for contact, multiplier in self._with_multipliers():
-            form = self._equations(contact, multiplier, v)
+            form, projected = self._equations(contact, multiplier, v)
             field = jumps.get(contact.name, self.u)
             parts = [(field, form)]
             if self.method.in_layer and field is not self.u:
                 of_stress = replace(contact, tests_jump=False)
-                form_of_stress = self._equations(of_stress, multiplier, v)
+                form_of_stress, _ = self._equations(of_stress, multiplier, v)
                 parts = [(field, form - form_of_stress), (self.u, form_of_stress)]
-            equations.append(parts)
-        return equations
+            equations.append([(field, renumber(form)) for field, form in parts])
+            projections.append(projected)
+        return equations, projections
 
     @property
     def _points(self) -> np.ndarray:
@@ -258,24 +253,26 @@ class ContactForms:
         points, _ = rule(self.model.d - 1, 2 * self.model.degree)
         return points
 
-    def _looked_at(self) -> list[Ufl]:
-        """Return what is evaluated on each contact: the status, in UFL."""
-        status = []
-        for contact, multiplier in self._with_multipliers():
-            trial = self.method.projected(self.model, contact, self.u, multiplier)
-            status.append(contact.status(trial))
-        return status
+    def _looked_at(self, projections: list[Ufl]) -> list[Ufl]:
+        """Return what is evaluated on each contact: its status, in UFL."""
+        contacts = zip(self.contacts, projections, strict=True)
+        return [contact.status(projected) for contact, projected in contacts]
 
-    def _equations(self, contact: ContactOnMesh, multiplier: Ufl, v: Ufl) -> Ufl:
-        """Return the equations of the method on a contact, a form linear in v.
+    def _equations(self, contact: ContactOnMesh, multiplier: Ufl, v: Ufl) -> tuple[ufl.Form, Ufl]:
+        """Return the method's equations on a contact, linear in v, and its projection.
 
         The equations of a method of the user's are checked.
         """
-        if type(self.method) in OURS:
-            return self.method.equations(self.model, contact, self.u, v, multiplier)
-        self.method.traction(self.model, contact, self.u, multiplier)
-        what = f"The equations of {type(self.method).__name__}"
-        form = self.method.equations(self.model, contact, self.u, v, multiplier)
+        method = self.method
+        of_contact = (self.model, contact, self.u)
+        # A user's method may be derived from ours, with equations of its own.
+        if isinstance(method, OURS) and type(method) in OURS:
+            # The projection is most of the equations: UFL makes it once for both.
+            projected = method.projected(*of_contact, multiplier)
+            return method.equations_with(projected, *of_contact, v, multiplier), projected
+        method.traction(*of_contact, multiplier)
+        what = f"The equations of {type(method).__name__}"
+        form = method.equations(*of_contact, v, multiplier)
         if not isinstance(form, ufl.Form):
             raise InputError(
                 f"{what} are {description(form)}; return a UFL form, e.g. "
@@ -283,4 +280,4 @@ class ContactForms:
             )
         for integral in form.integrals():
             linear(what, integral.integrand(), v)
-        return form
+        return form, method.projected(*of_contact, multiplier)

@@ -81,7 +81,7 @@ class InteriorForms(ContactForms):
         """Return the points of the quadrature."""
         return self.points
 
-    def _looked_at(self) -> list[Ufl]:
+    def _looked_at(self, projections: list[Ufl]) -> list[Ufl]:
         """Return the trial tractions that the projections of contacts get, in UFL."""
         trials = []
         for contact, multiplier in self._with_multipliers():

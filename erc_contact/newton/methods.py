@@ -167,8 +167,14 @@ class Nitsche:
             v: Test function.
             multiplier: Not used.
         """
-        ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
         r = self.traction(model, contact, u)
+        return self.equations_with(r, model, contact, u, v, multiplier)
+
+    def equations_with(
+        self, r: Ufl, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl = None
+    ) -> Ufl:
+        """Return :meth:`equations` with a traction r(u) [force/area] made before."""
+        ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
         residual = -ufl.inner(r, contact.jump(v)) * ds
         if self.theta:
             theta = compiled.constant(model.mesh, float(self.theta))
@@ -252,8 +258,14 @@ class AugmentedLagrangian:
             v: Test function of the multiplier.
             multiplier: The same for lambda [force/area].
         """
-        difference = multiplier - self.projected(model, contact, u, multiplier)
-        return ufl.inner(difference, v) * contact.ds(metadata=model.nodal_rule)
+        projected = self.projected(model, contact, u, multiplier)
+        return self.equations_with(projected, model, contact, u, v, multiplier)
+
+    def equations_with(
+        self, projected: Ufl, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl
+    ) -> Ufl:
+        """Return :meth:`equations` with a projection [force/area] made before."""
+        return ufl.inner(multiplier - projected, v) * contact.ds(metadata=model.nodal_rule)
 
     def traction(self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None) -> Ufl:
         """Return the contact traction, the multiplier [force/area], UFL, shape (d,)."""

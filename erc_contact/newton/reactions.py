@@ -33,15 +33,15 @@ from __future__ import annotations
 
 import numpy as np
 from petsc4py import PETSc
+from scipy.sparse import csr_array, diags_array, eye_array  # type: ignore[import-untyped]
 
-from erc_contact.base.sparse import diagonal, sparse, sparse_like
+from erc_contact.base.sparse import local_matrix, sparse_like
 from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.connections import prescribed_at
 from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
 from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
-from erc_contact.newton.linear.changed import DIFFERENT
 
 
 class MultiplierMap:
@@ -85,10 +85,11 @@ class MultiplierMap:
             to_forces = at_nodes(model.d - 1, model.degree).T
             every = range(len(self.contacts))
             change = rows.change_of_basis(to_forces, every, self.free & is_independent)
-            forces = change.matMult(forces)
+            forces = change @ forces
         matrices = self._from_forces(forces)
         if self.is_shared.any():
-            self._share(matrices)
+            shares = self._shares(matrices)
+            matrices = [sum(parts) for parts in zip(matrices, shares, strict=True)]
         self.multipliers = [self._entries(matrix) for matrix in matrices]
 
     def coefficients_of(self, contact: int | None) -> Entries | None:
@@ -104,10 +105,9 @@ class MultiplierMap:
         if contact is None:
             numbers = [k for k, bound in enumerate(model.contacts) if bound.against is None]
         to_coefficients = coefficients(model.d - 1, model.degree)
-        change = self.rows.change_of_basis(to_coefficients, numbers, self.free)
-        begin, columns, values = change.getValuesCSR()
-        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        return Entries(self.rows.dofs[row], self.rows.dofs[columns], values)
+        change = self.rows.change_of_basis(to_coefficients, numbers, self.free).tocoo()
+        rows, columns = change.coords
+        return Entries(self.rows.dofs[rows], self.rows.dofs[columns], change.data)
 
     def forces_on(self, numbers: list[int]) -> Entries:
         """Return the matrix from forces ``B^T e`` to e of some contacts.
@@ -138,7 +138,7 @@ class MultiplierMap:
         used = area > 0
         return self.rows.here[used], area[used]
 
-    def _from_nodes(self, blocks: np.ndarray, used: np.ndarray) -> PETSc.Mat:
+    def _from_nodes(self, blocks: np.ndarray, used: np.ndarray) -> csr_array:
         """Return a matrix from nodes to rows of B.
 
         Args:
@@ -148,23 +148,24 @@ class MultiplierMap:
         rows, columns, values = self.groups.from_nodes(blocks)
         is_used = used.ravel()[rows]
         columns = np.searchsorted(self._dofs, columns[is_used])
-        return sparse(used.size, len(self._dofs), rows[is_used], columns, [values[is_used]])
+        shape = (used.size, len(self._dofs))
+        return local_matrix(shape, rows[is_used], columns, values[is_used])
 
-    def _entries(self, matrix: PETSc.Mat) -> Entries:
+    def _entries(self, matrix: csr_array) -> Entries:
         """Return the entries of a matrix from nodes to rows, by nodes of this side."""
-        begin, columns, values = matrix.getValuesCSR()
-        row = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-        used = values != 0
-        return Entries(self.rows.dofs[row[used]], self._dofs[columns[used]], values[used])
+        entries = matrix.tocoo()
+        rows, columns = entries.coords
+        used = entries.data != 0
+        return Entries(self.rows.dofs[rows[used]], self._dofs[columns[used]], entries.data[used])
 
-    def _from_forces(self, forces: PETSc.Mat) -> list[PETSc.Mat]:
+    def _from_forces(self, forces: csr_array) -> list[csr_array]:
         """Return the matrices from nodal forces to the multipliers of all contacts.
 
         The multipliers of dependent rows are means of neighbours.
 
         Args:
             forces: The matrix from nodal forces to forces on Bernstein coefficients of
-                rows; it becomes the matrix to what earlier contacts leave, in place.
+                rows.
         """
         maps = []
         for k in reversed(range(len(self.contacts))):
@@ -173,19 +174,17 @@ class MultiplierMap:
             for of_earlier in self.rows.places[:k]:
                 earlier[of_earlier] = True
             active = (self.free & ~self.is_shared)[places] & ~earlier[places][:, None]
-            completion = self._completion(k, active)
-            of_contact = completion.matMult(forces)
+            of_contact = self._completion(k, active) @ forces
             maps.append(of_contact)
 
             # What a row of an earlier contact has here, that one need not bear.
             passive_area = np.zeros(self.free.shape)
             passive_area[places] = np.where(active, 0.0, self.contacts[k].area[:, None])
             if passive_area.any():
-                borne = diagonal(passive_area.ravel()).matMult(of_contact)
-                forces.axpy(-1.0, borne, DIFFERENT)
+                forces = forces - diags_array(passive_area.ravel()) @ of_contact
         return maps[::-1]
 
-    def _completion(self, k: int, active: np.ndarray) -> PETSc.Mat:
+    def _completion(self, k: int, active: np.ndarray) -> csr_array:
         """Return the matrix from forces to the multiplier of one contact alone.
 
         It divides by areas, and takes means over neighbours where a component is not
@@ -210,40 +209,45 @@ class MultiplierMap:
         own_dof = places[node] * d + component
         rows = np.concatenate([own_dof, places[i] * d + pair_component])
         columns = np.concatenate([own_dof, places[j] * d + pair_component])
-        return sparse(self.free.size, self.free.size, rows, columns, [own_value, mean_value])
+        values = np.concatenate([own_value, mean_value])
+        return local_matrix((self.free.size, self.free.size), rows, columns, values)
 
-    def _share(self, matrices: list[PETSc.Mat]) -> None:
-        """Add to multipliers of dependent rows what makes forces fit r, in place."""
+    def _shares(self, estimates: list[csr_array]) -> list[csr_array]:
+        """Return what multipliers of dependent rows have besides, so that forces fit r.
+
+        Args:
+            estimates: The matrices from nodal forces to multipliers before.
+        """
         rows, groups = self.rows, self.groups
         stiffness = np.zeros(len(rows.here))
         for contact, places in zip(self.contacts[::-1], rows.places[::-1], strict=True):
             stiffness[places] = contact.stiffness
         jumps = self._from_nodes(groups.jumps, self.free)
         # What the estimates leave of r, where forces are shared.
-        size = len(self._dofs)
-        missing = diagonal(np.ones(size))
+        missing = eye_array(len(self._dofs), format="csr")
         scales = [np.repeat(area, rows.d) for area in rows.areas]
-        for k, matrix in enumerate(matrices):
-            force = _scaled(scales[k], matrix)
+        for k, matrix in enumerate(estimates):
+            force = diags_array(scales[k]) @ matrix
             if rows.degree > 1:
                 of_facet = coefficients(rows.d - 1, rows.degree).T
-                force = rows.change_of_basis(of_facet, [k]).matMult(force)
-            borne = jumps.transposeMatMult(force)
-            missing.axpy(-1.0, borne, DIFFERENT)
+                force = rows.change_of_basis(of_facet, [k]) @ force
+            missing = missing - jumps.T @ force
 
-        share = self._from_nodes(groups.shares(stiffness), self.is_shared).matMult(missing)
+        share = self._from_nodes(groups.shares(stiffness), self.is_shared) @ missing
+        shares = []
         done = np.zeros(len(rows.here), dtype=bool)
-        for k, matrix in enumerate(matrices):
+        for k, scale in enumerate(scales):
             first = np.zeros(len(rows.here), dtype=bool)
             first[rows.places[k]] = True
             first &= ~done
             done |= first
-            force = _scaled(np.repeat(first, rows.d).astype(float), share)
+            force = diags_array(np.repeat(first, rows.d).astype(float)) @ share
             if rows.degree > 1:
                 of_facet = at_nodes(rows.d - 1, rows.degree).T
-                force = rows.change_of_basis(of_facet, [k]).matMult(force)
-            inverse = np.divide(1.0, scales[k], out=np.zeros_like(scales[k]), where=scales[k] > 0)
-            matrix.axpy(1.0, _scaled(inverse, force), DIFFERENT)
+                force = rows.change_of_basis(of_facet, [k]) @ force
+            inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+            shares.append(diags_array(inverse) @ force)
+        return shares
 
 
 class Reactions:
@@ -316,13 +320,3 @@ def distributed(like: PETSc.Mat, entries: Entries) -> PETSc.Mat:
     matrix = sparse_like(like, entries.rows[owned], entries.columns[owned])
     matrix.setValuesCOO(entries.values[owned])
     return matrix
-
-
-def _scaled(factors: np.ndarray, matrix: PETSc.Mat) -> PETSc.Mat:
-    """Make a matrix that has the rows of another matrix, times factors."""
-    result = matrix.copy()
-    scale = result.createVecLeft()
-    scale.array[:] = factors
-    result.diagonalScale(L=scale)
-    scale.destroy()
-    return result

@@ -149,12 +149,13 @@ def test_forms_and_expressions_in_one_module():
     x, points = ufl.SpatialCoordinate(mesh), np.array([[0.25, 0.5]])
     integral, value = (7 + x[1]) * ufl.dx(mesh), 7 * x[0] - x[1]
     # Twice, as two contacts that are alike have it.
-    compiled.compile_together(mesh.comm, [integral], [(value, points), (value, points)])
-    form, expression = compiled.form(integral), compiled.expression(value, points, mesh.comm)
+    twice = [(value, points), (value, points)]
+    (form,), (expression, again) = compiled.together(mesh.comm, [integral], twice)
     assert fem.assemble_scalar(form) == fem.assemble_scalar(fem.form(integral))
     cells = np.arange(3, dtype=np.int32)
     alone = fem.Expression(value, points, comm=mesh.comm).eval(mesh, cells)
     assert np.array_equal(expression.eval(mesh, cells), alone)
+    assert np.array_equal(again.eval(mesh, cells), alone)
     assert (
         form.module is compiled._known[_key((value, points), {"scalar_type": np.float64}, None)][1]
     )

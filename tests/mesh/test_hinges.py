@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 import erc_contact as ec
 from erc_contact.base.releases import cell_nodes
+from erc_contact.mesh.copies import is_pinched
 from erc_contact.mesh.partition import distribute
 
 COMM = MPI.COMM_WORLD
@@ -98,6 +99,18 @@ def test_what_is_held_besides_is_solved(name, degree):
     if d == 2:
         # The upper body is the lower one, turned by half a turn, hanging.
         assert error.relative == pytest.approx(one.relative, rel=0.3)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_torn_mesh_stays_torn(name):
+    """Refined meshes are not searched for hinges again: there are none."""
+    d, places = CASES[name]
+    domain = bricks(d, places)
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        marked = np.flatnonzero(rng.random(domain.owned_cells) < 0.3).astype(np.int32)
+        domain = domain.refined(marked)
+        assert not is_pinched(domain.mesh)
 
 
 def test_a_ring_that_touches_itself():

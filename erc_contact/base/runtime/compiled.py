@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 from itertools import count
 from operator import methodcaller
 from typing import Any
@@ -78,28 +79,47 @@ def form(integrals: ufl.Form) -> fem.Form:
         return fem.form(renumber(integrals))
 
 
-def expression(value: Ufl, points: np.ndarray, comm: MPI.Comm) -> fem.Expression:
-    """Compile an expression at reference points, or find it; collective."""
-    with _remembering():
+def expression(value: Ufl, points: np.ndarray, comm: MPI.Comm, key: Any = None) -> fem.Expression:
+    """Compile an expression at reference points, or find it; collective.
+
+    Args:
+        value: The expression.
+        points: Reference points, shape (q, d).
+        comm: The ranks that compile together.
+        key: Its key, where that is known.
+    """
+    with _remembering(key):
         return fem.Expression(value, points, comm=comm, dtype=np.float64)
 
 
 @contextmanager
-def _remembering() -> Iterator[None]:
+def _remembering(key: Any = None) -> Iterator[None]:
     """Set DOLFINx to compile or load each form once in a process, within a context."""
     with method_caches_off():
         if refused():
             yield
             return
-        with replaced(dolfinx_jit, "ffcx_jit", _find_or_compile):
+        with replaced(dolfinx_jit, "ffcx_jit", partial(_find_or_compile, key)):
             yield
 
 
 def _find_or_compile(
-    comm: MPI.Comm, source: Any, form_compiler_options: Any = None, jit_options: Any = None
+    key: Any,
+    comm: MPI.Comm,
+    source: Any,
+    form_compiler_options: Any = None,
+    jit_options: Any = None,
 ) -> tuple[Any, Any, Any]:
-    """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective."""
-    key = _key(source, form_compiler_options, jit_options)
+    """Do what ``dolfinx.jit.ffcx_jit`` does, once for each key; collective.
+
+    Args:
+        key: The key of the source, None if it is to be made.
+        comm: The ranks that compile together.
+        source: A form, or an expression with its reference points.
+        form_compiler_options: Options of FFCx.
+        jit_options: Options of DOLFINx.
+    """
+    key = key or _key(source, form_compiler_options, jit_options)
     ranks = lasting(comm)
     if not _all_known(ranks, [key]):
         (compiled,), module = compile_objects(ranks, [source], form_compiler_options, c_code)
@@ -107,32 +127,33 @@ def _find_or_compile(
     return _known[key]
 
 
-def compile_together(
+def together(
     comm: MPI.Comm,
     forms: Sequence[ufl.Form],
     expressions: Sequence[tuple[Ufl, np.ndarray]] = (),
-) -> None:
-    """Compile forms and expressions in one module; collective.
-
-    :func:`form` and :func:`expression` then find each of them.
+) -> tuple[list[fem.Form], list[fem.Expression]]:
+    """Compile forms and expressions in one module, or find them; collective.
 
     Args:
         comm: The ranks that compile together.
         forms: The forms.
         expressions: Expressions with their reference points, shape (q, d).
     """
-    if refused():
-        return
     options = {"scalar_type": np.float64}
     sources = [*(renumber(form) for form in forms), *expressions]
+    keys = [_key(source, options, None) for source in sources]
     # Two contacts may have the same expression, which a module has once.
-    by_key = {_key(source, options, None): source for source in sources}
-    if _all_known(comm, list(by_key)):
-        return
-    with method_caches_off():
-        objects, module = compile_objects(comm, list(by_key.values()), options, c_code)
-    for key, compiled_object in zip(by_key, objects, strict=True):
-        _known[key] = compiled_object, module, (None, None)
+    by_key = dict(zip(keys, sources, strict=True))
+    if not refused() and not _all_known(comm, keys):
+        with method_caches_off():
+            objects, module = compile_objects(comm, list(by_key.values()), options, c_code)
+        for key, compiled_object in zip(by_key, objects, strict=True):
+            _known[key] = compiled_object, module, (None, None)
+    of_expressions = zip(expressions, keys[len(forms) :], strict=True)
+    return (
+        [form(integrals) for integrals in forms],
+        [expression(value, points, comm, key) for (value, points), key in of_expressions],
+    )
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:

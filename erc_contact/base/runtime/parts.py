@@ -39,7 +39,7 @@ def renumber(form: ufl.Form) -> ufl.Form:
     """Return a form whose parts have the numbers 1, 2, ... in the order of their tags.
 
     Forms that have no tags, or besides them an integral over everything, stay as they
-    are.
+    are, and so do derivatives of forms that have these numbers already.
     """
     # UFL keeps this dictionary with a form for such things.
     if "renumbered" not in form._cache:
@@ -58,7 +58,8 @@ def _renumber(form: ufl.Form) -> ufl.Form:
     for integral in form.integrals():
         kind = integral.integral_type()
         tags = integral.subdomain_data()
-        if "everywhere" in values[kind] or not hasattr(tags, "find"):
+        plain = hasattr(tags, "find") and not isinstance(tags, PartsOfForm)
+        if "everywhere" in values[kind] or not plain:
             integrals.append(integral)
             continue
         if kind not in parts:

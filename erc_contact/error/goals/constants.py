@@ -43,5 +43,5 @@ LAST_COUNT = 2
 """The same on the last mesh of a run that ends for another reason."""
 CLOSE = 1.3
 """Half width over the half width asked for from which another t may be enough [-]."""
-SUDDEN = 0.5
+CHANGED = 0.5
 """Part of a width that changes of the contact set make where t is far too large [-]."""

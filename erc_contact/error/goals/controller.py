@@ -84,7 +84,7 @@ class GoalController:
                 # The scene moved may have no solution on this mesh.
                 t = max(t / FACTOR, trials.least_t)
                 continue
-            self._see_sudden(last)
+            self._see_change(last)
             if rough is None or last.width < rough.width:
                 rough = last
             wanted = self._accuracy * abs(trials.estimate(last).value)
@@ -124,7 +124,7 @@ class GoalController:
             wanted = self._accuracy * abs(bounds.value)
             better_t = self._better_t(trials, ends)
             # What changes all at once may not change at all for a smaller t.
-            seen = replace(ends, spread=0.0) if ends.is_sudden else ends
+            seen = replace(ends, spread=0.0) if ends.changes_contact_set else ends
             is_hopeful = trials.half_at(seen, better_t) <= wanted
             is_close = count == 0 and half <= CLOSE * wanted
             if half <= wanted or not (is_hopeful or is_close):
@@ -174,39 +174,43 @@ class GoalController:
         """
         M = self._carried.get("M", 0.0)
         if M > 0 and trials.base.M > 0:
-            return self._below_sudden(self._carried["t"] * float(np.sqrt(trials.base.M / M)))
+            return self._below_change(self._carried["t"] * float(np.sqrt(trials.base.M / M)))
         return FIRST * trials.perturbation.step
 
     def _better_t(self, trials: Trials, ends: Ends) -> float:
         """Return a t that should be better than the t of an interval or estimate."""
-        return self._below_sudden(trials.better_t(ends))
+        return self._below_change(trials.better_t(ends))
 
     def _see(self, ends: Ends) -> None:
         """Carry the least t that changed the contact set much, and a t that did not."""
-        self._see_sudden(ends)
-        gentle = self._carried.get("gentle t", 0.0)
-        if not ends.is_sudden:
-            gentle = max(gentle, ends.t)
-        self._carried["gentle t"] = min(gentle, self._carried.get("sudden t", np.inf) / NEAR)
+        self._see_change(ends)
+        keeping = self._carried.get("t that keeps", 0.0)
+        if not ends.changes_contact_set:
+            keeping = max(keeping, ends.t)
+        self._carried["t that keeps"] = min(keeping, self._changing_t / NEAR)
 
-    def _see_sudden(self, ends: Ends) -> None:
+    def _see_change(self, ends: Ends) -> None:
         """Carry the least t that changed the contact set much.
 
         An estimate sees it on one side only, so that it knows no t that did not.
         """
-        if ends.is_sudden:
-            self._carried["sudden t"] = min(self._carried.get("sudden t", np.inf), ends.t)
+        if ends.changes_contact_set:
+            self._carried["t that changes"] = min(self._changing_t, ends.t)
 
-    def _below_sudden(self, t: float) -> float:
+    def _below_change(self, t: float) -> float:
         """Return t, or a smaller t that should not change the contact set much.
 
         What does so all at once depends on the scene, and little on the mesh.
         """
-        if "sudden t" not in self._carried:
+        if "t that changes" not in self._carried:
             return t
-        sudden = self._carried["sudden t"]
-        gentle = max(self._carried.get("gentle t", 0.0), sudden / FACTOR)
-        return min(t, float(np.sqrt(gentle * sudden)))
+        keeping = max(self._carried.get("t that keeps", 0.0), self._changing_t / FACTOR)
+        return min(t, float(np.sqrt(keeping * self._changing_t)))
+
+    @property
+    def _changing_t(self) -> float:
+        """Return the least t that changed the contact set, infinite before."""
+        return float(self._carried.get("t that changes", np.inf))
 
     def _with_proved(self, last: GoalError) -> GoalError:
         """Return an interval narrowed by the proved intervals of the meshes before.

@@ -74,7 +74,7 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.constants import SUDDEN
+from erc_contact.error.goals.constants import CHANGED
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
@@ -114,9 +114,9 @@ class Ends:
         return self.high - self.low
 
     @property
-    def is_sudden(self) -> bool:
+    def changes_contact_set(self) -> bool:
         """Tell whether t changed the contact set so much that it is far too large."""
-        return self.spread > SUDDEN * self.width
+        return self.spread > CHANGED * self.width
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,8 @@ def rename_sets(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
             f"names is {description(names)}; give names of parts by their tags, e.g. {example}."
         )
     called: dict[Key, str] = {}
-    for found in (*mesh.element_sets, *mesh.facet_sets, *mesh.node_sets):
+    sets: list[ElementSet | FacetSet | NodeSet] = [*mesh.element_sets, *mesh.facet_sets]
+    for found in [*sets, *mesh.node_sets]:
         if found.tag is not None:
             called[_dim_of(mesh, found), found.tag] = found.name
     new = {_key_of(key, list(called)): name for key, name in names.items()}

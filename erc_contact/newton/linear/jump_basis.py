@@ -7,9 +7,9 @@ The dense algebra of the direct solver needs only these vectors. See
 from __future__ import annotations
 
 import numpy as np
-from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
-from erc_contact.base.sparse import sparse, times
+from erc_contact.base.sparse import local_matrix
 from erc_contact.model.groups import Groups
 from erc_contact.model.trace import dofs_of
 
@@ -33,8 +33,7 @@ class JumpBasis:
     ) -> None:
         self._numbers = numbers
         self._order = np.argsort(numbers)
-        self._matrix: PETSc.Mat | None = None
-        self._transpose: PETSc.Mat | None = None
+        self._matrix: csr_array | None = None
         self.jump_count = contact_size
         if len(groups.numbers) + len(ends) == 0:
             return
@@ -55,16 +54,14 @@ class JumpBasis:
 
         off_contact = np.arange(contact_size, len(in_groups))
         identity = np.ones(len(alone) + len(at_ends) + len(off_contact))
-        self._matrix = sparse(
-            len(in_groups),
-            len(in_groups),
+        self._matrix = local_matrix(
+            (len(in_groups), len(in_groups)),
             np.concatenate([self.places(dofs), alone, at_ends, off_contact]),
             np.concatenate(
                 [columns, np.arange(len(alone)), np.arange(first_end, contact_size), off_contact]
             ),
-            [values, identity],
+            np.concatenate([values, identity]),
         )
-        self._transpose = self._matrix.transpose(PETSc.Mat())
 
     def places(self, dofs: np.ndarray) -> np.ndarray:
         """Return the places of global degrees of freedom in the layer, -1 off it."""
@@ -74,9 +71,7 @@ class JumpBasis:
 
     def unknowns(self, nodal: np.ndarray) -> np.ndarray:
         """Return ``Q^T u`` of nodal values of the layer, shape (L,)."""
-        if self._transpose is None:
-            return nodal
-        return times(self._transpose, nodal[:, None])[:, 0]
+        return nodal if self._matrix is None else np.asarray(self._matrix.T @ nodal)
 
     def nodal(self, unknowns: np.ndarray) -> np.ndarray:
         """Return the nodal values ``Q x`` of the layer.
@@ -87,20 +82,18 @@ class JumpBasis:
         """
         missing = len(self._numbers) - len(unknowns)
         x = np.concatenate([unknowns, np.zeros((missing, *unknowns.shape[1:]))])
-        if self._matrix is None:
-            return x
-        return times(self._matrix, x.reshape(len(x), -1)).reshape(x.shape)
+        return x if self._matrix is None else np.asarray(self._matrix @ x)
 
     def of_unknowns(self, matrix: np.ndarray) -> np.ndarray:
         """Return ``Q^T M Q`` of a dense symmetric matrix M, shape (L, L)."""
-        if self._transpose is None:
+        if self._matrix is None:
             return matrix
-        product = times(self._transpose, times(self._transpose, matrix).T)
+        product = np.asarray(self._matrix.T @ (self._matrix.T @ matrix).T)
         product += product.T
         product *= 0.5
         return product
 
-    def of_jumps(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> PETSc.Mat:
+    def of_jumps(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> csr_array:
         """Return ``Q^T M Q`` on A of a sparse matrix M.
 
         Args:
@@ -109,14 +102,14 @@ class JumpBasis:
             values: The entries, which add up where they coincide.
         """
         size = len(self._numbers)
-        matrix = sparse(size, size, self.places(rows), self.places(columns), [values])
+        matrix = local_matrix((size, size), self.places(rows), self.places(columns), values)
         if self._matrix is not None:
-            matrix = matrix.ptap(self._matrix)
-        return _part(matrix, self.jump_count, self.jump_count)
+            matrix = self._matrix.T @ matrix @ self._matrix
+        return matrix[: self.jump_count, : self.jump_count]
 
     def read(
         self, height: int, rows: np.ndarray, columns: np.ndarray, values: np.ndarray
-    ) -> PETSc.Mat:
+    ) -> csr_array:
         """Return ``M Q`` of a sparse matrix M.
 
         Args:
@@ -129,17 +122,5 @@ class JumpBasis:
         place = self.places(columns)
         used = place >= 0
         width = len(self._numbers)
-        matrix = sparse(height, width, rows[used], place[used], [values[used]])
-        return matrix if self._matrix is None else matrix.matMult(self._matrix)
-
-    def first(self, matrix: PETSc.Mat, count: int) -> PETSc.Mat:
-        """Return the columns of the first unknowns of a matrix."""
-        return _part(matrix, matrix.getSize()[0], count)
-
-
-def _part(matrix: PETSc.Mat, height: int, width: int) -> PETSc.Mat:
-    """Return the first rows and columns of a matrix of this rank."""
-    rows, columns = (
-        PETSc.IS().createStride(count, comm=PETSc.COMM_SELF) for count in (height, width)
-    )
-    return matrix.createSubMatrix(rows, columns)
+        matrix = local_matrix((height, width), rows[used], place[used], values[used])
+        return matrix if self._matrix is None else matrix @ self._matrix

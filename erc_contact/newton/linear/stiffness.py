@@ -33,10 +33,10 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.ranks import from_first, gathered
-from erc_contact.base.sparse import times
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.elastic import Elastic
@@ -126,7 +126,7 @@ class Stiffness(Elastic):
                 return None
             schur, _ = self.reduced(a)
             # What bodies are glued to may be moved by supports.
-            by_supports = glue_forces - times(self.glued_by, glued_A[:, None])[:, 0]
+            by_supports = glue_forces - self.glued_by @ glued_A
             return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
 
         u_A = together(self.model.comm, unglue)
@@ -283,8 +283,8 @@ class Stiffness(Elastic):
         matrix = self.reduced(count)[0].copy()
         a = self.contact_size
         assert self.glued_by is not None
-        begin, columns, values = self.glued_by.getValuesCSR()
-        matrix[:a, :a][np.repeat(np.arange(a), np.diff(begin)), columns] -= values
+        glue = self.glued_by.tocoo()
+        matrix[:a, :a][glue.coords] -= glue.data
         if self.motions:
             kernel = self.kernel(count)
             matrix -= kernel @ (kernel.T @ matrix)
@@ -331,7 +331,7 @@ class Stiffness(Elastic):
             )
         return self.basis.of_unknowns(schur)
 
-    def _glue_of_jumps(self) -> PETSc.Mat | None:
+    def _glue_of_jumps(self) -> csr_array | None:
         """Gather D_A; it is on rank 0, None elsewhere; collective."""
         glue, model = self.glue, self.model
         used = glue.free

@@ -16,9 +16,9 @@ from typing import ClassVar, Protocol
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.sparse import csr_array, diags_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import together
-from erc_contact.base.sparse import times
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import product
 from erc_contact.model.trace import dofs_of
@@ -66,16 +66,12 @@ class DenseTraces:
                 return None
             stiffness, compliance = matrices()
             read = basis.read(len(numbers) * model.d, *_jumps_at(model, numbers))
-            jumps = basis.first(read, basis.jump_count)
-            squares = _sums_of_squares(jumps)
+            jumps = read[:, : basis.jump_count]
+            squares = (jumps**2).sum(axis=1)
             # Components that supports fix are not in the matrices.
             self._free = np.flatnonzero(squares)
-            free = PETSc.IS().createGeneral(self._free.astype(PETSc.IntType), comm=PETSc.COMM_SELF)
-            read = jumps.createSubMatrix(free, None)
-            held = read.copy()
-            weight = held.createVecLeft()
-            weight.array[:] = 1 / squares[self._free]
-            held.diagonalScale(L=weight)
+            read = jumps[self._free]
+            held = diags_array(1 / squares[self._free]) @ read
             return _on_surface(held, stiffness), _on_surface(read, compliance)
 
         self._matrices = together(self.comm, parts)
@@ -188,16 +184,9 @@ def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray
     )
 
 
-def _sums_of_squares(matrix: PETSc.Mat) -> np.ndarray:
-    """Return the sum of the squares of the entries of each row of a matrix."""
-    begin, _, values = matrix.getValuesCSR()
-    rows = np.repeat(np.arange(len(begin) - 1), np.diff(begin))
-    return np.bincount(rows, values**2, len(begin) - 1)
-
-
-def _on_surface(jumps: PETSc.Mat, matrix: np.ndarray) -> np.ndarray:
+def _on_surface(jumps: csr_array, matrix: np.ndarray) -> np.ndarray:
     """Return ``J M J^T`` of a symmetric matrix M, dense."""
-    return times(jumps, times(jumps, matrix).T)
+    return np.asarray(jumps @ (jumps @ matrix).T)
 
 
 def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
