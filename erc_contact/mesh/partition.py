@@ -174,9 +174,7 @@ def redistribute(
     owned = mesh.topology.index_map(tdim).size_local
     cells = global_numbers(nodes, cell_nodes(mesh.geometry)[:owned])
     new = distribute(lasting(mesh.comm), cells, x)
-    new_tags = []
-    for tags in tag_sets:
-        new_tags.append(None if tags is None else _move_tags(tags, mesh, new))
+    new_tags = [None if tags is None else _move_tags(tags, mesh, new) for tags in tag_sets]
     return new, new_tags
 
 

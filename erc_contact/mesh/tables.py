@@ -220,9 +220,7 @@ class CellRows(GivenCells):
         Returns:
             Shape (local cells, N, ...).
         """
-        of_table = None
-        if table is not None and cells is not None:
-            of_table = table[cells]
+        of_table = None if table is None or cells is None else table[cells]
         values = self.of_cells(of_table)
         d = self.mesh.topology.dim
         ends = self.order[:, node_vertices(d, degree)]

@@ -131,9 +131,7 @@ def outline(body: Mapping[str, np.ndarray], d: int) -> list[tuple[Any, dict[str,
     """Draw the outline of a body before the deformation; a ball has none."""
     grid = grid_of(body["points"], body["cells"][:, : d + 1], d)
     lines = grid.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
-    if lines.n_points == 0:
-        return []
-    return [(lines, {"color": "black", "line_width": 3.0})]
+    return [(lines, {"color": "black", "line_width": 3.0})] if lines.n_points else []
 
 
 def sample(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:

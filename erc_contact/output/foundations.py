@@ -158,9 +158,7 @@ def foundation_of(surface: WholeContact) -> Foundation:
     # Turns are relative to the size, so that their columns are as long as the columns
     # of shifts.
     size = np.linalg.norm(np.ptp(positions.reshape(-1, d), axis=0))
-    planes = []
-    for i, j in combinations(np.eye(d), 2):
-        planes.append(np.outer(i, j) - np.outer(j, i))
+    planes = [np.outer(i, j) - np.outer(j, i) for i, j in combinations(np.eye(d), 2)]
     turns = np.array(planes) / size
     turned = np.einsum("kij,pj,pi->pk", turns, y - centre, n)
     normal_parts = weight[:, None] * np.column_stack([n, turned])

@@ -76,9 +76,7 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     def draw(ax: Any) -> Any:
         only_in_2d("draw_parts", ax, d)
         shown = _Shown(names, table["part"], table["corners"], table["normals"], size)
-        if d == 2:
-            return _draw_flat(ax, body, shown, in_pairs)
-        return _draw_in_space(shown)
+        return _draw_flat(ax, body, shown, in_pairs) if d == 2 else _draw_in_space(shown)
 
     return draw_figure(comm, path, ax, draw)
 

@@ -125,9 +125,7 @@ def _page(title: str, sections: Mapping[str, str]) -> str:
     """Return the page; sections are HTML by their headings."""
     body = ""
     for name, text in sections.items():
-        if name:
-            body += f"<h2>{escape(name)}</h2>"
-        body += text
+        body += f"<h2>{escape(name)}</h2>{text}" if name else text
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'

@@ -26,9 +26,8 @@ from typing import ClassVar, Protocol
 
 import ufl
 
-from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.ufl_types import Ufl, Value
 from erc_contact.scene.checks import check_value
-from erc_contact.scene.material import Value
 
 
 class Law(Protocol):

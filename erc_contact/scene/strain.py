@@ -17,9 +17,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.ufl_types import Ufl, Value
 from erc_contact.scene.checks import check_region, check_value, round_off
-from erc_contact.scene.material import Value
 
 Tensor = Value | Sequence[Sequence[Value]] | Callable[[Any], Any]
 """A number, d rows of d values, or a callable of x that returns either."""

@@ -222,9 +222,7 @@ def _measure(integral: Ufl, numbers: _Numbers) -> tuple[Any, ...]:
         extra.append((mesh._ufl_signature_data_(numbers), kind))
     domain = integral.ufl_domain()._ufl_signature_data_(numbers)
     place = (domain, integral.integral_type(), integral.subdomain_id())
-    metadata = []
-    for name, value in integral.metadata().items():
-        metadata.append((name, _in_full(value)))
+    metadata = [(name, _in_full(value)) for name, value in integral.metadata().items()]
     return extra, place, sorted(metadata)
 
 

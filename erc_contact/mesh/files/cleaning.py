@@ -158,9 +158,7 @@ def _merge(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
         pairs.append(np.column_stack([block.nodes[cell, a], block.nodes[cell, b]]))
     links = np.unique(np.concatenate(pairs), axis=0)
     links = links[links[:, 0] != links[:, 1]]
-    if not len(links):
-        return np.arange(len(x))
-    return components(len(x), links)
+    return components(len(x), links) if len(links) else np.arange(len(x))
 
 
 def edges_of(shape: str) -> np.ndarray:

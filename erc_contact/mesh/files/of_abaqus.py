@@ -391,12 +391,8 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
 
 def _names_of_several(spaces: Sequence[_Space]) -> set[str]:
     """Return the names that sets of several instances have."""
-    seen: set[str] = set()
-    several: set[str] = set()
-    for space in spaces:
-        for name in {*space.element_sets, *space.node_sets}:
-            (several if name in seen else seen).add(name)
-    return several
+    names = Counter(name for space in spaces for name in {*space.element_sets, *space.node_sets})
+    return {name for name, count in names.items() if count > 1}
 
 
 def _name_of(space: _Space, name: str, several: set[str]) -> str:

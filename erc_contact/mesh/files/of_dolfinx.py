@@ -112,7 +112,5 @@ def _file_mesh(mesh: dmesh.Mesh, parts: Sequence[list[np.ndarray]]) -> FileMesh:
     tagged = []
     for tag in np.unique(tags[tags != NO_TAG]):
         tagged.append(ElementSet(str(tag), {0: np.flatnonzero(tags == tag)}, int(tag)))
-    facet_sets = []
-    for tag in np.unique(values):
-        facet_sets.append(FacetSet(str(tag), facets[values == tag], int(tag)))
+    facet_sets = [FacetSet(str(tag), facets[values == tag], int(tag)) for tag in np.unique(values)]
     return FileMesh(points, (block,), tuple(tagged), tuple(facet_sets))

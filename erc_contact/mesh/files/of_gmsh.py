@@ -87,9 +87,7 @@ def mesh_of_model(model: Any) -> FileMesh:
                     members.setdefault(numbers[key], []).append(np.arange(begin, end))
             found = {number: np.concatenate(ranges) for number, ranges in members.items()}
             sets.append(ElementSet(name, found, tag))
-    tables = []
-    for key, parts in blocks.items():
-        tables.append(Block(key.split()[0], np.concatenate(parts)))
+    tables = [Block(key.split()[0], np.concatenate(parts)) for key, parts in blocks.items()]
     return FileMesh(points, tuple(tables), tuple(sets), left_out=left_out)
 
 

@@ -221,9 +221,7 @@ def _with_tags(grids: list[_Grid]) -> tuple[list[Block], list[ElementSet]]:
         first_of_body = [number for number, block in enumerate(blocks) if block.dim == dim]
         if of_body and first_of_body:
             known = blocks[first_of_body[0]]
-            found = []
-            for tagged in _sets_of(grid):
-                found.append(_on_cells(tagged, grid, known, first_of_body[0]))
+            found = [_on_cells(tagged, grid, known, first_of_body[0]) for tagged in _sets_of(grid)]
         else:
             begin = len(blocks)
             blocks += grid.blocks
