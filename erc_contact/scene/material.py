@@ -77,7 +77,9 @@ def mandel_matrix(act: Callable[..., Ufl], tensors: np.ndarray, **parameters: Uf
     """
     basis = [ufl.as_tensor(tensor.tolist()) for tensor in tensors]
     images = [act(tensor, **parameters) for tensor in basis]
-    rows = [[ufl.inner(tensor, image) for image in images] for tensor in basis]
+    rows = []
+    for tensor in basis:
+        rows.append([ufl.inner(tensor, image) for image in images])
     return ufl.as_matrix(rows)
 
 

@@ -391,8 +391,10 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
 
 def _names_of_several(spaces: Sequence[_Space]) -> set[str]:
     """Return the names that sets of several instances have."""
-    names = Counter(name for space in spaces for name in {*space.element_sets, *space.node_sets})
-    return {name for name, count in names.items() if count > 1}
+    counts: Counter[str] = Counter()
+    for space in spaces:
+        counts.update({*space.element_sets, *space.node_sets})
+    return {name for name, count in counts.items() if count > 1}
 
 
 def _name_of(space: _Space, name: str, several: set[str]) -> str:
