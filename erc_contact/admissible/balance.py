@@ -24,7 +24,7 @@ LONGEST_OUTSIDE = 10.0
 """Longest vector outside a set that is kept, over the largest traction [-]."""
 
 
-def balanced(
+def balance(
     comm: MPI.Comm, parts: list[BalancePart], works: np.ndarray, give: np.ndarray
 ) -> tuple[list[np.ndarray], np.ndarray, float]:
     """Balance other forces with the tractions nearest to start + shift; collective.

@@ -23,7 +23,7 @@ def load_moments(model: Model, cells: CellGeometry) -> np.ndarray:
     return result
 
 
-def supported(model: Model, cells: CellGeometry) -> np.ndarray:
+def supported_components(model: Model, cells: CellGeometry) -> np.ndarray:
     """Tell which components of a facet may have any traction, shape (facets, d).
 
     A support, or a stiff spring, holds them.

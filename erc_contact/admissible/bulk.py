@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from erc_contact.admissible.cells import force_coefficients, signed
+from erc_contact.admissible.cells import force_coefficients, moments_of_cells
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
-from erc_contact.admissible.tighten.complementary import relaxed
-from erc_contact.admissible.tighten.iteration import Ending, tightened
+from erc_contact.admissible.tighten.complementary import relax
+from erc_contact.admissible.tighten.iteration import Ending, tighten_moments
 from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
 from erc_contact.admissible.unbalanced import unbalanced_cells
 
@@ -29,16 +29,16 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         law = CellLaw(elastic, macro_moduli(model, cells, len(cells.nodes), inverse=True))
 
     def balanced(moment: np.ndarray, law: CellLaw | None) -> Tight:
-        forces = force_coefficients(signed(cells, moment)[:owned], model.degree)
+        forces = force_coefficients(moments_of_cells(cells, moment)[:owned], model.degree)
         stress = macro_stress(cells, owned, given.balanced.in_plane, forces, force)
         if has_bubbles and law is not None:
-            stress = relaxed(cells, stress, *law)
+            stress = relax(cells, stress, *law)
         return Tight(moment, forces, stress)
 
     free = cells.has_second[:, None] | given.fixed
 
     def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
-        moment, done, square = tightened(model, cells, moment, force, free, *law, ending)
+        moment, done, square = tighten_moments(model, cells, moment, force, free, *law, ending)
         return replace(balanced(moment, law), iterations=done, square=square)
 
     correction = None

@@ -257,7 +257,7 @@ def _sorting(space: Space, facets: np.ndarray) -> np.ndarray:
     return facet_order(vertices, space.degree)[:, :, None]
 
 
-def signed(cells: CellGeometry, moment: np.ndarray) -> np.ndarray:
+def moments_of_cells(cells: CellGeometry, moment: np.ndarray) -> np.ndarray:
     """Return the moments of the tractions on each cell, shape (n, d+1, m, d).
 
     They have opposite signs on the two sides of a facet.

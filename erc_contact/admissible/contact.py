@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.balance import balanced, largest_component
+from erc_contact.admissible.balance import balance, largest_component
 from erc_contact.admissible.balance_parts import (
     OtherForces,
     TooCoarse,
@@ -67,10 +67,10 @@ def admissible_tractions(
     """
     trials = [_trial(model, contact, solution) for contact in model.contacts]
     is_sampled = any(contact.sampled for contact in model.contacts)
-    tractions = _limited(model, trials, others, uniform=is_sampled)
+    tractions = _limit(model, trials, others, uniform=is_sampled)
     if is_sampled and isinstance(tractions, TooCoarse):
         # On a coarse mesh uniform pressures may leave too little to balance with.
-        return _limited(model, trials, others, uniform=False)
+        return _limit(model, trials, others, uniform=False)
     return tractions
 
 
@@ -96,7 +96,7 @@ def no_traction(model: Model, contact: ContactOnMesh) -> ContactTraction:
     return contact_traction(model, contact, values)
 
 
-def _limited(
+def _limit(
     model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
 ) -> list[ContactTraction] | TooCoarse:
     """Limit tractions to what the law allows at all samples, and balance other forces.
@@ -114,7 +114,7 @@ def _limited(
         ]
         if any(outside):
             # The balance has moved them to where only turned tractions are allowed.
-            trials = [trial.turned(out) for trial, out in zip(trials, outside, strict=True)]
+            trials = [trial.turn(out) for trial, out in zip(trials, outside, strict=True)]
             continue
         changes = []
         is_changed = False
@@ -126,7 +126,7 @@ def _limited(
         # All ranks go on together, because every pass is collective.
         if not model.comm.allreduce(is_changed, MPI.LOR):
             return tractions
-        trials = [trial.lowered(*change) for trial, change in zip(trials, changes, strict=True)]
+        trials = [trial.lower(*change) for trial, change in zip(trials, changes, strict=True)]
     # The passes do not settle: take the least bound on each facet, which is safe.
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
     values = _allowed_at_nodes(model, safe, others)
@@ -154,7 +154,7 @@ def _allowed_at_nodes(
         Their coefficients on each contact [force/area], shape (f, m, d); or the error
         that says that they balance nothing.
     """
-    start = [trial.limited() for trial in trials]
+    start = [trial.limit() for trial in trials]
     if not others.motions:
         return start
     comm = model.comm
@@ -177,7 +177,7 @@ def _allowed_at_nodes(
             uniform = trial.uniform
             of_uniform = (r_0[uniform], weight[uniform], motions[uniform], modulus[uniform])
             ray_parts.append(ray_part(rays[uniform], *of_uniform))
-        tractions, imbalance, sizes = balanced(comm, cone_parts + ray_parts, others.works, give)
+        tractions, imbalance, sizes = balance(comm, cone_parts + ray_parts, others.works, give)
         values = []
         moved = 0.0
         count = len(trials)

@@ -106,13 +106,13 @@ def _set_status(
     """
     # The contact part of e^2 is a sum of these forces times displacements.
     weight = 2 * traction.area[:, None] / traction.nodes.shape[1]
-    closing = limit.summed(-weight * traction.normal_component)
+    closing = limit.sum_up(-weight * traction.normal_component)
     contact = traction.contact
     springs = _foundation_stiffness(model, traction, limit, contact.stiffness)
     tangential_springs = _foundation_stiffness(model, traction, limit, contact.tangential_stiffness)
-    friction = limit.summed(weight * traction.friction_bound)
+    friction = limit.sum_up(weight * traction.friction_bound)
     tangential = weight[..., None] * traction.tangential_part
-    by_component = [limit.summed(tangential[..., i]) for i in range(model.d)]
+    by_component = [limit.sum_up(tangential[..., i]) for i in range(model.d)]
     shear = np.column_stack(by_component)
     stiffness = _nodal_stiffness(model, traction)[limit.nodes]
     before = _slip_before(traction, limit)
@@ -293,7 +293,7 @@ def _foundation_stiffness(
     facets = traction.contact.facets
     at_nodes = evaluate(stiffness, model.mesh, model.facet_points, facets)
     share = traction.area[:, None] / traction.nodes.shape[1]
-    return limit.summed(share * at_nodes)
+    return limit.sum_up(share * at_nodes)
 
 
 def _nodal_stiffness(model: Model, traction: ContactTraction) -> np.ndarray:

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
 from erc_contact.admissible.balance_parts import TooCoarse
-from erc_contact.admissible.boundary import load_moments, supported
+from erc_contact.admissible.boundary import load_moments, supported_components
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
@@ -99,7 +99,7 @@ def equilibrated(
         return replace(pair, seconds=model.comm.allreduce(perf_counter() - began, MPI.MAX))
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
-    fixed = supported(model, cells)
+    fixed = supported_components(model, cells)
     force, relief = balanced_forces(model, cells, loads, fixed, force)
     data = _Data(solution, cells, force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)

@@ -26,7 +26,7 @@ from functools import cache
 
 import numpy as np
 
-from erc_contact.admissible.cells import CellGeometry, facet_forces, signed
+from erc_contact.admissible.cells import CellGeometry, facet_forces, moments_of_cells
 from erc_contact.admissible.kernels import kernels
 from erc_contact.mesh.simplex import (
     barycentric,
@@ -86,7 +86,9 @@ def equilibrated_moments(
     if body is not None:
         residual += body
     to_nodes = _incidence(d, k)
-    residual += np.matmul(to_nodes, signed(cells, moment).reshape(count, to_nodes.shape[1], d))
+    residual += np.matmul(
+        to_nodes, moments_of_cells(cells, moment).reshape(count, to_nodes.shape[1], d)
+    )
 
     # w_F = |F|/h_F with h_F = |F|^(1/(d-1))
     area = np.linalg.norm(cells.area, axis=2).ravel()[first]

@@ -94,7 +94,7 @@ class Limits:
         values[nodes] += share * change
         values[partners] -= (1 - share) * change
 
-    def summed(self, of_facets: np.ndarray) -> np.ndarray:
+    def sum_up(self, of_facets: np.ndarray) -> np.ndarray:
         """Sum values (f, m) over the facets of each limit, shape (c,)."""
         return np.bincount(self.of_facet.ravel(), of_facets.ravel(), len(self.nodes))
 

@@ -68,7 +68,7 @@ class BalancePart:
     motions: np.ndarray
     modulus: np.ndarray
 
-    def moved(self, wanted: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def move(self, wanted: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return ``z + b q y`` for wanted tractions z [force/area], shape (f, m, d)."""
         return wanted + self.modulus[:, None, None] * (self.motions @ y)
 
@@ -158,7 +158,7 @@ class Nearest:
             step = -newton @ now.imbalance
             length, new = self.line_search(y, step, now)
             y = y + length * step
-            inverse = _updated(inverse, length * step, new.imbalance - now.imbalance)
+            inverse = _update(inverse, length * step, new.imbalance - now.imbalance)
             smooth = new.size < 0.1 * now.size or i % NEWTON_RETRY == 0
             if new.size < 0.5 * best.size:
                 last_gain = i
@@ -175,7 +175,7 @@ class Nearest:
         # The works on the motions, and the sums of |r| and of |z + b q y|.
         local = np.zeros(count + 2)
         for part, wanted in zip(self.parts, self.wanted, strict=True):
-            z = part.moved(wanted, y)
+            z = part.move(wanted, y)
             r = part.cones.nearest(z)
             forces = part.weight[..., None] * r
             local[:count] += np.einsum("fmi,fmik->k", forces, part.motions)
@@ -196,7 +196,7 @@ class Nearest:
         count = len(self.works)
         matrix = np.zeros((count, count))
         for part, wanted in zip(self.parts, self.wanted, strict=True):
-            left, right = part.cones.derivative(part.moved(wanted, y), part.motions)
+            left, right = part.cones.derivative(part.move(wanted, y), part.motions)
             weighted = (part.weight * part.modulus[:, None])[..., None, None] * left
             matrix += weighted.reshape(-1, count).T @ right.reshape(-1, count)
         # Only round-off makes it unsymmetric, or singular where a motion slips freely.
@@ -244,7 +244,7 @@ class Nearest:
         return length, new
 
 
-def _updated(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
+def _update(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.ndarray:
     """Update an inverse derivative as BFGS does.
 
     Args:

@@ -71,7 +71,7 @@ class Trial:
     off_axis: np.ndarray | None = None
     otherwise: Trial | None = None
 
-    def turned(self, outside: bool) -> Trial:
+    def turn(self, outside: bool) -> Trial:
         """Return the trial whose traction turns, if it is needed."""
         return self.otherwise if outside and self.otherwise is not None else self
 
@@ -80,7 +80,7 @@ class Trial:
         """Return the contact."""
         return self.allowed.contact
 
-    def limited(self) -> np.ndarray:
+    def limit(self) -> np.ndarray:
         """Limit the traction to what the law allows [force/area]; collective.
 
         It is not yet balanced. Round-off of the method's traction is shifted in the
@@ -136,7 +136,7 @@ class Trial:
             far &= self.off_axis.all(axis=1)
         return ~self.uniform & far & (saved > added)
 
-    def lowered(self, factor: np.ndarray, become: np.ndarray) -> Trial:
+    def lower(self, factor: np.ndarray, become: np.ndarray) -> Trial:
         """Return the trial with less friction, or with a uniform pressure.
 
         Args:

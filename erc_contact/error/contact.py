@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_term import (
-    cancelled,
+    bound_cancellation,
     contact_density,
     law_sum,
     slider_of,
@@ -97,7 +97,7 @@ def contact_squares(
     area = trace.here.owned_areas
     of_w = trace.coefficients(trace.of(u_hat.x.array))
     of_s = trace.coefficients(trace.of_before)
-    cancelling = cancelled(trace, u_hat.x.array)
+    cancelling = bound_cancellation(trace, u_hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
     if contact.varies or concave or contact.is_compliant:
         return _adapted_squares(model, traction, of_w, of_s, area, floor, cancelling)

@@ -46,7 +46,7 @@ def contact_density(
         stiffness: k_n of a compliant foundation there [force/length^3], shape (n, q);
             None where it is rigid.
         tangential: k_t there, likewise.
-        cancelling: What :func:`cancelled` returns [length], shape (n, 1), or 0.
+        cancelling: Bound of :func:`bound_cancellation` [length], shape (n, 1), or 0.
 
     Returns:
         The term, shape (n, q).
@@ -144,7 +144,7 @@ def law_sum(
     return ((traction + allowed) ** 2).sum(axis=-1) / stiffness
 
 
-def cancelled(trace: Trace, u: np.ndarray) -> np.ndarray:
+def bound_cancellation(trace: Trace, u: np.ndarray) -> np.ndarray:
     """Bound the displacements that cancel in w, whose round-off w has [length], (f, 1).
 
     They are zero on a rigid foundation.

@@ -37,7 +37,7 @@ def load_work(model: Model, v: fem.Function, part: str | None = None) -> Bounded
     # Loads that do not vary in space are exact in a form, the others are adapted.
     total = BoundedNumber(0.0)
     if constant_loads is not None:
-        total = BoundedNumber(assembled(model, constant_loads))
+        total = BoundedNumber(assemble_number(model, constant_loads))
     for load in model.surface_loads:
         if load.varies and part in (None, load.facets):
             total += _surface_work(model, load.facets, load.density, v)
@@ -62,11 +62,11 @@ def work_of_load(model: Model, load: Load, v: fem.Function) -> BoundedNumber:
     if in_body is not None:
         if varies_in_cells(in_body):
             return _body_work(model, in_body, v)
-        return BoundedNumber(assembled(model, ufl.inner(in_body, v) * model.dx))
+        return BoundedNumber(assemble_number(model, ufl.inner(in_body, v) * model.dx))
     bound = on_surface[0]
     if bound.varies:
         return _surface_work(model, bound.facets, bound.density, v)
-    return BoundedNumber(assembled(model, ufl.inner(bound.density, v) * bound.ds))
+    return BoundedNumber(assemble_number(model, ufl.inner(bound.density, v) * bound.ds))
 
 
 def load_size(model: Model, load: Load) -> tuple[float, bool]:
@@ -127,6 +127,6 @@ def _products(load: Everywhere, entities: np.ndarray, of_v: np.ndarray, degree: 
     return components
 
 
-def assembled(model: Model, form: Ufl) -> float:
+def assemble_number(model: Model, form: Ufl) -> float:
     """Return the value of a UFL form without arguments, all ranks; collective."""
     return float(model.comm.allreduce(fem.assemble_scalar(compiled.form(form)), MPI.SUM))

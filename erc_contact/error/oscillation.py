@@ -96,7 +96,7 @@ def of_loads(
     """
     d, k = model.d, model.degree
     total = 0.0
-    if model.body_force is not None and varies_in_cells(_carried(model)):
+    if model.body_force is not None and varies_in_cells(_force_in_cells(model)):
         total += _of_body_force(model, cells, force, relief)
     if relief is not None:
         total += _of_relief(model, cells, relief)
@@ -138,7 +138,7 @@ def _of_body_force(
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:
         projected = projected - relief[:owned, None]
-    data = Everywhere(_carried(model), model.mesh)
+    data = Everywhere(_force_in_cells(model), model.mesh)
     difference = _squares(model, data, model.owned_cells, projected, k - 1)
     integral = integrate(
         model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
@@ -148,7 +148,7 @@ def _of_body_force(
     return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
 
 
-def _carried(model: Model) -> Ufl:
+def _force_in_cells(model: Model) -> Ufl:
     """Return the body force that cells have to carry [force/volume], UFL.
 
     The radial one of an axisymmetric body is a hoop stress.

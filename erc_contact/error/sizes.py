@@ -146,17 +146,17 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     points, weights = rule(d, 4)
     smooth = h[mesh.nodes] @ barycentric(points).T / mesh.size[:, None]
 
-    def predicted(scale: float) -> float:
+    def predict(scale: float) -> float:
         """Return the square of the error for scaled sizes."""
         return mesh.total(square * ((scale * smooth) ** (2 * q[:, None]) @ weights))
 
     def above_accuracy(scale: float) -> float:
         """Return how far the square of the error is above the prescribed square."""
-        return predicted(scale) - accuracy**2
+        return predict(scale) - accuracy**2
 
     scale = _root(above_accuracy, 0.1, 10.0) if error.total > 0 else 1.0
     values = scale * h
-    return Sizes(error, values, r, q, count(mesh.domain, values), predicted(scale) ** 0.5)
+    return Sizes(error, values, r, q, count(mesh.domain, values), predict(scale) ** 0.5)
 
 
 def _optimal_ratio(

@@ -18,7 +18,7 @@ from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding, foundation_energies
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein, mass
@@ -63,7 +63,7 @@ def _spring_work(model: Model, v: fem.Function, w: fem.Function) -> BoundedNumbe
     """Compute the work of springs, pulled by v, on w [force length]; collective."""
     total = BoundedNumber(0.0)
     for spring in model.springs:
-        total += BoundedNumber(assembled(model, spring.work(v, w)))
+        total += BoundedNumber(assemble_number(model, spring.work(v, w)))
     return total
 
 
@@ -82,7 +82,7 @@ def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> Bounde
     if given is None:
         return BoundedNumber(0.0)
     if not model.constitution.varies_in_cells:
-        return BoundedNumber(assembled(model, model.strain_loads(v)))
+        return BoundedNumber(assemble_number(model, model.strain_loads(v)))
     cells = pair.cell_geometry
     of_cells = model.owned_cells
 

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from erc_contact.admissible.elastic import given_strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.model.model import Model
 
 
@@ -78,4 +78,4 @@ def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
     if loads.body_force is None:
         return 0.0
     there = model if loads is model else Model(loads.scene, model.domain, model.degree)
-    return assembled(there, there.loads(pair.displacement, on=[None]))
+    return assemble_number(there, there.loads(pair.displacement, on=[None]))

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from erc_contact.base import checks
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
@@ -113,8 +113,8 @@ def difference_from_halves(
     difference = halves.u.copy()
     difference.x.array[:] -= whole.u.x.array
     model = halves.model
-    square = assembled(model, model.stiffness(difference, difference))
-    size = assembled(model, model.stiffness(halves.u, halves.u))
+    square = assemble_number(model, model.stiffness(difference, difference))
+    size = assemble_number(model, model.stiffness(halves.u, halves.u))
     size = max(size, 2 * ROUND_OFF * greatest_energy)
     if size > 0:
         return float(np.sqrt(square / size))

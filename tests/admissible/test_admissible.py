@@ -26,7 +26,7 @@ from mpi4py import MPI
 from scenes import greco, mostly_serial, random_scene, resultant, sliding_block
 
 import erc_contact as ec
-from erc_contact.admissible.cells import facet_order, force_coefficients, signed
+from erc_contact.admissible.cells import facet_order, force_coefficients, moments_of_cells
 from erc_contact.admissible.macro import macro_points, macro_stress
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.reference import bubbles, mandel, reference_map, tensors
@@ -67,7 +67,9 @@ def worst(pair: Admissible, values: np.ndarray) -> float:
 
 
 def owned_moments(pair: Admissible) -> np.ndarray:
-    return signed(pair.cell_geometry, pair.facet_moments)[: pair.solution.domain.owned_cells]
+    return moments_of_cells(pair.cell_geometry, pair.facet_moments)[
+        : pair.solution.domain.owned_cells
+    ]
 
 
 def test_elements_balance_forces(pair):
@@ -338,7 +340,7 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     )
     from erc_contact.admissible.cells import cell_geometry
     from erc_contact.admissible.elastic import moduli
-    from erc_contact.admissible.tighten.complementary import relaxed
+    from erc_contact.admissible.tighten.complementary import relax
     from erc_contact.model.model import Model
 
     scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("left", (0.0,) * d)])
@@ -366,13 +368,14 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     corners = np.vstack([np.zeros(d), np.eye(d)])
     subs = np.repeat(corners[None], d + 1, axis=0)
     subs[range(d + 1), range(d + 1)] = corners.mean(axis=0)
-    for relax in range(degree):  # the bubbles, from degree 2 on, are chosen by the nearest stress
-        if relax:
+    # The bubbles, from degree 2 on, are chosen by the nearest stress.
+    for is_relaxed in range(degree):
+        if is_relaxed:
             points = macro_points(d, degree)[1]
             at = x[:count, :1] + np.einsum("qj,nij->nqi", points, cells.J[:count])
             compliance = moduli(model, cells, points[:1], 1, inverse=True)
-            stress = relaxed(cells, stress, mandel(stress_at(at)), compliance)
-        for k in range(d + 1) if relax or degree == 1 else ():
+            stress = relax(cells, stress, mandel(stress_at(at)), compliance)
+        for k in range(d + 1) if is_relaxed or degree == 1 else ():
             place = barycentric(nodes(d, degree)) @ subs[k]
             at = x[:count, :1] + np.einsum("qj,nij->nqi", place, cells.J[:count])
             found = np.einsum("mc,ncij->nmij", at_nodes(d, degree), tensors(stress[:, k], d))

@@ -69,13 +69,19 @@ def pulled(tractions):
 FACETS = "(in a cell|on the boundary|between two ranks)"
 DAMAGES = {
     "stress of a cell": (1, bulk, "macro_stress", in_one_place, "in a cell"),
-    "bubbles": (2, bulk, "relaxed", in_one_place, "in a cell"),
+    "bubbles": (2, bulk, "relax", in_one_place, "in a cell"),
     "facet tractions": (1, reconstruction, "equilibrated_moments", all_facets, FACETS),
-    "tightening": (1, bulk, "tightened", lambda done: (all_facets(done[0]), *done[1:]), FACETS),
+    "tightening": (
+        1,
+        bulk,
+        "tighten_moments",
+        lambda done: (all_facets(done[0]), *done[1:]),
+        FACETS,
+    ),
     "tightening, degree 2": (
         2,
         bulk,
-        "tightened",
+        "tighten_moments",
         lambda done: (all_facets(done[0]), *done[1:]),
         FACETS,
     ),
@@ -104,13 +110,13 @@ def test_the_rebalance_is_not_left_out(monkeypatch):
 
 def test_given_tractions_stay(monkeypatch):
     """Tightening that may move them leaves every cell in equilibrium."""
-    step = bulk.tightened
+    step = bulk.tighten_moments
 
-    def tightened(space, cells, moment, force, free, *others):
+    def tighten_all(space, cells, moment, force, free, *others):
         return step(space, cells, moment, force, np.ones_like(free), *others)
 
     solved = solution()
-    monkeypatch.setattr(bulk, "tightened", tightened)
+    monkeypatch.setattr(bulk, "tighten_moments", tighten_all)
     with pytest.raises(ec.NotBalanced, match="on the boundary near"):
         ec.equilibrate(solved)
 
@@ -124,7 +130,7 @@ def test_a_damaged_shift_leaves_a_pair_that_is_proved(monkeypatch):
     pair = ec.equilibrate(solved)
     assert pair.imbalance < ROUND_OFF
     assert ec.constitutive_error(pair).absolute > 0.9 * sound.absolute
-    after(monkeypatch, "balanced", lambda done: ([r * np.nan for r in done[0]], *done[1:]), contact)
+    after(monkeypatch, "balance", lambda done: ([r * np.nan for r in done[0]], *done[1:]), contact)
     free = ec.Scene(
         ec.Elastic(1.0, 0.3),
         [ec.Displacement("left", (0.0, None))],

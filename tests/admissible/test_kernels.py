@@ -19,13 +19,18 @@ import pytest
 from scenes import random_scene, two_halves
 
 import erc_contact as ec
-from erc_contact.admissible.cells import CellGeometry, cell_geometry, force_coefficients, signed
+from erc_contact.admissible.cells import (
+    CellGeometry,
+    cell_geometry,
+    force_coefficients,
+    moments_of_cells,
+)
 from erc_contact.admissible.elastic import act, elastic_stress, macro_moduli
 from erc_contact.admissible.facets import _patch_jumps
 from erc_contact.admissible.macro import _elevation, macro_points, macro_stress
 from erc_contact.admissible.reference import mandel, reference_map
 from erc_contact.admissible.tighten.blocks import Blocks
-from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, relaxed
+from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, relax
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
 from erc_contact.error.bulk import body_error
@@ -146,12 +151,12 @@ def test_energy_against_numpy(d, degree, at_points):
         compliance = compliance * stiffer
     near, _, weights = macro_points(d, degree)
     forces = force_coefficients(
-        signed(cells, np.matmul(np.linalg.inv(hierarchical(d, degree)), x)), degree
+        moments_of_cells(cells, np.matmul(np.linalg.inv(hierarchical(d, degree)), x)), degree
     )
     nothing = np.zeros((len(cells.nodes), len(nodes(d, degree - 1)), d, d))
     stress = macro_stress(cells, len(cells.nodes), nothing, forces, None)
     values = np.matmul(
-        near, relaxed(cells, stress, np.zeros((len(stress), 1, stress.shape[-1])), compliance)
+        near, relax(cells, stress, np.zeros((len(stress), 1, stress.shape[-1])), compliance)
     )
     values = values.reshape(len(values), len(weights), -1)
     square = np.sum(
@@ -175,7 +180,7 @@ def test_blocks_against_numpy(d):
     for a, i in product(range(d, m), range(d)):
         x = np.zeros((len(free), m, d))
         x[:, a, i] = 1.0
-        x = signed(cells, np.matmul(np.linalg.inv(hierarchical(d, 2)), x))
+        x = moments_of_cells(cells, np.matmul(np.linalg.inv(hierarchical(d, 2)), x))
         for f in range(d + 1):
             forces = np.zeros_like(x)
             forces[:, f] = force_coefficients(x[:, f], 2)

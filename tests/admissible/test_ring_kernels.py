@@ -13,8 +13,8 @@ from scenes import two_halves
 
 import erc_contact as ec
 from erc_contact.admissible.axisymmetric.elements import Elements, law_of_cells
-from erc_contact.admissible.axisymmetric.tighten import _Energy, tightened
-from erc_contact.admissible.cells import cell_geometry, signed
+from erc_contact.admissible.axisymmetric.tighten import _Energy, tighten_forces
+from erc_contact.admissible.cells import cell_geometry, moments_of_cells
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.mesh.simplex import barycentric, bernstein, rule
@@ -73,7 +73,7 @@ def test_energies_of_stresses(inner_radius: float, degree: int) -> None:
     off = off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], degree)
     forces = rng.standard_normal((*off.shape, 2)) * off[..., None]
     value, half = _Energy(cells, energies).start(forces)
-    of_cells = signed(cells, forces)
+    of_cells = moments_of_cells(cells, forces)
 
     def energy(energies):
         return energy_of(model, elements, elements.stresses(of_cells, energies), elastic)
@@ -106,13 +106,15 @@ def test_tightening_ends_at_the_least_energy(inner_radius: float, degree: int) -
     on_top = heights.min(axis=1) > 1 - 1e-9
     free = np.repeat(off[..., None] & (cells.has_second | on_top)[:, None, None], 2, axis=-1)
     start = rng.standard_normal(free.shape) * off[..., None]
-    forces, done, square = tightened(model, elements, energies, start, free, Ending(300, 1e-13))
+    forces, done, square = tighten_forces(
+        model, elements, energies, start, free, Ending(300, 1e-13)
+    )
     assert done < 300
     # The same by dense matrices: free forces without axial resultant on any cell.
     energy = _Energy(cells, energies)
     units = np.eye(free.size)[free.ravel()].reshape(-1, *free.shape)
     H = np.array([energy(unit)[1][free] for unit in units])
-    resultants = signed(cells, np.moveaxis(units, 0, -1).reshape(*free.shape[:2], -1))
+    resultants = moments_of_cells(cells, np.moveaxis(units, 0, -1).reshape(*free.shape[:2], -1))
     axial = resultants.reshape(*resultants.shape[:-1], 2, -1)[..., 1, :].sum(axis=(1, 2))
     _, size, V = np.linalg.svd(axial)
     rank = int((size > 1e-10 * size[0]).sum())

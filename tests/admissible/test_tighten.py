@@ -25,7 +25,7 @@ from reference import true_errors
 from scenes import block, greco, mostly_serial, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.admissible.cells import cell_geometry, force_coefficients, signed
+from erc_contact.admissible.cells import cell_geometry, force_coefficients, moments_of_cells
 from erc_contact.admissible.elastic import macro_moduli, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -72,7 +72,7 @@ def imbalance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Resultant forces, and moments about the barycentre over the size, of tractions and body force of owned cells."""
     cells = cell_geometry(model)
-    seen = signed(cells, moment)[: model.domain.owned_cells]
+    seen = moments_of_cells(cells, moment)[: model.domain.owned_cells]
     x = model.V.tabulate_dof_coordinates()[:, : cells.d][cells.nodes[: len(seen)]]
     arm = (x - x.mean(axis=1, keepdims=True)) / cells.volume[: len(seen), None, None] ** (
         1 / cells.d

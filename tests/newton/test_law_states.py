@@ -17,7 +17,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.error import fenchel
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.model.law_state import LawState, carried
 from erc_contact.model.model import Model
 
@@ -113,7 +113,7 @@ def test_the_error_of_the_displacement_is_bounded():
         assert difference is not None
         difference.x.array[:] -= fine.u.x.array
         norm = ec.solve(elastic, fine.domain).model
-        square = assembled(norm, norm.stiffness(difference, difference))
+        square = assemble_number(norm, norm.stiffness(difference, difference))
         assert 0.3 * error.absolute < np.sqrt(square) < error.displacement_error
 
 

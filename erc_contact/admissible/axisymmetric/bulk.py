@@ -8,8 +8,8 @@ import numpy as np
 
 from erc_contact.admissible.axisymmetric.elements import Elements, Energies, law_of_cells
 from erc_contact.admissible.axisymmetric.missing import missing_forces
-from erc_contact.admissible.axisymmetric.tighten import tightened
-from erc_contact.admissible.cells import CellGeometry, signed
+from erc_contact.admissible.axisymmetric.tighten import tighten_forces
+from erc_contact.admissible.cells import CellGeometry, moments_of_cells
 from erc_contact.admissible.elastic import elastic_coefficients, macro_places
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
@@ -37,14 +37,14 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     law = _law(given)
 
     def balanced(forces: np.ndarray, energies: Energies) -> Tight:
-        of_cells = signed(cells, forces)[:owned]
+        of_cells = moments_of_cells(cells, forces)[:owned]
         return Tight(forces, of_cells, elements.stresses(of_cells, energies))
 
     free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
 
     def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
         energies = elements.energies(*law)
-        forces, done, square = tightened(model, elements, energies, forces, free, ending)
+        forces, done, square = tighten_forces(model, elements, energies, forces, free, ending)
         return replace(balanced(forces, energies), iterations=done, square=square)
 
     to_moments = mass(1, cells.degree, cells.degree)

@@ -32,7 +32,7 @@ from erc_contact.admissible.tighten.rings import rings
 from erc_contact.model.space import Space
 
 
-def tightened(
+def tighten_forces(
     space: Space,
     elements: Elements,
     energies: Energies,

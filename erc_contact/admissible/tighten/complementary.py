@@ -24,7 +24,7 @@ from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.tighten.tables import elastic_table, macro_table
 
 
-def relaxed(
+def relax(
     cells: CellGeometry, sigma: np.ndarray, elastic: np.ndarray, compliance: np.ndarray
 ) -> np.ndarray:
     """Return the stress nearest to ``C eps(u^)`` with the same tractions, cell by cell.

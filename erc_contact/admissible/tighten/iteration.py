@@ -58,7 +58,7 @@ class Ending(NamedTuple):
     begun: int = 0
 
 
-def tightened(
+def tighten_moments(
     space: Space,
     cells: CellGeometry,
     moment: np.ndarray,

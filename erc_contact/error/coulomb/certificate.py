@@ -217,7 +217,7 @@ def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Coul
         q = coupling(normal, traces, t, x)[0]
         other_q = q if comparison is None else comparison.norm(surface, t)[0]
         change = change_of_norm(q, surface, other_q, comparison)
-        tried.append(replace(_tried(error, pair, traces, t, q, change), smoothing=smoothing))
+        tried.append(replace(_try_field(error, pair, traces, t, q, change), smoothing=smoothing))
     largest = max(certificate.q + certificate.q_change for certificate in tried)
     best = min(tried, key=lambda certificate: certificate.bound)
     return replace(best, q_largest=largest)
@@ -234,11 +234,11 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
     other_q, start = (0.0, None) if comparison is None else comparison.norm(surface, t)
     q, missing, _ = coupling(surface.normal, traces, t, surface.positions(), start)
     change = change_of_norm(q, surface, other_q, comparison) + missing
-    certificate = _tried(error, pair, traces, t, q, change)
+    certificate = _try_field(error, pair, traces, t, q, change)
     return replace(certificate, smoothing=LENGTHS[SMOOTH_FIELD], q_largest=q + change)
 
 
-def _tried(
+def _try_field(
     error: ConstitutiveError,
     pair: PairOnSurface,
     traces: Traces,

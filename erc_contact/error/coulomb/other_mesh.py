@@ -64,9 +64,9 @@ class OtherMesh:
         here = self.surface
         # The other surface gives the field; edges and supports of this one block it.
         x = here.positions()
-        field = np.where(here.blocked[:, None], 0.0, surface.interpolated(t, x))
+        field = np.where(here.blocked[:, None], 0.0, surface.interpolate(t, x))
         q, _, phi = coupling(here.normal, self.traces, field, x)
-        along = here.interpolated(phi[:, None] * here.normal, surface.positions())
+        along = here.interpolate(phi[:, None] * here.normal, surface.positions())
         return q, (along * surface.normal).sum(axis=1)
 
 

@@ -42,7 +42,7 @@ def slip_fields(pair: PairOnSurface) -> list[np.ndarray]:
     fields = []
     for length in LENGTHS:
         smooth = _smooth(surface, rough, weight, length * size)
-        fields.append(_limited(pair, smooth))
+        fields.append(_limit(pair, smooth))
     return fields
 
 
@@ -58,7 +58,7 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     def moments(values: np.ndarray) -> np.ndarray:
         """Integrate values against the hat functions of the nodes."""
         of_pieces = np.einsum("fcq...,qm->fcm...", values, hats)
-        return s.summed(of_pieces.reshape(*shape, *values.shape[3:]), s.pieces)
+        return s.sum_up(of_pieces.reshape(*shape, *values.shape[3:]), s.pieces)
 
     shear = moments(area[..., None] * shears)
     pressure = moments(area * pressures)
@@ -68,8 +68,8 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     # E slip/h has the unit of the pressure, which makes the two comparable.
     _, w_t, _ = split(pair.displacement, s.normals)
     share = np.broadcast_to(s.area[:, None], s.facets.shape)
-    pull = s.summed(share[..., None] * pair.stiffness[:, None, None] * w_t, s.facets)
-    pull /= s.summed(share, s.facets)[:, None]
+    pull = s.sum_up(share[..., None] * pair.stiffness[:, None, None] * w_t, s.facets)
+    pull /= s.sum_up(share, s.facets)[:, None]
     length = np.linalg.norm(pull, axis=1)
 
     by_traction = -shear / _or_one(pressure * node_area, pressure > 0)[:, None]
@@ -81,7 +81,7 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     rough = weighted / _or_one(square_sum, square_sum > 0)[:, None]
     mean = float(node_area @ pressure / node_area.sum()) or largest
     c = (pressure + np.minimum(length, mean)) / mean
-    return _limited(pair, rough), (c + SMALLEST) * node_area
+    return _limit(pair, rough), (c + SMALLEST) * node_area
 
 
 def _or_one(values: np.ndarray, positive: np.ndarray) -> np.ndarray:
@@ -98,12 +98,12 @@ def _smooth(
         return rough * free
     stiffness = _piece_stiffness(surface, length)
     pieces = surface.pieces
-    diagonal = weight + surface.summed(np.diagonal(stiffness, axis1=1, axis2=2), pieces)
+    diagonal = weight + surface.sum_up(np.diagonal(stiffness, axis1=1, axis2=2), pieces)
     inverse = 1 / diagonal[:, None]
 
     def operator(t: np.ndarray) -> np.ndarray:
         """Apply the matrix of the minimisation, without the blocked nodes."""
-        return free * (weight[:, None] * t + surface.summed(stiffness @ t[pieces], pieces))
+        return free * (weight[:, None] * t + surface.sum_up(stiffness @ t[pieces], pieces))
 
     t = rough * free
     residual = free * weight[:, None] * rough - operator(t)
@@ -135,7 +135,7 @@ def _piece_stiffness(surface: CoulombSurface, length: float) -> np.ndarray:
     return (length**2 * area)[:, None, None] * (gradients @ gradients.transpose(0, 2, 1))
 
 
-def _limited(pair: PairOnSurface, t: np.ndarray) -> np.ndarray:
+def _limit(pair: PairOnSurface, t: np.ndarray) -> np.ndarray:
     """Return the nearest tangential field with |t| <= mu, zero at blocked nodes."""
     _, tangential, size = split(t, pair.surface.normal)
     share = np.minimum(1.0, pair.least_friction() / np.where(size > 0, size, 1.0))

@@ -95,7 +95,7 @@ class CoulombSurface:
         cut = pieces(self.normal.shape[1] - 1, self.degree)
         return self.facets[:, cut].reshape(-1, cut.shape[1])
 
-    def interpolated(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def interpolate(self, values: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Interpolate vectors at the nodes (n, d), linear between them.
 
         Args:
@@ -104,7 +104,7 @@ class CoulombSurface:
         """
         return interpolate(x, self.positions()[self.pieces], values[self.pieces])
 
-    def summed(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
+    def sum_up(self, values: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Sum values at the nodes of facets or pieces, (f, m, ...) -> (n, ...)."""
         total = np.zeros((len(self.numbers), *values.shape[2:]))
         np.add.at(total, places, values)
@@ -181,7 +181,7 @@ class PairOnSurface:
         rho = area[..., None] * (shear + pressure[..., None] * field)
         shape = lagrange(d - 1, k, points.reshape(-1, d - 1)).reshape(*points.shape[:2], -1)
         of_facets = np.einsum("cqm,fcqi->fmi", shape, rho)
-        return s.summed(of_facets, s.facets), float(np.sum(of_facets * self.displacement))
+        return s.sum_up(of_facets, s.facets), float(np.sum(of_facets * self.displacement))
 
     def unaligned(self, t: np.ndarray) -> np.ndarray:
         """Return ``eta = mu |w^_t| - t.w^_t >= 0`` at the nodes [length], shape (n,).
@@ -246,10 +246,10 @@ def coulomb_surface(model: Model) -> CoulombSurface:
             others.append(of_contact[model.connections.is_paired[facet_nodes]])
         # Nor is the jump of a contact an unknown where more than two bodies meet.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
-    all_numbers = _gathered(model, numbers_of_contacts)
-    corners = _gathered(model, corners_of_contacts)
-    of_corners = _gathered(model, normals_of_contacts)
-    fixed = _gathered(model, fixed_of_contacts)
+    all_numbers = _gather(model, numbers_of_contacts)
+    corners = _gather(model, corners_of_contacts)
+    of_corners = _gather(model, normals_of_contacts)
+    fixed = _gather(model, fixed_of_contacts)
     numbers, places = np.unique(all_numbers, return_inverse=True)
     facets = places.reshape(all_numbers.shape)
     normal = np.zeros((len(numbers), model.d))
@@ -259,7 +259,7 @@ def coulomb_surface(model: Model) -> CoulombSurface:
 
     # Blocked are nodes of another contact, at an edge of the foundation, and where a
     # support holds some component of the normal but not all components.
-    blocked = np.isin(numbers, _gathered(model, others))
+    blocked = np.isin(numbers, _gather(model, others))
     cosine = (normal[facets] * of_nodes).sum(axis=-1)
     blocked[facets[cosine < EDGE_COSINE]] = True
     supported = np.zeros((len(numbers), model.d), dtype=bool)
@@ -292,10 +292,10 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
         stiffnesses.append(trace.stiffness[owned])
     return PairOnSurface(
         surface=coulomb_surface(model),
-        traction=_gathered(model, values),
-        displacement=_gathered(model, displacements),
-        friction=_gathered(model, frictions),
-        stiffness=_gathered(model, stiffnesses),
+        traction=_gather(model, values),
+        displacement=_gather(model, displacements),
+        friction=_gather(model, frictions),
+        stiffness=_gather(model, stiffnesses),
     )
 
 
@@ -306,7 +306,7 @@ def _friction(model: Model, contact: ContactOnMesh) -> np.ndarray:
     return np.array(contact.friction_bound(ones, parameters))
 
 
-def _gathered(model: Model, parts: list[np.ndarray]) -> np.ndarray:
+def _gather(model: Model, parts: list[np.ndarray]) -> np.ndarray:
     """Gather arrays of the facets of this rank, contact by contact; collective.
 
     Returns:

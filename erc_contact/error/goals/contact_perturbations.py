@@ -23,7 +23,7 @@ from erc_contact.base.ranks import union
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
-from erc_contact.error.goals.virtual_motion import Shift, VirtualMotion, shifted
+from erc_contact.error.goals.virtual_motion import Shift, VirtualMotion, shift_value
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.foundation import ContactOnMesh
@@ -58,7 +58,7 @@ class _Bodies:
             return here, frozenset()
         return here, self.at(trace.partners)
 
-    def joined(self, start: frozenset[int], without: ContactOnMesh) -> frozenset[int]:
+    def join(self, start: frozenset[int], without: ContactOnMesh) -> frozenset[int]:
         """Return bodies with all that contacts join them to, but for one contact."""
         pairs = []
         for contact in self.base.model.contacts:
@@ -96,7 +96,7 @@ def contact_perturbation(base: BaseScene, part: str, motion: VirtualMotion) -> P
         if not is_of_part and not is_opposite:
             continue
         sign = 1.0 if is_of_part else -1.0
-        for moving in (bodies.joined(side, contact), side):
+        for moving in (bodies.join(side, contact), side):
             if not moving & opposite:
                 perturbation = _of_set(bodies, contact, motion, moving, sign)
                 if perturbation is not None:
@@ -228,7 +228,7 @@ def _with_gap(entry: Contact, contact: ContactOnMesh, motion: VirtualMotion, t: 
     return Contact(
         entry.facets,
         friction=entry.friction,
-        gap=shifted(entry.gap, _normal_part(contact, motion, t)),
+        gap=shift_value(entry.gap, _normal_part(contact, motion, t)),
         normal=entry.normal,
         bilateral=entry.bilateral,
         against=entry.against,

@@ -98,13 +98,13 @@ class GoalController:
             return
         best = trials.best
         if best is not None:
-            self._measured(trials, best)
+            self._take(trials, best)
         else:
             self._carried |= {"t": self._better_t(trials, rough), "M": trials.base.M}
             self._is_rough = True
             self._last = GoalError(trials.estimate(rough), trials.shares(rough))
 
-    def _measured(self, trials: Trials, best: Ends) -> None:
+    def _take(self, trials: Trials, best: Ends) -> None:
         """Take the interval of a mesh, and carry what others need; collective."""
         self._carried |= {"t": self._better_t(trials, best), "M": trials.base.M}
         bounds = trials.bounds()

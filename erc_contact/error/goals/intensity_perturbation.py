@@ -90,7 +90,7 @@ def stress_intensity(
     size = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
 
     def psi(u: fem.Function) -> BoundedNumber:
-        return strain_work(MovedLaw(singular=unit).moved(pair, 1.0), u, UNKNOWN * base.e * size)
+        return strain_work(MovedLaw(singular=unit).move(pair, 1.0), u, UNKNOWN * base.e * size)
 
     constant = _work_on_faces(error, frame)
     return Perturbation(scene_at, psi, 1.0, constant, base.e / size)

@@ -108,7 +108,7 @@ def _drives(goal: GoalOfContact, contact: ContactOnMesh, factor: float) -> list[
             continue
         along: Callable[[Ufl], Ufl] = _inward
         if isinstance(goal, Slip):
-            along = _turned
+            along = _turn
             if goal.direction is not None:
                 of_part = 1.0 if side == goal.part else -1.0
                 along = partial(_along, tuple(of_part * a for a in goal.direction))
@@ -127,7 +127,7 @@ def _inward(n: Ufl) -> Ufl:
     return -n
 
 
-def _turned(n: Ufl) -> Ufl:
+def _turn(n: Ufl) -> Ufl:
     """Return the outward normal turned counterclockwise, UFL."""
     return ufl.as_vector([-n[1], n[0]])
 

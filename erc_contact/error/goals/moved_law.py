@@ -16,7 +16,7 @@ import ufl
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.runtime import compiled
 from erc_contact.error.goals.singular_strain import SingularStrain
-from erc_contact.error.load_work import assembled
+from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.works import strain_energy
 from erc_contact.model.model import Model
@@ -51,7 +51,7 @@ class MovedLaw:
         amount -= 0.0 if less_strain is None else less_strain.amount
         return cls(shifts, replace(either, amount=amount / t))
 
-    def moved(self, pair: Admissible, amount: float) -> Admissible:
+    def move(self, pair: Admissible, amount: float) -> Admissible:
         """Return a pair whose law has moved by this times an amount; collective."""
         if amount == 0.0 or not (self.shifts or self.singular):
             return pair
@@ -87,7 +87,7 @@ class MovedLaw:
         for name, p in self.shifts.items():
             amount = max(amount, abs(shifts[name] / p))
         u = pair.displacement
-        more, less = (strain_energy(self.moved(pair, s), u) for s in (amount, -amount))
+        more, less = (strain_energy(self.move(pair, s), u) for s in (amount, -amount))
         total += (0.5 / amount) * (less - more)
         for preload in model.preloads:
             p = self.shifts.get(preload.name, 0.0)
@@ -126,7 +126,7 @@ def _load_work(model: Model, preload: PreloadOnMesh) -> BoundedNumber:
     inside.x.array[:] = np.where(preload.weights.any(axis=1), 1.0, 0.0)
     works = []
     for form in (model.loads(inside * chi * axis, varying=False), model.loads(inside * chi * axis)):
-        works.append(0.0 if form is None else assembled(model, form))
+        works.append(0.0 if form is None else assemble_number(model, form))
     constant, every = works
     size = abs(constant) + abs(every)
     return BoundedNumber(every, resolved=abs(every - constant) <= 1e-14 * size)

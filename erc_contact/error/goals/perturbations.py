@@ -55,7 +55,7 @@ def perturbation_of(
             " ec.resultant for a force of a contact."
         )
     if isinstance(goal, Slip) and goal.direction is not None:
-        _checked(goal, goal.direction, model.d)
+        _check_vector(goal, goal.direction, model.d)
     vector = np.zeros(0)
     if isinstance(goal, MeanDisplacement | Rotation | Moment | Resultant):
         vector = _checked_vector(goal, model.d)
@@ -116,19 +116,19 @@ def _base_scene(error: ConstitutiveError) -> BaseScene:
 def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:
     """Return the direction of a goal, or its axis: one number in the plane."""
     if isinstance(goal, Resultant | MeanDisplacement):
-        return _checked(goal, goal.direction, d)
+        return _check_vector(goal, goal.direction, d)
     if isinstance(goal, Moment) and goal.about is not None and len(goal.about) != d:
         raise InputError(f"{goal!r}: about has {len(goal.about)} numbers, but the mesh is {d}D.")
     if d == 3:
         if goal.axis is None:
             raise InputError(f"{goal!r}: give an axis in space, e.g. axis=(0.0, 0.0, 1.0).")
-        return _checked(goal, goal.axis, d)
+        return _check_vector(goal, goal.axis, d)
     if goal.axis is not None:
         raise InputError(f"{goal!r}: in the plane the axis is the one out of it; leave axis out.")
     return np.ones(1)
 
 
-def _checked(goal: GoalOfPart | Slip, vector: Sequence[float], d: int) -> np.ndarray:
+def _check_vector(goal: GoalOfPart | Slip, vector: Sequence[float], d: int) -> np.ndarray:
     """Return a vector of a goal, of d finite numbers."""
     a = np.asarray(vector, dtype=float)
     if a.shape != (d,) or not np.isfinite(a).all() or not a.any():

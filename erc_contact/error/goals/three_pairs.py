@@ -149,7 +149,7 @@ class Unmoved:
         return d * m + (self.M**2 - m**2) / t
 
 
-def unmoved(
+def measure_unmoved(
     error: ConstitutiveError,
     psi: BoundedNumber,
 ) -> Unmoved:
@@ -322,7 +322,7 @@ def _across(
     unresolved = 0.0
     varies = False
     for step in (0.0, h, -h):
-        moved = law.moved(error.admissible, step)
+        moved = law.move(error.admissible, step)
         body = _bulk(moved, phi, more, less, step, t)
         squares.append(body.gap)
         unresolved += body.moduli

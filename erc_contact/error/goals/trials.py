@@ -17,7 +17,7 @@ from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, N
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.goals.constants import COUNT_OF_T, FACTOR, GROWTH, LEAST_ERROR, POWER
 from erc_contact.error.goals.perturbation import Perturbation
-from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, rough_ends, unmoved
+from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, measure_unmoved, rough_ends
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.scene import Scene
 
@@ -66,7 +66,9 @@ class Trials:
     @cached_property
     def base(self) -> Unmoved:
         """Return what all values of t share."""
-        return unmoved(self.error, self.perturbation.psi(self.error.admissible.displacement))
+        return measure_unmoved(
+            self.error, self.perturbation.psi(self.error.admissible.displacement)
+        )
 
     @property
     def best(self) -> Ends | None:
@@ -79,7 +81,7 @@ class Trials:
         None if that is not solved.
         """
         try:
-            plus = self._moved_up(t)
+            plus = self._pair_above(t)
         except (NotConverged, NotHeldError, NotBalanced):
             return None
         ends = rough_ends(self.base, plus, t)
@@ -88,8 +90,8 @@ class Trials:
     def attempt(self, t: float) -> Ends | None:
         """Compute the interval for a t; None if the moved scenes are not solved."""
         try:
-            plus = self._moved_up(t)
-            minus = self._moved(-t)
+            plus = self._pair_above(t)
+            minus = self._make_pair(-t)
         except (NotConverged, NotHeldError, NotBalanced) as failure:
             self.failure = str(failure)
             return None
@@ -104,13 +106,13 @@ class Trials:
         self.tried.append(ends)
         return ends
 
-    def _moved_up(self, t: float) -> Admissible:
+    def _pair_above(self, t: float) -> Admissible:
         """Return the pair of the scene moved by t, the last one if it has this t."""
         if self._plus is None or self._plus[0] != t:
-            self._plus = t, self._moved(t)
+            self._plus = t, self._make_pair(t)
         return self._plus[1]
 
-    def _moved(self, t: float) -> Admissible:
+    def _make_pair(self, t: float) -> Admissible:
         """Return the pair of the scene moved by t."""
         assert self.perturbation.scene_at is not None
         try:

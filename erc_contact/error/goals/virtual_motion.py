@@ -89,10 +89,10 @@ class VirtualMotion:
         if isinstance(support, Displacement):
             values = []
             for unit, value in zip(np.eye(model.d), support.value, strict=True):
-                values.append(shifted(value, self.component(unit, t)))
+                values.append(shift_value(value, self.component(unit, t)))
             return Displacement(support.facets, tuple(values))
         shifts = t * self.freedoms(bind_rigid(model, support).about)
-        motions = tuple(map(shifted, support.motions, shifts.tolist()))
+        motions = tuple(map(shift_value, support.motions, shifts.tolist()))
         displacement = motions[: model.d]
         rotation = motions[model.d :]
         return replace(support, displacement=displacement, rotation=rotation)
@@ -106,7 +106,7 @@ def _affine(constant: float, row: list[float], centre: list[float], x: Ufl) -> U
     return value
 
 
-def shifted(value: Any, shift: Shift) -> Any:
+def shift_value(value: Any, shift: Shift) -> Any:
     """Return a component of a support, or a gap, and a shift; None where it is free."""
     if value is None or (not callable(shift) and shift == 0):
         return value
