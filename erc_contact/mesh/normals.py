@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from erc_contact.base.ranks import box, distinct_rows, of_all
 from erc_contact.mesh.graphs import components
+from erc_contact.mesh.rows import equal_rows
 from erc_contact.mesh.simplex import facet_vertices
 
 SHARP = np.cos(np.radians(40.0))
@@ -107,10 +108,7 @@ def _smooth_links(vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
     of_facets = np.take_along_axis(np.broadcast_to(edges, order.shape), order, axis=2)
     corner = (of_facets + d * np.arange(f)[:, None, None]).reshape(f * d, d - 1)
     facet = np.repeat(np.arange(f), d)
-    ranked = np.lexsort(numbers.T)
-    is_same = np.all(numbers[ranked[1:]] == numbers[ranked[:-1]], axis=1)
-    first = ranked[:-1][is_same]
-    second = ranked[1:][is_same]
+    first, second = equal_rows(numbers)
     cosine = np.einsum("nd,nd->n", normals[facet[first]], normals[facet[second]])
     smooth = cosine > SHARP
     links = np.stack([corner[first[smooth]], corner[second[smooth]]], axis=-1)

@@ -17,7 +17,7 @@ from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.files.building import Built, build_simplices, spread_from
 from erc_contact.mesh.files.of_gmsh import marked_entities, mesh_of_model
-from erc_contact.mesh.gmsh_session import FIELD, session
+from erc_contact.mesh.gmsh_session import FIELD, add_sizes, session
 from erc_contact.mesh.size_field import Labels, SizeField, at_corners
 
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
@@ -163,13 +163,7 @@ def _mesh_once(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray) -> int:
     Returns:
         The number of cells.
     """
-    view = gmsh.view.add("sizes")
-    rows = np.hstack([x.transpose(0, 2, 1).reshape(len(x), -1), sizes])
-    # Scalar values on triangles or on tetrahedra.
-    kind = "ST" if dim == 2 else "SS"
-    gmsh.view.addListData(view, kind, len(rows), rows.ravel())
-    background = gmsh.model.mesh.field.add("PostView")
-    gmsh.model.mesh.field.setNumber(background, "ViewTag", view)
+    view, background = add_sizes(gmsh, x, sizes)
     gmsh.model.mesh.field.setAsBackgroundMesh(background)
     try:
         gmsh.model.mesh.clear()

@@ -56,6 +56,18 @@ def look_up(
     return table[of_wanted]
 
 
+def equal_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the pairs of rows of a table that are equal; k equal rows are k - 1 pairs.
+
+    Returns:
+        The earlier row of each pair and the later one, shape (m,) each.
+    """
+    # The sort is stable: of equal rows the earlier one comes first.
+    order = np.lexsort(table.T)
+    is_equal = np.all(table[order[1:]] == table[order[:-1]], axis=1)
+    return order[:-1][is_equal], order[1:][is_equal]
+
+
 def in_space(x: np.ndarray) -> np.ndarray:
     """Return points or vectors (n, d) with three components, shape (n, 3).
 

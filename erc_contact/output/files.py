@@ -5,7 +5,8 @@ Symbols: d dimension of simplices, N number of nodes of a simplex.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -172,14 +173,28 @@ def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
     return pyvista.UnstructuredGrid(counted.ravel(), kinds, points)
 
 
+@contextmanager
+def new_vtkhdf(path: str | Path) -> Iterator[Any]:
+    """Write a VTKHDF file within a context, by h5py, which needs no HDF writer of VTK.
+
+    Yields:
+        Its group of the unstructured mesh.
+    """
+    import h5py  # noqa: PLC0415
+
+    with h5py.File(path, "w") as file:
+        vtk = file.create_group("VTKHDF")
+        vtk.attrs["Version"] = (2, 0)
+        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+        yield vtk
+
+
 def save_grid(grid: Any, path: Path) -> None:
-    """Write a VTKHDF file by h5py, which needs no HDF writer of VTK.
+    """Write a mesh with its data as a VTKHDF file.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    import h5py  # noqa: PLC0415
-
     nodes = grid.cell_connectivity
     # All cells are of one kind.
     corners = len(nodes) // grid.n_cells
@@ -196,10 +211,7 @@ def save_grid(grid: Any, path: Path) -> None:
         for name, values in data.items():
             tables[f"{kind}/{name}"] = values
     path.parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "w") as file:
-        vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"] = (2, 0)
-        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+    with new_vtkhdf(path) as vtk:
         for name, table in tables.items():
             array = np.asarray(table)
             chunks = (min(CHUNK_ROWS, len(array)), *array.shape[1:])

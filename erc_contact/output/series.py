@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.files import gather, on_root, vtk_cells
+from erc_contact.output.files import gather, new_vtkhdf, on_root, vtk_cells
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 
@@ -107,13 +107,8 @@ def _write_series(
         cells: Values in the cells of each step.
         d: Dimension of the cells.
     """
-    import h5py  # noqa: PLC0415
-
     steps_data = {"PointData": points, "CellData": cells}
-    with h5py.File(path, "w") as file:
-        vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"] = (2, 0)
-        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+    with new_vtkhdf(path) as vtk:
         steps = vtk.create_group("Steps")
         steps.attrs["NSteps"] = len(times)
         steps["Values"] = times

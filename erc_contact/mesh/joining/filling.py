@@ -10,10 +10,10 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.gmsh_session import FIELD, has_netgen, session
+from erc_contact.mesh.gmsh_session import FIELD, add_sizes, has_netgen, session
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.joining.triangles import edge_lengths
-from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.rows import equal_rows, in_space
 
 MARGIN = 0.3
 """Width of the frame around the edges in a plane, by their extent [-]."""
@@ -183,12 +183,8 @@ def _set_sizes(
     """Set the size to the least size of meshes of triangles, and of fields."""
     fields = list(fields)
     for corners, sizes in sides:
-        view = gmsh.view.add("sizes")
-        coordinates = in_space(corners.reshape(-1, 2)).reshape(-1, 3, 3).transpose(0, 2, 1)
-        rows = np.hstack([coordinates.reshape(len(corners), -1), sizes])
-        gmsh.view.addListData(view, "ST", len(rows), rows.ravel())
-        field = gmsh.model.mesh.field.add("PostView")
-        gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
+        x = in_space(corners.reshape(-1, 2)).reshape(-1, 3, 3)
+        _, field = add_sizes(gmsh, x, sizes)
         fields.append(field)
     least = gmsh.model.mesh.field.add("Min")
     gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
@@ -223,12 +219,8 @@ def _renumber(
     Raises:
         InputError: If gmsh does not have all of the given points.
     """
-    every = np.concatenate([given, x])
-    order = np.lexsort(every.T)
-    equal = np.all(every[order[1:]] == every[order[:-1]], axis=1)
-    # The sort is stable: a given point comes before gmsh's copy.
-    first = order[:-1][equal]
-    second = order[1:][equal] - len(given)
+    first, second = equal_rows(np.concatenate([given, x]))
+    second = second - len(given)
     if len(first) != len(given) or first.max(initial=-1) >= len(given):
         raise InputError("joined: gmsh moved points of the contact; mesh the parts otherwise.")
     number = np.full(len(x), -1)
