@@ -23,7 +23,7 @@ from erc_contact.base.percent import enough, place_words
 from erc_contact.mesh.joining.curve import Curve, curves, direct_facets
 from erc_contact.mesh.joining.cutting import cut
 from erc_contact.mesh.joining.thresholds import CLOSE, CORNER, CRUSHED, FACING, SAME
-from erc_contact.mesh.joining.triangles import edge_lengths
+from erc_contact.mesh.joining.triangles import edge_lengths, shortest_edges
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.simplex import determinants
 from erc_contact.mesh.tags import NO_TAG
@@ -43,14 +43,12 @@ class _Facing:
         points: First and last point, in the direction of the curve, shape (k, 2).
         places: Their places, rising, shape (k, 2).
         apart: Distances of the points from the curve [length], shape (k, 2).
-        lengths: Lengths of the facets [length], shape (k,).
     """
 
     sides: np.ndarray
     points: np.ndarray
     places: np.ndarray
     apart: np.ndarray
-    lengths: np.ndarray
 
 
 def align(
@@ -123,7 +121,7 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
             f"apart= ({clearance} is enough), and by gap= of the contact; take smaller facets if "
             "the sides are curved."
         )
-    return _Facing(sides[near], points[near], places[near], of_points[near], lengths[near])
+    return _Facing(sides[near], points[near], places[near], of_points[near])
 
 
 def _allowed_distance(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -215,8 +213,9 @@ def _common(plain: PlainMesh, curve: Curve, facing: _Facing, close: float, keep:
     place2 = facing.places.ravel()[first]
     if curve.closed:
         place2 %= curve.length
-    size1 = _smallest(points1, curve.points[:-1], curve.points[1:], curve.lengths)
-    size2 = _smallest(points2, facing.points[:, 0], facing.points[:, 1], facing.lengths)
+    facets1 = np.column_stack([curve.points[:-1], curve.points[1:]])
+    size1 = shortest_edges(plain.x, facets1)[points1]
+    size2 = shortest_edges(plain.x, facing.points)[points2]
     fixed = _find_fixed(plain, curve, facing)
 
     # The nearest vertex of side 1; the end of a closed curve is its beginning.
@@ -340,16 +339,6 @@ def _facet_over(curve: Curve, facing: _Facing, places: np.ndarray) -> np.ndarray
     at = np.searchsorted(low[order], places, side="right") - 1
     row = order[np.maximum(at, 0)]
     return np.where((at >= 0) & (places < high[row]), facet[row], -1)
-
-
-def _smallest(
-    points: np.ndarray, start: np.ndarray, end: np.ndarray, lengths: np.ndarray
-) -> np.ndarray:
-    """Return the length of the smallest facet at each point [length], shape (n,)."""
-    sizes = np.full(max(start.max(), end.max(), points.max()) + 1, np.inf)
-    np.minimum.at(sizes, start, lengths)
-    np.minimum.at(sizes, end, lengths)
-    return sizes[points]
 
 
 def _find_fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
