@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image
 
 import erc_contact as ec
 from erc_contact.base.releases import cell_nodes
@@ -47,4 +48,6 @@ side.set(
     title=f"contact traction, {elements} elements, error {percent:.2g}%",
 )
 side.legend()
-fig.savefig(Path(__file__).with_suffix(".png"), dpi=110)
+path = Path(__file__).with_suffix(".png")
+fig.savefig(path, dpi=110)
+Image.open(path).convert("RGB").quantize(96).save(path, optimize=True)

@@ -80,5 +80,5 @@ for axes in panels.flat:
     axes.set_axis_off()
     axes.title.set_fontsize(10)
 path = HERE / "meshed_apart.png"
-figure.savefig(path, dpi=110)
-Image.open(path).convert("RGB").quantize(48).save(path, optimize=True)
+figure.savefig(path, dpi=90)
+Image.open(path).convert("RGB").quantize(12).save(path, optimize=True)

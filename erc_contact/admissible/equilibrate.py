@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
 from erc_contact.admissible.balance_parts import TooCoarse
-from erc_contact.admissible.boundary import load_moments, supported_components
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
@@ -29,7 +28,7 @@ from erc_contact.admissible.contact import admissible_tractions, no_traction
 from erc_contact.admissible.displacement import admissible_displacement
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.imbalance import Given, proved_imbalance
-from erc_contact.admissible.loads import cell_forces
+from erc_contact.admissible.loads import cell_forces, load_moments
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.rebalance import (
     Rebalanced,
@@ -40,7 +39,12 @@ from erc_contact.admissible.rebalance import (
 )
 from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.soft_contacts import with_soft_contacts
-from erc_contact.admissible.springs import chosen_tractions, spring_moments, spring_tractions
+from erc_contact.admissible.springs import (
+    chosen_tractions,
+    spring_moments,
+    spring_tractions,
+    supported_components,
+)
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.cells import CellGeometry, add_moments
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
@@ -105,3 +105,16 @@ def _products(shape: np.ndarray, values: np.ndarray) -> np.ndarray:
     """
     products = shape[..., None] * values[:, :, None, :]
     return products.reshape(*values.shape[:2], shape.shape[2] * values.shape[2])
+
+
+def load_moments(model: Model, cells: CellGeometry) -> np.ndarray:
+    """Compute the moments of the loads on facets, projected on degree k; collective.
+
+    Returns:
+        Moments [force], shape (facets, m, d).
+    """
+    result = np.zeros((cells.side.shape[1], len(model.facet_points), cells.d))
+    for load in model.surface_loads:
+        facets = model.domain.facets(load.facets)
+        add_moments(model, result, facets, traction_moments(model, facets, load.density))
+    return result

@@ -17,7 +17,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import add_moments, moments, tractions_of
+from erc_contact.admissible.cells import CellGeometry, add_moments, moments, tractions_of
 from erc_contact.mesh.simplex import bernstein, coefficients, rule
 from erc_contact.model.model import Model
 from erc_contact.model.motions import kernel
@@ -175,3 +175,16 @@ def spring_work(model: Model, v: fem.Function, tractions: list[np.ndarray]) -> f
         of_facets = (moments(side.areas, t, model.degree) * of_v).sum(axis=(1, 2))
         work -= float(of_facets[side.owned].sum())
     return work
+
+
+def supported_components(model: Model, cells: CellGeometry) -> np.ndarray:
+    """Tell which components of a facet may have any traction, shape (facets, d).
+
+    A support, or a stiff spring, holds them.
+    """
+    fixed = np.zeros((cells.side.shape[1], cells.d), dtype=bool)
+    for facets, components in model.fixed_facets:
+        fixed[model.facet_numbers(facets)] |= components
+    for spring in model.springs:
+        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(spring)
+    return fixed

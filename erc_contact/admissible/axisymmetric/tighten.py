@@ -28,7 +28,7 @@ from erc_contact.admissible.axisymmetric.elements import Elements, Energies
 from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.tighten.iteration import Ending, SharedMoments, minimise
-from erc_contact.admissible.tighten.rings import rings
+from erc_contact.admissible.tighten.patches import rings
 from erc_contact.model.space import Space
 
 

@@ -22,7 +22,10 @@ last digits.
 
 A patch has ``(d-1)d + 1`` forces and couples, and each facet ``d(d-1)/2`` bars.
 
-Symbols: d dimension, F facets, H patches, m moments of a facet and component.
+Symbols: d dimension, F facets, H patches, m moments of a facet and component. A pair
+``d * facet + j`` is the facet in the ring of the centre that is opposite to its node j.
+A step of a ring is a number ``2 * pair + q``, with q = 1 if the first cell of the facet
+comes after it in the ring, and q = 0 if the second cell does.
 
 Source: Clough, Tocher (1965) for the space in 2D; the basis by forces, couples and bars
 is ours.
@@ -36,9 +39,8 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
-from erc_contact.admissible.tighten.rings import rings
 from erc_contact.admissible.tighten.tables import stress_map, upper_entries
-from erc_contact.mesh.simplex import nodes
+from erc_contact.mesh.simplex import facet_vertices, nodes
 from erc_contact.model.space import Space
 
 
@@ -123,3 +125,38 @@ def _facet_pair(d: int) -> np.ndarray:
     unit = stress_map(d, 1)[:, :, [d, d - 1]].reshape(d * (d + 1) // 2, -1, 2 * d * d)
     products = upper_entries(np.einsum("aqx,bqy->xyab", unit, unit))
     return np.ascontiguousarray(products[np.tril_indices(2 * d * d)])
+
+
+def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
+    """Find the rings of this rank, in a row, the smallest rings first.
+
+    A centre belongs to the rank that owns its node of least global number. That rank
+    has all cells around it. Each ring is walked along, all in the same sense. It starts
+    at the boundary if it ends there.
+
+    Returns:
+        The steps of all rings, and the number of facets of each, both of type int32.
+    """
+    d = cells.d
+    nodes = cells.vertices_of_facets
+    number = space.global_numbers(nodes)
+    owned = space.V.dofmap.index_map.size_local
+    has_cell = cells.side[0] >= 0
+    facets = np.arange(len(nodes))
+    mine = np.empty(nodes.shape, dtype=bool)
+    for j, centre in enumerate(facet_vertices(d - 1)):
+        first = number[:, centre].argmin(axis=1)
+        mine[:, j] = (nodes[facets, centre[first]] < owned) & has_cell
+    steps = int(mine.sum())
+    ring, size = np.empty((2, steps), dtype=np.int32)
+    count = kernels(d)(
+        "find_rings", mine.size, cells.edges, cells.facets, cells.side, mine, ring, size
+    )
+    # Sort the rings by size: a step moves by the difference of the starts of its ring.
+    size = size[:count]
+    start = np.cumsum(size) - size
+    by_size = np.argsort(size, kind="stable")
+    size = size[by_size]
+    new_start = np.cumsum(size) - size
+    shift = np.repeat(start[by_size] - new_start, size)
+    return ring[shift + np.arange(steps)], size
