@@ -14,7 +14,7 @@ import erc_contact as ec
 import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
 
-from erc_contact.scene.material import Value
+from erc_contact.base.ufl_types import Value
 
 from dolfinx import mesh as dmesh  # isort: skip
 from mpi4py import MPI  # isort: skip

@@ -20,7 +20,7 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.partition import distributed
+from erc_contact.mesh.partition import distribute
 
 KINDS = ("stack", "stack", "loose", "hinged", "one cell", "bowl")
 
@@ -281,7 +281,7 @@ def domain_of(
     low, high = points.min(axis=0), points.max(axis=0)
     if comm.rank > 0:
         points, cells = points[:0], cells[:0]
-    mesh = distributed(comm, cells.astype(np.int64), np.ascontiguousarray(points))
+    mesh = distribute(comm, cells.astype(np.int64), np.ascontiguousarray(points))
     mesh.topology.create_connectivity(d - 1, d)
     facets = dmesh.exterior_facet_indices(mesh.topology)
     middles = dmesh.compute_midpoints(mesh, d - 1, facets)

@@ -78,14 +78,11 @@ from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.plastic import Plastic
 from erc_contact.scene.potential import Potential, Remembering
-from erc_contact.scene.preload import Preload
-from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
-from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
-from erc_contact.scene.support import Displacement
+from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.table import table
-from erc_contact.scene.tied import Tied
+from erc_contact.scene.tied import Preload, Tied
 
 __all__ = [
     "Admissible",

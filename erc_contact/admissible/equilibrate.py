@@ -50,7 +50,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
-from erc_contact.scene.preload import Preload
+from erc_contact.scene.tied import Preload
 
 
 def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:

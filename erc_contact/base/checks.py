@@ -22,6 +22,11 @@ def description(value: Any) -> str:
     return words if len(words) <= LONGEST_VALUE else f"an object of type {type(value).__name__}"
 
 
+def is_number(value: Any) -> bool:
+    """Tell whether a value is a finite number, and no truth value."""
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+
+
 def positive(what: str, value: Any, meaning: str) -> float:
     """Return a finite number > 0.
 
@@ -33,8 +38,7 @@ def positive(what: str, value: Any, meaning: str) -> float:
     Raises:
         InputError: If it is none.
     """
-    is_number = isinstance(value, Real) and not isinstance(value, bool)
-    if not is_number or not isfinite(value) or not float(value) > 0:
+    if not is_number(value) or not float(value) > 0:
         raise InputError(f"{what} is {value!r}; it must be {meaning}.")
     return float(value)
 
@@ -45,8 +49,7 @@ def fraction(what: str, value: Any) -> float:
     Raises:
         InputError: If it is none.
     """
-    is_number = isinstance(value, Real) and not isinstance(value, bool)
-    if not is_number or not 0 < float(value) <= 1:
+    if not is_number(value) or not 0 < float(value) <= 1:
         raise InputError(f"{what} is {value!r}; it must lie in (0, 1].")
     return float(value)
 

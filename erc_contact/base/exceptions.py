@@ -123,6 +123,22 @@ def together[T](comm: MPI.Comm, call: Callable[..., T], *arguments: Any) -> T:
     return cast("T", result)
 
 
+def on_rank[T](comm: MPI.Comm, rank: int, call: Callable[..., T], *arguments: Any) -> T | None:
+    """Call on one rank what may fail, and raise there and elsewhere; collective.
+
+    Returns:
+        What the call returns, None on the other ranks.
+
+    Raises:
+        Exception: On all ranks, what failed.
+    """
+
+    def call_there() -> T | None:
+        return call(*arguments) if comm.rank == rank else None
+
+    return together(comm, call_there)
+
+
 def _portable(error: BaseException) -> BaseException:
     """Return the error, or an error with its words if it cannot be sent to ranks."""
     try:

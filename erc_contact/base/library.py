@@ -18,7 +18,6 @@ import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from fcntl import LOCK_EX, flock
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -30,7 +29,7 @@ import numpy as np
 from dolfinx.jit import get_options
 
 from erc_contact.base.exceptions import ErcContactError
-from erc_contact.base.runtime.form_library import compiler
+from erc_contact.base.runtime.form_library import compile_once, compiler
 
 COMPILER_FLAGS = ("-std=gnu11", "-O3", "-march=native", "-fno-math-errno", "-Wno-psabi", "-fPIC")
 """Options of the compiler; none of them changes the order of operations."""
@@ -60,7 +59,7 @@ class Library:
     def __init__(self, folder: Path, dimension: int) -> None:
         self._ffi = cffi.FFI()
         self._ffi.cdef((folder / "kernels.h").read_text())
-        self._functions = self._ffi.dlopen(str(_compiled(folder, dimension)))
+        self._functions = self._ffi.dlopen(str(_find_or_compile(folder, dimension)))
 
     def __call__(self, name: str, *arguments: Any) -> Any:
         """Call a function with numbers and contiguous arrays; None is a null pointer.
@@ -78,17 +77,17 @@ class Library:
         So arguments that stay are converted once.
         """
         function = getattr(self._functions, name)
-        passed = [self._passed(argument) for argument in first]
+        passed = [self._as_cffi(argument) for argument in first]
 
         def call(*others: Any) -> Any:
-            result = function(*passed, *(self._passed(argument) for argument in others))
+            result = function(*passed, *(self._as_cffi(argument) for argument in others))
             if result == -1:
                 raise MemoryError(f"{name} finds too little memory.")
             return result
 
         return call
 
-    def _passed(self, argument: Any) -> Any:
+    def _as_cffi(self, argument: Any) -> Any:
         """Return an argument as cffi wants it."""
         if argument is None:
             return self._ffi.NULL
@@ -119,7 +118,7 @@ def _compile_quietly(folder: Path, dimension: int) -> None:
     """Compile a library if it is not there; who needs it will tell what fails."""
     # At the end of a process no pool begins: a RuntimeError.
     with suppress(ErcContactError, OSError, RuntimeError):
-        _compiled(folder, dimension)
+        _find_or_compile(folder, dimension)
 
 
 def _path(folder: Path, dimension: int) -> Path:
@@ -131,26 +130,12 @@ def _path(folder: Path, dimension: int) -> Path:
     return Path(get_options()["cache_dir"]).expanduser() / name
 
 
-def _compiled(folder: Path, dimension: int) -> Path:
+def _find_or_compile(folder: Path, dimension: int) -> Path:
     """Return the path of the compiled library; compile it if it is not there."""
-    path = _path(folder, dimension)
-    if path.exists():
-        return path
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_name(f"{path.name}.lock").open("w")
-    except OSError:
-        of_process = Path(tempfile.mkdtemp(prefix="erc_contact_"))
-        return _compile(folder, dimension, of_process / path.name)
-    with lock:
-        # Other ranks and processes wait here, and then find it.
-        flock(lock, LOCK_EX)
-        if not path.exists():
-            _compile(folder, dimension, path)
-        return path
+    return compile_once(_path(folder, dimension), lambda path: _compile(folder, dimension, path))
 
 
-def _compile(folder: Path, dimension: int, path: Path) -> Path:
+def _compile(folder: Path, dimension: int, path: Path) -> None:
     """Compile all sources, each on its core, and link them.
 
     The library appears at its path when it is complete.
@@ -180,7 +165,6 @@ def _compile(folder: Path, dimension: int, path: Path) -> Path:
                 "too; set the environment variable CC to a compiler that works, GCC or Clang."
             )
         linked.replace(path)
-    return path
 
 
 def _command(dimension: int) -> list[str]:

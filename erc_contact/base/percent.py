@@ -1,8 +1,12 @@
-"""Relative errors in words: a percentage keeps its digits, however small it is."""
+"""Numbers and places in words, for messages and tables."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import floor, log10
+
+PLURALS = {"vertex": "vertices", "hexahedron": "hexahedra", "tetrahedron": "tetrahedra"}
+"""Plurals that do not end with an s."""
 
 
 def percent(ratio: float, digits: int = 4) -> str:
@@ -37,3 +41,25 @@ def enough(number: float) -> str:
         return "0"
     digit = 10.0 ** (floor(log10(number)) - 1)
     return f"{(floor(number / digit * (1 + 1e-9)) + 1) * digit:.2g}"
+
+
+def counted(number: int, kind: str) -> str:
+    """Return a number of things in words.
+
+    Example:
+        >>> counted(1, "face"), counted(2, "face"), counted(2, "tetrahedron")
+        ('1 face', '2 faces', '2 tetrahedra')
+    """
+    return f"{number} {kind}" if number == 1 else f"{number} {PLURALS.get(kind, kind + 's')}"
+
+
+def place_words(coordinates: Iterable[float], digits: int = 4) -> str:
+    """Return a place or a direction in words, with so many significant digits.
+
+    Example:
+        >>> place_words((0.5, -0.0))
+        '(0.5, 0)'
+    """
+    # Adding zero turns -0 into 0.
+    words = [f"{coordinate + 0.0:.{digits}g}" for coordinate in coordinates]
+    return f"({', '.join(words)})"

@@ -84,10 +84,13 @@ class _Line:
         self._live.update(words, refresh=True)
         self._told = monotonic()
 
-    @property
-    def may_tell(self) -> bool:
-        """Tell whether the last update is long enough ago."""
-        return monotonic() - self._told > OFTEN
+    def add(self, words: str) -> None:
+        """Show the innermost stage with words beside it, if the last words are old."""
+        if self.stages and monotonic() - self._told > OFTEN:
+            stages = list(self.stages)
+            self.stages[-1] += f", {words}"
+            self.show()
+            self.stages[:] = stages
 
 
 _line = _Line()
@@ -115,8 +118,5 @@ def stage(comm: MPI.Comm, words: str) -> Iterator[None]:
 
 def at(comm: MPI.Comm, words: str) -> None:
     """Tell how far the innermost stage is."""
-    if comm.rank == 0 and _line.stages and _line.may_tell:
-        stages = list(_line.stages)
-        _line.stages[-1] += f", {words}"
-        _line.show()
-        _line.stages[:] = stages
+    if comm.rank == 0:
+        _line.add(words)

@@ -39,6 +39,26 @@ def distinct_rows(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
     return np.unique(every, axis=0 if every.ndim > 1 else None)
 
 
+def global_numbers(index_map: Any, numbers: np.ndarray) -> np.ndarray:
+    """Return the numbers on all ranks of numbers of this rank, of any shape."""
+    local = numbers.ravel().astype(np.int32, copy=False)
+    return index_map.local_to_global(local).reshape(numbers.shape)
+
+
+def box(comm: MPI.Comm, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the low and the high corner of the box around points of all ranks.
+
+    Args:
+        comm: Communicator.
+        points: Points of this rank, shape (n, d).
+
+    Returns:
+        Corners, shape (d,) each; infinite if no rank has a point.
+    """
+    low, high = boxes(comm, points, np.zeros(len(points), dtype=np.int64), 1)
+    return low[0], high[0]
+
+
 def greatest(comm: MPI.Comm, values: np.ndarray) -> float:
     """Return the greatest absolute value of all ranks, on all ranks; 0 without any."""
     return float(comm.allreduce(float(abs(values).max(initial=0.0)), MPI.MAX))
@@ -95,7 +115,7 @@ def exchange(
     return out, np.repeat(np.arange(comm.size), received)
 
 
-def fetched(comm: MPI.Comm, rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def fetch(comm: MPI.Comm, rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """Return rows of a table whose parts the ranks hold; collective.
 
     Args:

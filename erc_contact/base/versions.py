@@ -20,13 +20,13 @@ def versions() -> dict[str, str]:
     It is "unknown" where it is not installed as a package.
     """
     result = {
-        "erc_contact": _installed("erc-contact"),
+        "erc_contact": _version_of("erc-contact"),
         "DOLFINx": dolfinx.__version__,
         "PETSc": ".".join(map(str, PETSc.Sys.getVersion())),
         "Python": platform.python_version(),
     }
     for name in OTHER_PACKAGES:
-        result[name] = _installed(name)
+        result[name] = _version_of(name)
     return result
 
 
@@ -39,7 +39,7 @@ def machine() -> dict[str, str]:
 
 
 @cache
-def _installed(name: str) -> str:
+def _version_of(name: str) -> str:
     """Return the version of an installed package, or "unknown"."""
     try:
         return metadata.version(name)

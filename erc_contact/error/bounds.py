@@ -81,8 +81,8 @@ from erc_contact.error.works import (
     stress_work,
 )
 from erc_contact.scene.potential import BY_FORCE, refuse_potential
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 
 RIGID_ENERGY = 1e-8
 """Energy norm of phi below which it is a rigid motion [-].

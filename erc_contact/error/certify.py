@@ -35,8 +35,7 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.files.displacements import FileField
-from erc_contact.mesh.files.results import from_file
+from erc_contact.mesh.files.displacements import FileField, from_file
 from erc_contact.mesh.simplex import bernstein, from_means
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import gap_at_nodes

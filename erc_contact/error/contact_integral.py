@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.mesh.cuts import Cuts
-from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
+from erc_contact.mesh.quadrature import Cuts, Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split

@@ -140,7 +140,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     q = share * q + (1 - share) * FACET_RATE
     r = _optimal_ratio(mesh, square, q, accuracy)
     density = mesh.around(r**-d) / mesh.around(mesh.volume)
-    h = mesh.limited((FILL[d] / density) ** (1 / d))
+    h = mesh.limit((FILL[d] / density) ** (1 / d))
 
     # Smoothing has changed the error, so all sizes are scaled.
     points, weights = rule(d, 4)

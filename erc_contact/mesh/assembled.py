@@ -9,35 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.bodies import Bodies
+from erc_contact.mesh.bodies import Bodies, Geometry
 from erc_contact.mesh.joining.joint import joint
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.size_field import Labels, SizeField, size_field
+from erc_contact.mesh.size_field import Labels, SizeField
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import gathered_mesh, spread
+from erc_contact.mesh.transfer import gather_mesh, spread
 
 B = TypeVar("B", bound=Bodies)
 """Type of a domain."""
-
-
-@runtime_checkable
-class Shape(Protocol):
-    """Represent the true shape of a body that can be meshed as part of a whole."""
-
-    def meshed_by(self, like: Any, sizes: SizeField, labels: Labels) -> Any:
-        """Mesh it with sizes in the cells of a mesh; collective.
-
-        Args:
-            like: A domain on the same communicator.
-            sizes: The sizes.
-            labels: The names of the new mesh.
-        """
 
 
 @dataclass(frozen=True)
@@ -54,14 +40,14 @@ class Member:
         first_mark: What is added to the marks of its curves or surfaces.
     """
 
-    shape: Shape | None
+    shape: Geometry | None
     names: Mapping[str, int]
     regions: Mapping[str, int]
     first_tag: int
     region_tags: tuple[tuple[int, int], ...]
     first_mark: int = 0
 
-    def placed(self, plain: PlainMesh) -> PlainMesh:
+    def with_tags_of_whole(self, plain: PlainMesh) -> PlainMesh:
         """Return the mesh of the body alone with the tags of the whole."""
         new_tags = dict(self.region_tags)
         regions = np.full_like(plain.regions, new_tags.get(NO_TAG, NO_TAG))
@@ -74,7 +60,7 @@ class Member:
             marks = np.where(marks == NO_TAG, NO_TAG, marks + self.first_mark)
         return replace(plain, regions=regions, tags=tags, marks=marks)
 
-    def meshed(self, like: Bodies, sizes: SizeField) -> PlainMesh:
+    def mesh(self, like: Bodies, sizes: SizeField) -> PlainMesh:
         """Mesh the body with its part of the sizes of the whole; collective."""
         assert self.shape is not None
         back = {new: old for old, new in self.region_tags}
@@ -84,7 +70,7 @@ class Member:
         curved = bool(getattr(self.shape, "curved", False))
         labels = Labels(self.names, self.regions, curved)
         body = self.shape.meshed_by(like, sizes.in_regions(back), labels)
-        return self.placed(gathered_mesh(body))
+        return self.with_tags_of_whole(gather_mesh(body))
 
 
 @dataclass(frozen=True)
@@ -117,11 +103,6 @@ class Assembled:
             return replace(of_model(glued), joints=(joint,))
         return replace(self, joints=(*self.joints, joint))
 
-    def meshed(self, domain: B, sizes: np.ndarray) -> B:
-        """Mesh the bodies with other sizes, see :meth:`Domain.remeshed`; collective."""
-        labels = Labels(self.names, self.regions, curved=False)
-        return self.meshed_by(domain, size_field(domain, sizes), labels)
-
     def meshed_by(self, like: B, sizes: SizeField, labels: Labels) -> B:
         """Mesh the bodies, put them together and glue them again; collective.
 
@@ -131,7 +112,7 @@ class Assembled:
             labels: Not used: the names are those that the bodies had.
         """
         comm = like.comm
-        plains = [member.meshed(like, sizes) for member in self.members]
+        plains = [member.mesh(like, sizes) for member in self.members]
         tables = spread(comm, PlainMesh.beside_each_other(plains))
         blank: dict[str, Any] = {"glued": None, "interface_map": None}
         blank |= {"regions": self.regions, "geometry": self}
@@ -176,8 +157,6 @@ class Assembled:
 
 def of_model(glued: Bodies) -> Assembled:
     """Return the shape of bodies of one model, which are not connected."""
-    assert isinstance(glued.geometry, Shape)
-    shape: Shape = glued.geometry
     same = tuple((tag, tag) for tag in (*glued.regions.values(), NO_TAG))
-    member = Member(shape, glued.names, glued.regions, 0, same)
+    member = Member(glued.geometry, glued.names, glued.regions, 0, same)
     return Assembled((member,), glued.names, glued.regions)

@@ -10,13 +10,14 @@ from mpi4py import MPI
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.mesh.assembled import Assembled, Member, Shape
+from erc_contact.mesh.assembled import Assembled, Member
+from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.interface_map import Interface, Regions
 from erc_contact.mesh.joining.joint import last_tag
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import gathered_mesh, spread
+from erc_contact.mesh.transfer import gather_mesh, spread
 
 REST = ""
 """Stands for the cells of a body that are in no region."""
@@ -54,20 +55,21 @@ def assembly(bodies: Mapping[str, Domain]) -> Domain:
     facet_tag = 0
     mark = 0
     for name, domain in bodies.items():
-        glued = domain if domain.glued is None else domain.glued
-        plain = gathered_mesh(glued)
+        glued = domain.whole
+        plain = gather_mesh(glued)
         new_tags = _region_tags(glued, plain, len(regions) + 1)
         of_body = {f"{name} {region}".rstrip(): tag for region, (_, tag) in new_tags.items()}
         regions = _disjoint(regions, of_body)
         of_body = {f"{name} {part}": tag + facet_tag for part, tag in glued.names.items()}
         names = _disjoint(names, of_body)
-        if domain.interface_map is not None:
-            for interface in domain.interface_map.interfaces:
-                interfaces.append(_renamed(interface, name, facet_tag, dict(new_tags.values())))
-        shape = glued.geometry if isinstance(glued.geometry, Shape) else None
+        for interface in domain.interfaces:
+            interfaces.append(
+                _rename_interface(interface, name, facet_tag, dict(new_tags.values()))
+            )
+        shape = glued.geometry if isinstance(glued.geometry, Geometry) else None
         region_tags = tuple(new_tags.values())
         member = Member(shape, glued.names, glued.regions, facet_tag, region_tags, mark)
-        plains.append(member.placed(plain))
+        plains.append(member.with_tags_of_whole(plain))
         members.append(member)
         facet_tag += last_tag(domain) + 1
         mark += comm.bcast(int(plain.marks_of_sides.max(initial=0)))
@@ -149,7 +151,9 @@ def _region_tags(glued: Domain, plain: PlainMesh, first: int) -> dict[str, tuple
     return {REST: (NO_TAG, first + len(result)), **result}
 
 
-def _renamed(interface: Interface, body: str, facet_tag: int, regions: dict[int, int]) -> Interface:
+def _rename_interface(
+    interface: Interface, body: str, facet_tag: int, regions: dict[int, int]
+) -> Interface:
     """Return an interface with the names and tags that it has in the assembly."""
     here, there = (f"{body} {name}" for name in interface.names)
     tags = (interface.tags[0] + facet_tag, interface.tags[1] + facet_tag)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, cast, runtime_checkable
 
 import numpy as np
 from dolfinx import fem
@@ -14,15 +14,16 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
 from erc_contact.mesh import parts
-from erc_contact.mesh.interface_map import InterfaceMap
+from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.sides import facets_of_cells
 from erc_contact.mesh.surface import offset
 from erc_contact.mesh.tags import tag_table
 
 
-class TrueSurface(Protocol):
-    """Represent the true surface of a body."""
+@runtime_checkable
+class Geometry(Protocol):
+    """Represent the true shape of a body: its surface, and how to mesh it again."""
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.
@@ -42,10 +43,14 @@ class TrueSurface(Protocol):
             Shape (n, d); their signs are open.
         """
 
+    def meshed_by(self, like: Any, sizes: Any, labels: Any) -> Any:
+        """Mesh it with sizes in the cells of a mesh; collective.
 
-@runtime_checkable
-class Joinable(Protocol):
-    """Represent a true shape of bodies that can be joined again on each mesh."""
+        Args:
+            like: A domain on the same communicator.
+            sizes: The sizes, see :mod:`erc_contact.mesh.size_field`.
+            labels: The names of the new mesh, if the shape knows none of its own.
+        """
 
     def with_joint(self, glued: Any, joint: tuple[str, str, int, bool, float]) -> Any:
         """Return the shape with one joint more.
@@ -70,7 +75,7 @@ class Bodies(NamedMesh):
         interface_map: What relates the nodes and cells of both, or None.
     """
 
-    geometry: TrueSurface | None = field(default=None, repr=False)
+    geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Bodies | None = field(default=None, repr=False)
     interface_map: InterfaceMap | None = field(default=None, repr=False)
@@ -134,8 +139,7 @@ class Bodies(NamedMesh):
         d = self.dim
         if self.curved_facets is None or self.geometry is None:
             return np.full(corners.shape, np.nan)
-        of_cells = self.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-        numbers = of_cells[facets[:, 0], facets[:, 1]]
+        numbers = facets_of_cells(self.mesh)[facets[:, 0], facets[:, 1]]
         of_corners = np.repeat(tag_table(self.curved_facets)[numbers], d)
         normals = self.geometry.normals(self.comm, corners.reshape(-1, d), of_corners)
         return normals.reshape(corners.shape)
@@ -154,20 +158,30 @@ class Bodies(NamedMesh):
         return self.geometry is not None and (not curved or self.curved_facets is not None)
 
     @property
+    def whole(self) -> Self:
+        """Return the glued mesh of a split domain, and an unsplit domain itself."""
+        return self if self.glued is None else cast("Self", self.glued)
+
+    @property
+    def interfaces(self) -> tuple[Interface, ...]:
+        """Return the interfaces along which the mesh is split, none if it is not."""
+        return () if self.interface_map is None else self.interface_map.interfaces
+
+    @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Return the names of the boundary parts that face each other, see split."""
-        if self.interface_map is None:
-            return ()
-        return tuple(interface.names for interface in self.interface_map.interfaces)
+        return tuple(interface.names for interface in self.interfaces)
 
     def distance(self, here: str, there: str | None) -> float:
         """Return the greatest distance of facing vertices of two parts [length].
 
         It is zero where both sides of a pair are in one place, and of other parts.
         """
-        if self.interface_map is None or there is None:
-            return 0.0
-        return self.interface_map.distance(here, there)
+        distances = () if self.interface_map is None else self.interface_map.distances
+        for interface, distance in zip(self.interfaces, distances, strict=True):
+            if set(interface.names) == {here, there}:
+                return distance
+        return 0.0
 
     @property
     def paired_sides(self) -> list[np.ndarray]:
@@ -181,10 +195,9 @@ class Bodies(NamedMesh):
     def tied_sides(self) -> list[np.ndarray]:
         """Return the sides (cell, local facet) of tied joints, shape (n, 2) each."""
         result: list[np.ndarray] = []
-        if self.interface_map is not None:
-            for interface in self.interface_map.interfaces:
-                if interface.tied:
-                    result += self.facing(*interface.names)
+        for interface in self.interfaces:
+            if interface.tied:
+                result += self.facing(*interface.names)
         return result
 
     def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:

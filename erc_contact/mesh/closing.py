@@ -20,7 +20,7 @@ CLOSED = 1e-10
 """Relative residual of the places of the glued mesh [-]."""
 
 
-def closed(x: np.ndarray, cells: np.ndarray, number: np.ndarray) -> np.ndarray:
+def close_bodies(x: np.ndarray, cells: np.ndarray, number: np.ndarray) -> np.ndarray:
     """Return the places of the points of the glued mesh [length], shape (g, d).
 
     Args:

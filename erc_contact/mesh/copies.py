@@ -1,9 +1,14 @@
-"""Number the copies of the nodes at interfaces, where a mesh is split.
+"""Number the copies of nodes where a mesh is split, and tear it at hinges.
 
-A vertex gets as many nodes as there are groups of cells around it that are connected by
-common facets without crossing an interface. So the rim of an interface, where it ends
-inside a body or on its surface, needs no rule of its own. Where cells meet at a vertex
-or an edge alone, a mesh is torn by the same rule. Other vertices stay as they are.
+A vertex at an interface gets as many nodes as there are groups of cells around it that
+are connected by common facets without crossing an interface. So the rim of an
+interface, where it ends inside a body or on its surface, needs no rule of its own.
+Other vertices stay as they are.
+
+Where cells meet at a vertex or an edge without a common facet, such a point would be a
+hinge of the elements alone: in elasticity it transmits no force, and no stress in
+equilibrium does. So a mesh is torn there by the same rule, and messages about what
+nothing holds name these points.
 
 Every rank has all cells around the vertices of its own cells, so it finds their groups
 alone.
@@ -21,15 +26,21 @@ from dolfinx import la
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.ranks import exchange, fetched
+from erc_contact.base.percent import place_words
+from erc_contact.base.ranks import distinct_rows, exchange, fetch, global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import components, destinations
-from erc_contact.mesh.sides import facets_of_cells, inner_facets, outer_facets
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.sides import inner_facets, local_facets, outer_facets
+from erc_contact.mesh.simplex import of_facets
+
+ROUND_OFF = 1e-12
+"""Coordinate that is told as zero, over the size of the bodies [-]."""
+TOLD = 3
+"""Greatest number of points in a message."""
 
 
-def numbered(
+def number_nodes(
     mesh: dmesh.Mesh, is_cut: np.ndarray | None = None, places: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Number the nodes of the split mesh; collective.
@@ -62,10 +73,9 @@ def numbered(
     numbers = np.where(first, start + np.cumsum(first.ravel()).reshape(first.shape) - 1, -1)
     x = mesh.geometry.x[nodes[:owned][first], :d] if places is None else places[:owned][first]
     # The corner in the lowest cell has the same vertex of the glued mesh.
-    vertices = mesh.geometry.index_map().local_to_global(nodes[:owned].ravel())
-    vertices = vertices.reshape(owned, d + 1)
+    vertices = global_numbers(mesh.geometry.index_map(), nodes[:owned])
     cell, corner = np.nonzero(~first)
-    known = fetched(comm, np.hstack([vertices, numbers]), lowest_cell[cell, corner])
+    known = fetch(comm, np.hstack([vertices, numbers]), lowest_cell[cell, corner])
     same_vertex = known[:, : d + 1] == vertices[cell, corner][:, None]
     numbers[cell, corner] = known[:, d + 1 :][same_vertex]
     return numbers, x
@@ -125,11 +135,11 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:
     count = int(corner_of_touched.sum())
     number = np.full(nodes.shape, -1)
     number[corner_of_touched] = np.arange(count)
-    row, place = np.nonzero(touched[vertex])
+    row, column = np.nonzero(touched[vertex])
     ends = []
     for side in range(2):
         cell = cells[row, side]
-        corner = np.argmax(nodes[cell] == vertex[row, place][:, None], axis=1)
+        corner = np.argmax(nodes[cell] == vertex[row, column][:, None], axis=1)
         ends.append(number[cell, corner])
     group[corner_of_touched] = len(mesh.geometry.x) + components(count, np.column_stack(ends))
     return group
@@ -138,7 +148,7 @@ def _groups(mesh: dmesh.Mesh, is_cut: np.ndarray | None) -> np.ndarray:
 def is_pinched(mesh: dmesh.Mesh) -> bool:
     """Tell whether cells meet at a vertex or an edge alone; collective.
 
-    Then :func:`numbered` without interfaces tears the mesh there.
+    Then :func:`number_nodes` without interfaces tears the mesh there.
     """
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
     nodes = cell_nodes(mesh.geometry)
@@ -154,10 +164,7 @@ def is_pinched(mesh: dmesh.Mesh) -> bool:
 
 def _facet_nodes(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """Return the nodes of facets, each of which belongs to a cell, shape (n, d)."""
-    d = mesh.topology.dim
-    local = np.argmax(facets_of_cells(mesh)[cells] == facets[:, None], axis=1)
-    nodes = cell_nodes(mesh.geometry)[cells]
-    return np.take_along_axis(nodes, facet_vertices(d)[local], axis=1)
+    return of_facets(cell_nodes(mesh.geometry)[cells], local_facets(mesh, facets, cells))
 
 
 def same_ranks(mesh: dmesh.Mesh) -> Callable[..., Any]:
@@ -175,3 +182,29 @@ def same_ranks(mesh: dmesh.Mesh) -> Callable[..., Any]:
         return adjacency
 
     return repeat
+
+
+def touching(comm: MPI.Comm, x: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the points that belong to several groups; collective.
+
+    Args:
+        comm: The ranks.
+        x: Points of this rank [length], shape (n, d).
+        group: Group of each, shape (n,).
+
+    Returns:
+        The points, and the group of each, one row for each point and group; the same on
+        all ranks.
+    """
+    rows = distinct_rows(comm, np.column_stack([x, group]))
+    _, number, count = np.unique(rows[:, :-1], axis=0, return_inverse=True, return_counts=True)
+    rows = rows[count[number.ravel()] > 1]
+    return rows[:, :-1], rows[:, -1].astype(int)
+
+
+def told(points: np.ndarray, size: float) -> str:
+    """Return points (n, d) in words; what is round-off of a size [length] is zero."""
+    points = np.unique(np.where(abs(points) < ROUND_OFF * size, 0.0, points), axis=0)
+    words = [place_words(point) for point in points[:TOLD]]
+    more = len(points) - len(words)
+    return ", ".join(words) + (f" and {more} more" if more else "")

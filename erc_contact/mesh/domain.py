@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,36 +19,29 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh import partition, parts
-from erc_contact.mesh.bodies import Bodies, Joinable, TrueSurface
-from erc_contact.mesh.copies import is_pinched, numbered, same_ranks, stay_closed
+from erc_contact.mesh.bodies import Bodies, Geometry
+from erc_contact.mesh.copies import is_pinched, number_nodes, same_ranks, stay_closed
 from erc_contact.mesh.files.of_dolfinx import has_other_cells, simplicial
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.joining import joint
-from erc_contact.mesh.named_shape import NamedShape, measured
-from erc_contact.mesh.naming import Rules, parts_named, regions_named
+from erc_contact.mesh.naming import NamedShape, Rules, name_parts, name_regions, part_measures
 from erc_contact.mesh.parts_table import Parts, parts_of
 from erc_contact.mesh.refinement import refine
-from erc_contact.mesh.size_field import labels_of
+from erc_contact.mesh.sides import connect_facets
+from erc_contact.mesh.size_field import labels_of, size_field, sizes_at_nodes
 from erc_contact.mesh.splitting import (
     NO_INTERFACE,
     Carried,
     check_opened,
-    claimed,
+    claim_facets,
     side_tags,
     touching_regions,
 )
 from erc_contact.mesh.surface import snap
-from erc_contact.mesh.tags import shared, tag_table, tags_of
+from erc_contact.mesh.tags import share_tags, tag_table, tags_of
 from erc_contact.mesh.touching import Pairs, touching
 from erc_contact.mesh.transfer import spread
 from erc_contact.mesh.where import Rule
-
-
-class Geometry(TrueSurface, Protocol):
-    """Represent the true shape of a body: its surface, and how to mesh it again."""
-
-    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
-        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -89,7 +82,6 @@ class Domain(Bodies):
         20
     """
 
-    geometry: Geometry | None = field(default=None, repr=False)
     glued: Domain | None = field(default=None, repr=False)
     _is_torn: InitVar[bool] = field(default=False, kw_only=True)
     """Whether no cells meet at a vertex or an edge alone; ``replace`` forgets it."""
@@ -102,17 +94,13 @@ class Domain(Bodies):
             )
         parts.check_names(self.names, self.regions)
         if has_other_cells(self.mesh):
-            tables = simplicial(self.mesh, self.facet_tags, self.cell_tags)
-            for name, table in zip(("mesh", "facet_tags", "cell_tags"), tables, strict=True):
-                # A frozen dataclass sets its own members by this detour.
-                object.__setattr__(self, name, table)
+            mesh, facet_tags, cell_tags = simplicial(self.mesh, self.facet_tags, self.cell_tags)
+            self._set(mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags)
         partition.check_mesh(self.mesh)
-        tdim = self.mesh.topology.dim
-        self.mesh.topology.create_connectivity(tdim - 1, tdim)
-        self.mesh.topology.create_connectivity(tdim, tdim - 1)
+        connect_facets(self.mesh)
         if self.facet_tags is None and not self.names:
             none = np.empty(0, dtype=np.int32)
-            object.__setattr__(self, "facet_tags", tags_of(self.mesh, tdim - 1, none, none))
+            self._set(facet_tags=tags_of(self.mesh, self.dim - 1, none, none))
         parts.check_tags(self.mesh, self.facet_tags, self.names, self.cell_tags, self.regions)
         if self.comm.size > 1:
             self._complete()
@@ -123,32 +111,35 @@ class Domain(Bodies):
     def _complete(self) -> None:
         """Give every rank complete vertex patches with all their tags; collective."""
         mesh = self.mesh
-        tag_names = ("facet_tags", "cell_tags", "curved_facets")
-        tag_sets = [shared(self.comm, mesh, getattr(self, name)) for name in tag_names]
+        tag_sets = (self.facet_tags, self.cell_tags, self.curved_facets)
+        new = [share_tags(self.comm, mesh, tags) for tags in tag_sets]
         if self.interface_map is None and not partition.patches_complete(mesh):
-            mesh, tag_sets = partition.redistributed(mesh, *tag_sets)
-        # A frozen dataclass sets its own members by this detour.
-        object.__setattr__(self, "mesh", mesh)
-        for name, tags in zip(tag_names, tag_sets, strict=True):
-            object.__setattr__(self, name, tags)
+            mesh, new = partition.redistribute(mesh, *new)
+        facet_tags, cell_tags, curved_facets = new
+        self._set(
+            mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags, curved_facets=curved_facets
+        )
 
     def _tear(self) -> None:
         """Tear the mesh where cells meet at a vertex or an edge alone; collective."""
         mesh = self.mesh
-        numbers, x = numbered(mesh)
-        new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
-        new.topology.create_connectivity(self.dim, self.dim - 1)
-        new.topology.create_connectivity(self.dim - 1, self.dim)
+        numbers, x = number_nodes(mesh)
+        new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
+        connect_facets(new)
         carried = Carried(mesh, new, numbers)
-        object.__setattr__(self, "mesh", new)
-        object.__setattr__(self, "facet_tags", carried.marks(self.facet_tags))
-        object.__setattr__(self, "curved_facets", carried.marks(self.curved_facets))
-        if self.cell_tags is not None:
-            object.__setattr__(self, "cell_tags", carried.cell_tags(self.cell_tags))
-        if self.places is not None:
-            object.__setattr__(self, "places", carried.of_corners(self.places))
-        if self.marks is not None:
-            object.__setattr__(self, "marks", carried.of_sides(self.marks))
+        self._set(
+            mesh=new,
+            facet_tags=carried.marks(self.facet_tags),
+            curved_facets=carried.marks(self.curved_facets),
+            cell_tags=carried.cell_tags(self.cell_tags),
+            places=None if self.places is None else carried.of_corners(self.places),
+            marks=None if self.marks is None else carried.of_sides(self.marks),
+        )
+
+    def _set(self, **members: Any) -> None:
+        """Set members of the domain while it is made, which is frozen afterwards."""
+        for name, value in members.items():
+            object.__setattr__(self, name, value)
 
     def parts(self) -> Parts:
         """List the parts: facets, area, centre, mean normal, regions; collective.
@@ -201,11 +192,9 @@ class Domain(Bodies):
             <Domain in 2D: 16 cells, boundary parts left, right, bottom, top, pad>
         """
         rules = together(self.comm, Rules.of, parts, regions)
-        whole = self if self.glued is None else self.glued
-        interfaces = () if self.interface_map is None else self.interface_map.interfaces
-        together(self.comm, rules.check_before, interfaces)
-        result = whole.renamed(rules, joint.last_tag(self), interfaces)
-        return result if self.glued is None else result.cut(interfaces)
+        together(self.comm, rules.check_before, self.interfaces)
+        result = self.whole.renamed(rules, joint.last_tag(self), self.interfaces)
+        return result if self.glued is None else result.cut(self.interfaces)
 
     def renamed(
         self, rules: Rules, last_tag: int, interfaces: tuple[Interface, ...] = ()
@@ -218,19 +207,19 @@ class Domain(Bodies):
             interfaces: Interfaces along which the mesh will be split; they keep their
                 facets.
         """
-        cell_tags, regions = regions_named(self, rules.regions)
+        cell_tags, regions = name_regions(self, rules.regions)
         result = replace(self, cell_tags=cell_tags, regions=regions)
         if rules.parts:
             taken = np.zeros(len(tag_table(self.facet_tags)), dtype=bool)
             if interfaces:
-                taken = claimed(self.mesh, self.facet_tags, self.cell_tags, interfaces)
+                taken = claim_facets(self.mesh, self.facet_tags, self.cell_tags, interfaces)
                 taken = taken != NO_INTERFACE
-            facet_tags, names = parts_named(result, rules.parts, taken, last_tag)
+            facet_tags, names = name_parts(result, rules.parts, taken, last_tag)
             result = replace(result, facet_tags=facet_tags, names=names)
         if self.geometry is None:
             return result
         known = labels_of(self, self.curved_facets)
-        sizes = measured(result, rules)
+        sizes = part_measures(result, rules)
         shape = NamedShape(self.geometry, known, rules, last_tag, sizes)
         return replace(result, geometry=shape)
 
@@ -262,26 +251,25 @@ class Domain(Bodies):
             >>> bodies.split({"punch": "upper", "base": "lower"})
             <Domain in 2D: 16 cells, ..., pairs punch/base of 4 facets>
         """
-        glued = self if self.glued is None else self.glued
-        comm = self.comm
         if sides is None and on is None:
             return self._split_everywhere()
-        together(comm, parts.check_sides, sides, on, self.names, glued.names, self.regions)
+        taken = self.whole.names
+        together(self.comm, parts.check_sides, sides, on, self.names, taken, self.regions)
         tag = joint.last_tag(self) + 1
         assert sides is not None
         here, there = sides
         regions = (self.regions[sides[here]], self.regions[sides[there]])
         on_tag = None if on is None else self.names[on]
-        before = () if self.interface_map is None else self.interface_map.interfaces
-        return glued.cut((*before, Interface((here, there), (tag, tag + 1), regions, on_tag)))
+        interface = Interface((here, there), (tag, tag + 1), regions, on_tag)
+        return self.whole.cut((*self.interfaces, interface))
 
     def _split_everywhere(self) -> Domain:
         """Split between all regions that share facets; collective."""
-        glued = self if self.glued is None else self.glued
-        interfaces = () if self.interface_map is None else self.interface_map.interfaces
+        glued = self.whole
+        interfaces = self.interfaces
         if glued.cell_tags is not None:
             assert isinstance(glued.facet_tags, dmesh.MeshTags)
-            before = claimed(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
+            before = claim_facets(glued.mesh, glued.facet_tags, glued.cell_tags, interfaces)
             name_of = {tag: name for name, tag in self.regions.items()}
             tag = joint.last_tag(self) + 1
             for regions in touching_regions(glued.mesh, glued.cell_tags, before):
@@ -357,15 +345,14 @@ class Domain(Bodies):
             >>> both.joined("block bottom", "base top").pairs
             (('block bottom', 'base top'),)
         """
-        glued = self if self.glued is None else self.glued
+        glued = self.whole
         comm = self.comm
         together(comm, joint.check_parts, here, there, glued, self.pairs, apart)
         on = joint.last_tag(self) + 1
         found = joint.joint(glued, here, there, on, tied=tied, apart=apart)
-        before = () if self.interface_map is None else self.interface_map.interfaces
-        interfaces = together(comm, joint.interfaces, before, found.interface, tied)
+        interfaces = together(comm, joint.interfaces, self.interfaces, found.interface, tied)
         shape = None
-        if isinstance(glued.geometry, Joinable):
+        if isinstance(glued.geometry, Geometry):
             shape = glued.geometry.with_joint(glued, (here, there, on, tied, apart))
         tables = spread(comm, found.plain)
         whole = Domain(names=found.names, regions=self.regions, geometry=shape, **tables)
@@ -380,11 +367,8 @@ class Domain(Bodies):
         Raises:
             InputError: If two parts are no pair of this domain.
         """
-        if self.glued is None or self.interface_map is None:
-            joint.tied_alone((), ties)
-            return self
-        interfaces = joint.tied_alone(self.interface_map.interfaces, ties)
-        return self if interfaces == self.interface_map.interfaces else self.glued.cut(interfaces)
+        interfaces = joint.tie_alone(self.interfaces, ties)
+        return self if interfaces == self.interfaces else self.whole.cut(interfaces)
 
     def cut(self, interfaces: tuple[Interface, ...]) -> Domain:
         """Split the nodes of a glued mesh along all its interfaces; collective.
@@ -394,7 +378,7 @@ class Domain(Bodies):
         """
         mesh = self.mesh
         assert self.cell_tags is not None
-        interface_of_facet = claimed(mesh, self.facet_tags, self.cell_tags, interfaces)
+        interface_of_facet = claim_facets(mesh, self.facet_tags, self.cell_tags, interfaces)
         tied = [number for number, interface in enumerate(interfaces) if interface.tied]
         # Facets of tied joints keep their nodes and the tags that they have.
         cut = np.where(np.isin(interface_of_facet, tied), NO_INTERFACE, interface_of_facet)
@@ -402,9 +386,9 @@ class Domain(Bodies):
         cut[closed] = NO_INTERFACE
         interface_of_facet[closed] = NO_INTERFACE
         check_opened(mesh, interfaces, interface_of_facet)
-        numbers, x = numbered(mesh, cut != NO_INTERFACE, self.places)
-        new = partition.distributed(mesh.comm, numbers, x, same_ranks(mesh))
-        new.topology.create_connectivity(self.dim, self.dim - 1)
+        numbers, x = number_nodes(mesh, cut != NO_INTERFACE, self.places)
+        new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
+        connect_facets(new)
         carried = Carried(mesh, new, numbers)
         whole = self
         curved = carried.marks(self.curved_facets)
@@ -451,14 +435,12 @@ class Domain(Bodies):
         """
         cells = together(self.comm, checks.cells_to_refine, marked, self.owned_cells)
         if self.glued is not None and self.interface_map is not None:
-            return self.glued.refined(self.interface_map.cells[cells]).cut(
-                self.interface_map.interfaces
-            )
+            return self.glued.refined(self.interface_map.cells[cells]).cut(self.interfaces)
         refinement = refine(self.mesh, cells, partition.partitioner(self.comm))
         fine = refinement.mesh
-        facet_tags = refinement.inherited(self.facet_tags)
-        cell_tags = refinement.inherited(self.cell_tags)
-        curved = refinement.inherited(self.curved_facets)
+        facet_tags = refinement.inherit_tags(self.facet_tags)
+        cell_tags = refinement.inherit_tags(self.cell_tags)
+        curved = refinement.inherit_tags(self.curved_facets)
         if curved is not None and self.geometry is not None:
             snap(fine, curved, self.geometry.nearest)
         places = None
@@ -500,7 +482,8 @@ class Domain(Bodies):
             InputError: If the geometry is not known, a size is not > 0 and finite, or
                 gmsh fails.
         """
-        h = together(self.comm, parts.checked_sizes, sizes)
+        nodes = len(self.mesh.geometry.x)
+        h = together(self.comm, sizes_at_nodes, sizes, nodes)
         if self.geometry is None:
             raise InputError(
                 "The true geometry of this domain is not known, only its mesh; refine it by "
@@ -508,6 +491,6 @@ class Domain(Bodies):
                 "read_mesh of a .geo file."
             )
         if self.glued is not None and self.interface_map is not None:
-            at_glued = together(self.comm, self.interface_map.least, h)
-            return self.glued.remeshed(at_glued).cut(self.interface_map.interfaces)
-        return self.geometry.meshed(self, h)
+            return self.glued.remeshed(self.interface_map.least(h)).cut(self.interfaces)
+        labels = labels_of(self, self.curved_facets)
+        return self.geometry.meshed_by(self, size_field(self, h), labels)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
@@ -113,3 +114,24 @@ def new_model() -> Iterator[Any]:
                 f"gmsh cannot be started: {reason}. Install another version of it, {otherwise}"
             ) from reason
         yield gmsh
+
+
+def add_sizes(gmsh: Any, x: np.ndarray, sizes: np.ndarray) -> tuple[int, int]:
+    """Add a field of sizes to gmsh's model, which are linear on simplices.
+
+    Args:
+        gmsh: The module.
+        x: Corners of triangles or tetrahedra [length], shape (n, 3 or 4, 3).
+        sizes: Sizes at the corners [length], shape (n, 3 or 4).
+
+    Returns:
+        The tags of gmsh's view and of its field.
+    """
+    view = gmsh.view.add("sizes")
+    rows = np.hstack([x.transpose(0, 2, 1).reshape(len(x), -1), sizes])
+    # Scalar values on triangles or on tetrahedra.
+    kind = "ST" if sizes.shape[1] == 3 else "SS"
+    gmsh.view.addListData(view, kind, len(rows), rows.ravel())
+    field = gmsh.model.mesh.field.add("PostView")
+    gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
+    return view, field

@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.exceptions import InputError
-
 Facing = Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """Names of two parts -> sides of the first, and sides of the second that face them."""
 
@@ -78,32 +76,15 @@ class InterfaceMap:
             words.append(f"{'/'.join(interface.names)} of {count}{kind} facets")
         return ", ".join(words)
 
-    def distance(self, here: str, there: str) -> float:
-        """Return the greatest distance of facing vertices of a pair [length]."""
-        for interface, distance in zip(self.interfaces, self.distances, strict=True):
-            if set(interface.names) == {here, there}:
-                return distance
-        return 0.0
-
     def least(self, values: np.ndarray) -> np.ndarray:
         """Return the least of the values at the copies of each node of the glued mesh.
 
         Args:
-            values: One value, or values at the nodes on this rank, shape (m,).
+            values: Values at the nodes on this rank, shape (m,).
 
         Returns:
-            The value, or values at the nodes of the glued mesh on this rank.
-
-        Raises:
-            InputError: If there is another number of values.
+            Values at the nodes of the glued mesh on this rank.
         """
-        if values.ndim == 0:
-            return values
-        if values.shape != self.nodes.shape:
-            raise InputError(
-                f"The sizes have shape {values.shape}; give a number, or one for each node of "
-                f"this rank: domain.mesh.geometry.x has {len(self.nodes)}."
-            )
         result = np.full(self.nodes.max(initial=-1) + 1, np.inf)
         np.minimum.at(result, self.nodes, values)
         return result

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.ranks import of_all
+from erc_contact.base.ranks import box, of_all
 from erc_contact.mesh.closest import closest
 
 CLEARANCE = 0.15
@@ -54,7 +54,7 @@ class Facets:
         middle = self.corners.mean(axis=1)
         return middle + OUTWARD * (self.corners[:, corner] - middle)
 
-    def chosen(self, which: np.ndarray) -> Facets:
+    def take(self, which: np.ndarray) -> Facets:
         """Return some of the facets."""
         return Facets(self.corners[which], self.normals[which])
 
@@ -76,14 +76,15 @@ def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:
     """
     result = np.zeros(len(here.corners), dtype=bool)
     # Only what is near the other surface is looked at in detail.
-    reach = CLEARANCE * _greatest(comm, np.concatenate([here.sizes, there.sizes]))
+    greatest = max(here.sizes.max(initial=0.0), there.sizes.max(initial=0.0))
+    reach = CLEARANCE * comm.allreduce(float(greatest), MPI.MAX)
     close_here = _within(comm, here, there, reach)
     close_there = _within(comm, there, here, reach)
-    others = there.chosen(close_there).of_all_ranks(comm)
+    others = there.take(close_there).of_all_ranks(comm)
     rows = np.flatnonzero(close_here)
     if not len(rows) or not len(others.corners):
         return result
-    near = here.chosen(close_here)
+    near = here.take(close_here)
     touches = _points_near(near.corners.mean(axis=1), near, others)
     for corner in range(near.corners.shape[1]):
         touches |= _points_near(near.places(corner), near, others)
@@ -118,18 +119,8 @@ def _within(comm: MPI.Comm, facets: Facets, others: Facets, reach: float) -> np.
         others: The others of this rank.
         reach: Margin of the box [length].
     """
-    d = facets.normals.shape[1]
-    places = others.corners.reshape(-1, d)
-    low = np.empty(d)
-    high = np.empty(d)
-    comm.Allreduce(places.min(axis=0, initial=np.inf), low, MPI.MIN)
-    comm.Allreduce(places.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    low, high = box(comm, others.corners.reshape(-1, facets.normals.shape[1]))
     middles = facets.corners.mean(axis=1)
     # A facet whose middle is outside may reach into the box with a corner.
     margin = reach + facets.sizes[:, None]
     return np.all((middles >= low - margin) & (middles <= high + margin), axis=1)
-
-
-def _greatest(comm: MPI.Comm, values: np.ndarray) -> float:
-    """Return the greatest value of all ranks, 0 if there is none; collective."""
-    return float(comm.allreduce(float(values.max(initial=0.0)), MPI.MAX))

@@ -15,11 +15,12 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import box
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
+from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import in_space
-from erc_contact.mesh.tags import listed
+from erc_contact.mesh.tags import NO_TAG, listed, tag_table
 
 INSIDE_CELLS = "DG inside cells"
 """Family of polynomials in each cell whose nodes are inside it.
@@ -88,6 +89,17 @@ class NamedMesh:
         return self.marks
 
     @property
+    def region_tags(self) -> np.ndarray:
+        """Return the tag of the region of each cell, shape (cells,).
+
+        It is :data:`erc_contact.mesh.tags.NO_TAG` where there is none.
+        """
+        if self.cell_tags is not None:
+            return tag_table(self.cell_tags)
+        cells = self.mesh.topology.index_map(self.dim)
+        return np.full(cells.size_local + cells.num_ghosts, NO_TAG, dtype=np.int32)
+
+    @property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the bodies, and which of them each cell has.
 
@@ -109,12 +121,7 @@ class NamedMesh:
 
         They are the corners of least and of greatest coordinates.
         """
-        x = self.points[0][:, : self.dim]
-        low = np.full(self.dim, np.inf)
-        high = np.full(self.dim, -np.inf)
-        self.comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
-        self.comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
-        return low, high
+        return box(self.comm, self.points[0][:, : self.dim])
 
     @property
     def sides(self) -> np.ndarray:

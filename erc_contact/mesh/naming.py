@@ -1,13 +1,17 @@
-"""Name parts and regions of a mesh by rules.
+"""Name parts and regions of a mesh by rules, also on each mesh that gmsh makes anew.
 
 A facet has one name. So a part that is named by a rule takes its facets from the parts
 that had them, and these keep what remains. Sides of pairs are not taken.
+
+The true shape of a body does not know the names. Each mesh of it gets them from the
+rules (:class:`NamedShape`). A part is the same part of the surface only if the shape
+has an edge where it ends: so its area is compared, and the volume of a region.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,16 +20,22 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together, together
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.lying import Facets, lying_against
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.sides import boundary_sides, facets_of_cells, inner_facets
-from erc_contact.mesh.simplex import facet_vertices, outward_normals
+from erc_contact.mesh.sides import boundary_sides, inner_facets, local_facets
+from erc_contact.mesh.simplex import measures, of_facets, outward_normals
+from erc_contact.mesh.size_field import Labels, SizeField
 from erc_contact.mesh.tags import NO_TAG, listed, tag_table, tags_of
 from erc_contact.mesh.where import EXAMPLE, as_rules, where
 
 BOUNDARY = -2
 """Stands for the region across a facet of the boundary, where there is none."""
+SAME = 1e-6
+"""Relative difference of areas or volumes on two meshes that is round-off [-]."""
+SAME_CURVED = 0.1
+"""The same on curved bodies, where other chords have other lengths [-]."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +99,7 @@ def _by_name(argument: str, rules: Any) -> dict[str, list[where]]:
     return {name: as_rules(name, rule) for name, rule in rules.items()}
 
 
-def regions_named(
+def name_regions(
     mesh: NamedMesh, rules: Mapping[str, list[where]]
 ) -> tuple[dmesh.MeshTags | None, dict[str, int]]:
     """Return the tags of cells and the regions of a mesh after rules; collective.
@@ -107,9 +117,7 @@ def regions_named(
     x, nodes = mesh.points
     middles = x[nodes].mean(axis=1)
     owned = np.arange(len(nodes)) < mesh.owned_cells
-    table = np.full(len(nodes), NO_TAG, dtype=np.int32)
-    if mesh.cell_tags is not None:
-        table = tag_table(mesh.cell_tags)
+    table = mesh.region_tags
     holds = {}
     for name, entries in rules.items():
         holds[name] = np.zeros(len(nodes), dtype=bool)
@@ -120,11 +128,11 @@ def regions_named(
     _check_claims(mesh, holds, owned, "cell")
     used = [int(table.max(initial=0)), *mesh.regions.values()]
     last_tag = comm.allreduce(max(used), MPI.MAX)
-    table, regions = _painted(comm, table, mesh.regions, holds, last_tag)
+    table, regions = _paint(comm, table, mesh.regions, holds, last_tag)
     return tags_of(mesh.mesh, mesh.dim, np.arange(len(table)), table), regions
 
 
-def parts_named(
+def name_parts(
     mesh: NamedMesh, rules: Mapping[str, list[where]], taken: np.ndarray, last_tag: int
 ) -> tuple[dmesh.MeshTags, dict[str, int]]:
     """Return the tags of facets and the names of a mesh after rules; collective.
@@ -149,7 +157,7 @@ def parts_named(
         for entry in entries:
             holds[name][sides.facet[_on_sides(mesh, sides, entry)]] = True
     _check_claims(mesh, holds, np.arange(len(table)) < owned, "facet")
-    table, names = _painted(mesh.comm, table, mesh.names, holds, last_tag)
+    table, names = _paint(mesh.comm, table, mesh.names, holds, last_tag)
     return tags_of(mesh.mesh, mesh.dim - 1, np.arange(len(table)), table), names
 
 
@@ -180,39 +188,23 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     d = mesh.dim
     owned = topology.index_map(d - 1).size_local
     x, of_cells = mesh.points
-    region_of = np.full(len(of_cells), NO_TAG, dtype=np.int32)
-    if mesh.cell_tags is not None:
-        region_of = tag_table(mesh.cell_tags)
+    region_of = mesh.region_tags
     outer = dmesh.exterior_facet_indices(topology)
     outer = outer[~taken[outer]]
-    cell, local = boundary_sides(mesh.mesh, outer)
+    cell, _ = boundary_sides(mesh.mesh, outer)
     inner, beside = inner_facets(mesh.mesh)
     between = (region_of[beside[:, 0]] != region_of[beside[:, 1]]) & (inner < owned)
     between &= ~taken[inner]
     inner = inner[between]
     beside = beside[between]
-    facets = [outer]
-    cells = [cell]
-    locals_ = [local]
-    across = [np.full(len(outer), BOUNDARY)]
-    for side in range(2):
-        own_cell = beside[:, side]
-        facets.append(inner)
-        cells.append(own_cell)
-        locals_.append(np.argmax(facets_of_cells(mesh.mesh)[own_cell] == inner[:, None], axis=1))
-        across.append(region_of[beside[:, 1 - side]])
-    facet = np.concatenate(facets)
-    cell = np.concatenate(cells)
-    local = np.concatenate(locals_)
+    # Each of the others has two sides: the cells beside it, in both orders.
+    facet = np.concatenate([outer, inner, inner])
+    cell = np.concatenate([cell, *beside.T])
+    across = np.concatenate([np.full(len(outer), BOUNDARY), *region_of[beside[:, ::-1]].T])
+    local = local_facets(mesh.mesh, facet, cell)
     corners = of_cells[cell]
-    return _Sides(
-        facet,
-        x,
-        np.take_along_axis(corners, facet_vertices(d)[local], axis=1),
-        outward_normals(x[corners, :d], local),
-        region_of[cell],
-        np.concatenate(across),
-    )
+    normals = outward_normals(x[corners, :d], local)
+    return _Sides(facet, x, of_facets(corners, local), normals, region_of[cell], across)
 
 
 def _at_points(mesh: NamedMesh, rule: where, points: np.ndarray) -> np.ndarray:
@@ -241,7 +233,7 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
     every = Facets(corners, sides.normal)
     here = np.flatnonzero(holds & on_boundary & (sides.region != tag_against))
     there = on_boundary & (sides.region == tag_against)
-    lies = lying_against(comm, every.chosen(here), every.chosen(there))
+    lies = lying_against(comm, every.take(here), every.take(there))
     shared[here[lies]] = True
     return shared
 
@@ -283,7 +275,7 @@ def _check_claims(
         if not counts[i, i]:
             error = InputError(
                 f"named: the rule of {name!r} holds on no {kind}; it must hold at all vertices of "
-                f"a {kind}. The mesh goes from {_words(low)} to {_words(high)}"
+                f"a {kind}. The mesh goes from {place_words(low)} to {place_words(high)}"
                 + (", and sides of pairs are not taken." if kind == "facet" else ".")
             )
         for j in range(i):
@@ -295,7 +287,7 @@ def _check_claims(
     raise_together(mesh.comm, error)
 
 
-def _painted(
+def _paint(
     comm: MPI.Comm,
     table: np.ndarray,
     names: Mapping[str, int],
@@ -326,6 +318,93 @@ def _painted(
     return table, left
 
 
-def _words(corner: np.ndarray) -> str:
-    """Return a place in words."""
-    return f"({', '.join(f'{value:.4g}' for value in corner)})"
+@dataclass(frozen=True)
+class NamedShape:
+    """Represent a true shape, and the rules that name parts of each of its meshes.
+
+    Args:
+        shape: The shape.
+        labels: The names that its meshes have without the rules.
+        rules: The rules.
+        last_tag: The tag above which the parts have theirs, on all meshes.
+        measures: Area of each part that has a rule [length^(d-1)], and volume of each
+            such region [length^d], by "part" or "region" and its name.
+    """
+
+    shape: Any
+    labels: Labels = field(repr=False)
+    rules: Rules
+    last_tag: int
+    measures: Mapping[tuple[str, str], float] = field(repr=False)
+
+    @property
+    def curved(self) -> Any:
+        """Tell whether the shape is curved, as it does itself."""
+        return getattr(self.shape, "curved", False)
+
+    @property
+    def low(self) -> Any:
+        """Return the corner of least coordinates of a rectangle or box, else None."""
+        return getattr(self.shape, "low", None)
+
+    @property
+    def high(self) -> Any:
+        """Return the opposite corner, or None."""
+        return getattr(self.shape, "high", None)
+
+    def meshed_by(self, like: Any, sizes: SizeField, labels: Labels) -> Any:
+        """Mesh the shape with sizes in the cells of a mesh, and name it; collective.
+
+        Args:
+            like: A domain on the same communicator.
+            sizes: The sizes.
+            labels: Not used: the shape has its own names, and the rules give others.
+
+        Raises:
+            InputError: If a part or a region has another size now.
+        """
+        plain = self.shape.meshed_by(like, sizes, self.labels)
+        result = plain.renamed(self.rules, self.last_tag)
+        allowed = SAME_CURVED if self.curved else SAME
+        for (kind, name), value in part_measures(result, self.rules).items():
+            before = self.measures[kind, name]
+            if abs(value - before) > allowed * before:
+                raise InputError(
+                    f"remeshed: the {kind} {name!r}, which is named by a rule, had the size "
+                    f"{before:.6g} and has {value:.6g} on the new mesh, as the shape has no edge "
+                    "where it ends. Refine by marking (strategy=ec.Mark()), which keeps it, or "
+                    "draw this edge in gmsh (occ.fragment)."
+                )
+        return result
+
+    def with_joint(self, glued: Any, joint: tuple[str, str, int, bool, float]) -> Any:
+        """Return the shape of its bodies with a joint between two of them."""
+        return self.shape.with_joint(glued, joint)
+
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return the nearest points of the true surface [length]; collective."""
+        return np.asarray(self.shape.nearest(comm, points, marks))
+
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return unit normals of the true surface, nan where not known; collective."""
+        return np.asarray(self.shape.normals(comm, points, marks))
+
+
+def part_measures(domain: Any, rules: Rules) -> dict[tuple[str, str], float]:
+    """Return areas of parts and volumes of regions of a domain; collective.
+
+    See :class:`NamedShape`. The facets against which another region lies may reach
+    beyond it, so their area depends on the mesh, and is left out.
+    """
+    result = {}
+    table = domain.parts()
+    for name, entries in rules.parts.items():
+        if all(entry.against is None for entry in entries):
+            result["part", name] = float(table["area"][table["name"].index(name)])
+    for name in rules.regions:
+        cells = domain.region(name)
+        cells = cells[cells < domain.owned_cells]
+        x, corners = domain.points
+        volume = float(measures(x[corners[cells], : domain.dim]).sum())
+        result["region", name] = domain.comm.allreduce(volume, MPI.SUM)
+    return result

@@ -49,7 +49,7 @@ class NodalMesh:
         """Sum over the cells of all ranks; collective."""
         return float(self.comm.allreduce(float(values.sum()), MPI.SUM))
 
-    def _added(self, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def _add(self, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Sum values of cells or edges at their nodes over all ranks; collective.
 
         Args:
@@ -65,12 +65,12 @@ class NodalMesh:
 
     def around(self, values: np.ndarray) -> np.ndarray:
         """Sum values of cells over the cells around each node; collective."""
-        return self._added(self.nodes, values[:, None])
+        return self._add(self.nodes, values[:, None])
 
     def beside(self, values: np.ndarray) -> np.ndarray:
         """Sum values of nodes over the neighbours of each node; collective."""
         edges = self.edges[self.owned_edges]
-        return self._added(edges, values[edges[:, ::-1]])
+        return self._add(edges, values[edges[:, ::-1]])
 
     def mean_size(self) -> np.ndarray:
         """Compute the mean size of the cells at each node [length]; collective."""
@@ -78,10 +78,10 @@ class NodalMesh:
 
     def edge_length(self) -> np.ndarray:
         """Compute the mean length of the edges at each node [length]; collective."""
-        total = self._added(self.edges[self.owned_edges], self.length[self.owned_edges, None])
+        total = self._add(self.edges[self.owned_edges], self.length[self.owned_edges, None])
         return total / self.beside(np.ones(len(self._vector.array)))
 
-    def limited(self, h: np.ndarray) -> np.ndarray:
+    def limit(self, h: np.ndarray) -> np.ndarray:
         """Limit sizes h to the largest sizes that grow by at most GROW; collective.
 
         A rank has all edges at the nodes that it owns, because it has all cells around

@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.ranks import distinct_rows, of_all
+from erc_contact.base.ranks import box, distinct_rows, of_all
 from erc_contact.mesh.graphs import components
+from erc_contact.mesh.rows import equal_rows
 from erc_contact.mesh.simplex import facet_vertices
 
 SHARP = np.cos(np.radians(40.0))
@@ -35,11 +36,8 @@ def spread(comm: MPI.Comm, normals: np.ndarray) -> float:
         comm: The ranks.
         normals: Normals of this rank, shape (n, d).
     """
-    low = normals.min(axis=0, initial=np.inf)
-    high = normals.max(axis=0, initial=-np.inf)
-    lowest = np.min(comm.allgather(low), axis=0)
-    highest = np.max(comm.allgather(high), axis=0)
-    return float((highest - lowest).max())
+    low, high = box(comm, normals)
+    return float((high - low).max())
 
 
 def vertex_normals(
@@ -110,10 +108,7 @@ def _smooth_links(vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
     of_facets = np.take_along_axis(np.broadcast_to(edges, order.shape), order, axis=2)
     corner = (of_facets + d * np.arange(f)[:, None, None]).reshape(f * d, d - 1)
     facet = np.repeat(np.arange(f), d)
-    ranked = np.lexsort(numbers.T)
-    is_same = np.all(numbers[ranked[1:]] == numbers[ranked[:-1]], axis=1)
-    first = ranked[:-1][is_same]
-    second = ranked[1:][is_same]
+    first, second = equal_rows(numbers)
     cosine = np.einsum("nd,nd->n", normals[facet[first]], normals[facet[second]])
     smooth = cosine > SHARP
     links = np.stack([corner[first[smooth]], corner[second[smooth]]], axis=-1)
@@ -140,10 +135,7 @@ def _quadric_normals(comm: MPI.Comm, corners: np.ndarray) -> np.ndarray | None:
     """
     d = corners.shape[2]
     points = corners.reshape(-1, d)
-    low = np.full(d, np.inf)
-    high = np.full(d, -np.inf)
-    comm.Allreduce(points.min(axis=0, initial=np.inf), low, MPI.MIN)
-    comm.Allreduce(points.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    low, high = box(comm, points)
     scale = float((high - low).max()) / 2
     y = (points - (low + high) / 2) / scale
     first, second = np.triu_indices(d)

@@ -21,12 +21,12 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.ranks import exchange
+from erc_contact.base.ranks import exchange, global_numbers
 from erc_contact.base.releases import cell_nodes, cell_partitioner, coordinate_map
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.graphs import destinations
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import of_facets
 
 HUGE = 1e100
 """Coordinates beyond have volumes that are no numbers of double precision [length]."""
@@ -117,7 +117,7 @@ def partitioner(comm: MPI.Comm) -> Any:
     return vertex_patch_partitioner if comm.size > 1 else None
 
 
-def distributed(
+def distribute(
     comm: MPI.Comm, cells: np.ndarray, x: np.ndarray, ranks: Any = vertex_patch_partitioner
 ) -> dmesh.Mesh:
     """Make a mesh of simplices, with complete vertex patches by default; collective.
@@ -156,7 +156,7 @@ def patches_complete(mesh: dmesh.Mesh) -> bool:
     return bool(lasting(mesh.comm).allreduce(complete, MPI.LAND))
 
 
-def redistributed(
+def redistribute(
     mesh: dmesh.Mesh, *tag_sets: dmesh.MeshTags | None
 ) -> tuple[dmesh.Mesh, list[dmesh.MeshTags | None]]:
     """Balance a mesh anew over the ranks, with complete vertex patches; collective.
@@ -172,12 +172,9 @@ def redistributed(
     nodes = mesh.geometry.index_map()
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
     owned = mesh.topology.index_map(tdim).size_local
-    local_cells = cell_nodes(mesh.geometry)[:owned]
-    cells = nodes.local_to_global(local_cells.ravel()).reshape(owned, tdim + 1)
-    new = distributed(lasting(mesh.comm), cells, x)
-    new_tags = []
-    for tags in tag_sets:
-        new_tags.append(None if tags is None else _move_tags(tags, mesh, new))
+    cells = global_numbers(nodes, cell_nodes(mesh.geometry)[:owned])
+    new = distribute(lasting(mesh.comm), cells, x)
+    new_tags = [None if tags is None else _move_tags(tags, mesh, new) for tags in tag_sets]
     return new, new_tags
 
 
@@ -189,7 +186,7 @@ def _move_tags(tags: dmesh.MeshTags, mesh: dmesh.Mesh, new: dmesh.Mesh) -> dmesh
     mesh.topology.create_connectivity(dim, tdim)
     # The new mesh numbers its points as the old one does globally.
     entities = cpp.mesh.entities_to_geometry(mesh._cpp_object, dim, tags.indices[owned], False)
-    nodes = mesh.geometry.index_map().local_to_global(entities.ravel()).reshape(-1, dim + 1)
+    nodes = global_numbers(mesh.geometry.index_map(), entities)
     new.topology.create_connectivity(dim, 0)
     new.topology.create_connectivity(dim, tdim)
     vertices, values = distribute_entity_data(new, dim, nodes, tags.values[owned])
@@ -246,8 +243,7 @@ def check_shape(mesh: dmesh.Mesh) -> None:
     facets = dmesh.exterior_facet_indices(mesh.topology)
     # Facet i of a cell is opposite to its vertex i.
     cell, opposite = boundary_sides(mesh, facets)
-    facet_corners = facet_vertices(tdim)[opposite]
-    corners = np.take_along_axis(cells[cell], facet_corners[:, :, None], axis=1)
+    corners = of_facets(cells[cell], opposite)
     apex = cells[cell, opposite]
     # An apex amid the mesh keeps the round-off of the volumes small.
     centre = x.mean(axis=0) if len(x) else np.zeros(tdim)

@@ -7,7 +7,6 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -154,20 +153,6 @@ def with_facets(
     here = np.array([len(facet_tags.find(tag)) for tag in names.values()])
     counts = lasting(mesh.comm).allreduce(here, MPI.SUM)
     return {name: tag for (name, tag), count in zip(names.items(), counts, strict=True) if count}
-
-
-def checked_sizes(sizes: npt.ArrayLike) -> np.ndarray:
-    """Return sizes of cells as an array of numbers [length].
-
-    Raises:
-        InputError: If they are not numbers.
-    """
-    try:
-        return np.asarray(sizes, dtype=float)
-    except (TypeError, ValueError) as reason:
-        raise InputError(
-            f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
-        ) from reason
 
 
 def shape_in_words(geometry: object | None, dim: int, *, curved: bool) -> str:

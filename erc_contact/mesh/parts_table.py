@@ -5,6 +5,7 @@ Symbols: d dimension.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -14,9 +15,10 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.html import table
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import facet_vertices, measures, outward_normals
+from erc_contact.mesh.simplex import measures, of_facets, outward_normals
 from erc_contact.mesh.tags import tag_table
 
 NAMELESS = "(no name)"
@@ -79,16 +81,7 @@ class Parts:
 
     def __repr__(self) -> str:
         """Write the table in columns."""
-        rows = [self._header(), *self._rows()]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = []
-        for row in rows:
-            cells = []
-            for number, (cell, width) in enumerate(zip(row, widths, strict=True)):
-                is_count = number in (1, 2)
-                cells.append(cell.rjust(width) if is_count else cell.ljust(width))
-            lines.append("  ".join(cells).rstrip())
-        return "\n".join(lines)
+        return in_columns([self._header(), *self._rows()], numbers=(1, 2))
 
     def _repr_html_(self) -> str:
         """Return the table in HTML, for notebooks."""
@@ -108,10 +101,27 @@ class Parts:
             normal = "inside"
             if not np.isnan(self.normal[i]).any():
                 normal = _vector(self.normal[i], ROUND_OFF)
-            place = _vector(self.centre[i], ROUND_OFF * size)
-            row = [name, str(self.facets[i]), f"{self.area[i]:.4g}", place, normal]
+            centre = _vector(self.centre[i], ROUND_OFF * size)
+            row = [name, str(self.facets[i]), f"{self.area[i]:.4g}", centre, normal]
             rows.append([*row, ", ".join(self.regions[i])] if any(self.regions) else row)
         return rows
+
+
+def in_columns(rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
+    """Write a table as text.
+
+    Args:
+        rows: Its rows, the header first.
+        numbers: Columns that end at the right, as numbers do.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = []
+        for column, (cell, width) in enumerate(zip(row, widths, strict=True)):
+            cells.append(cell.rjust(width) if column in numbers else cell.ljust(width))
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
 
 
 def facets_of_parts(mesh: NamedMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -139,7 +149,7 @@ def parts_of(mesh: NamedMesh) -> Parts:
     cell, local = boundary_sides(mesh.mesh, facets)
     x, points_of = mesh.points
     of_cells = x[points_of[cell], :d]
-    corners = np.take_along_axis(of_cells, facet_vertices(d)[local][..., None], axis=1)
+    corners = of_facets(of_cells, local)
     area = measures(corners)
     outer = np.isin(facets, dmesh.exterior_facet_indices(mesh.mesh.topology))
     # The sums of these columns over the facets of each part make the table.
@@ -189,4 +199,4 @@ def _behind(mesh: NamedMesh, facets: np.ndarray) -> np.ndarray:
 def _vector(components: np.ndarray, round_off: float) -> str:
     """Write components with few digits; what is round-off is 0."""
     shown = np.where(abs(components) <= round_off, 0.0, components)
-    return f"({', '.join(f'{component:.4g}' for component in shown)})"
+    return place_words(shown)

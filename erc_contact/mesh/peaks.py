@@ -20,8 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.mesh.cuts import Cuts, Pieces, first_pieces
-from erc_contact.mesh.quadrature import bisected, piece_samples
+from erc_contact.mesh.quadrature import Cuts, Pieces, bisect, first_pieces, piece_points
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""
@@ -155,7 +154,7 @@ def _of_chunk(
         inherits = np.where(is_jump, INHERITED_AT_JUMP * at_jump, 0.0)
         inherited_at_jump = np.repeat(inherits[goes_on], 2)
         simplex = simplex[goes_on]
-        corners = bisected(corners[goes_on], vertices[simplex])
+        corners = bisect(corners[goes_on], vertices[simplex])
         simplex = np.repeat(simplex, 2)
         inherited = np.repeat(INHERITED_SHARE * roughness[goes_on], 2)
     return bound
@@ -175,7 +174,7 @@ def _on_pieces(
         where the function is not smooth, and the greatest distance of a sample from the
         greatest or the least one, infinite where there is no jump, shape (n,) each.
     """
-    points, residual = piece_samples(vertices.shape[1] - 1)
+    points, _, residual = piece_points(vertices.shape[1] - 1)
     places = np.matmul(points, corners)
     values = f(simplex, places, np.matmul(places, vertices[simplex]))
     greatest = values.max(axis=1)

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from erc_contact.mesh.graphs import components
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.simplex import facet_vertices, of_facets
 from erc_contact.mesh.tags import NO_TAG
 
 
@@ -102,8 +104,24 @@ class PlainMesh:
 
     def points_of(self, sides: np.ndarray) -> np.ndarray:
         """Return the points of sides (cell, local facet), shape (k, d)."""
-        cells = self.cells[sides[:, 0]]
-        return np.take_along_axis(cells, facet_vertices(self.dim)[sides[:, 1]], axis=1)
+        return of_facets(self.cells[sides[:, 0]], sides[:, 1])
+
+    @cached_property
+    def facet_numbers(self) -> np.ndarray:
+        """Number the facet of each side, shape (m, d+1); cells share a number."""
+        points = self.cells[:, facet_vertices(self.dim)].reshape(-1, self.dim)
+        return row_numbers(points)[0].reshape(self.cells.shape)
+
+    @property
+    def is_outer(self) -> np.ndarray:
+        """Tell which sides are facets of one cell alone, shape (m, d+1)."""
+        return np.bincount(self.facet_numbers.ravel())[self.facet_numbers] == 1
+
+    def without_cells(self, cells: np.ndarray) -> PlainMesh:
+        """Return the same mesh without some cells."""
+        keep = np.ones(len(self.cells), dtype=bool)
+        keep[cells] = False
+        return PlainMesh(self.x, self.cells[keep], self.regions[keep], self.tags[keep])
 
     def without_unused_points(self) -> PlainMesh:
         """Return the same mesh without the points that are in no cell."""
@@ -111,4 +129,4 @@ class PlainMesh:
         glued = self.glued
         if glued is not None:
             glued = np.unique(glued[used], return_inverse=True)[1]
-        return replace(self, x=self.x[used], cells=cells.reshape(self.cells.shape), glued=glued)
+        return replace(self, x=self.x[used], cells=cells, glued=glued)

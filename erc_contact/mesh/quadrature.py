@@ -26,7 +26,6 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.mesh.cuts import Cuts, first_pieces
 from erc_contact.mesh.simplex import CELLS, barycentric, bernstein, lattice, rule
 
 UNKNOWN_SHARE = 1e-8
@@ -70,6 +69,8 @@ q, i). It gets the number of the simplex of each piece, shape (n,), and the poin
 barycentric coordinates, shape (n, q, v), and in true coordinates [length], shape (n, q,
 d).
 """
+SAME_PLACE = 1e-9
+"""Difference of places on a segment that counts as none, over its length [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ def integrate(
         np.add.at(unknown, simplex[done], piece_unknown[done])
         if last:
             break
-        corners = bisected(corners[bad], vertices[simplex[bad]])
+        corners = bisect(corners[bad], vertices[simplex[bad]])
         simplex = np.repeat(simplex[bad], 2)
         piece_measure = np.repeat(piece_measure[bad] / 2, 2)
         count += bad_count
@@ -200,7 +201,7 @@ def _on_pieces(
     the error. It was below the error in one of a hundred pieces, but its sum over the
     pieces was above.
     """
-    points, weights, residual = _points(vertices.shape[1] - 1)
+    points, weights, residual = piece_points(vertices.shape[1] - 1)
     chunks = []
     # A rank without pieces does this once, to know the number of integrands.
     for start in range(0, max(len(simplex), 1), CHUNK_PIECES):
@@ -215,7 +216,7 @@ def _on_pieces(
 
 
 @cache
-def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def piece_points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return points of a piece, weights, and the matrix to distances from polynomials.
 
     Returns:
@@ -232,13 +233,7 @@ def _points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return barycentric(points), np.concatenate([weights, np.zeros(len(outer))]), residual
 
 
-def piece_samples(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (q, v) and matrix (q, q) of :func:`_points`, without weights."""
-    points, _, residual = _points(size)
-    return points, residual
-
-
-def bisected(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def bisect(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Cut pieces at the middle of their longest edge, (n, v, v) -> (2n, v, v).
 
     Rows 2i and 2i + 1 of the result are the halves of piece i. Of several longest edges
@@ -277,15 +272,15 @@ def facet_pieces(size: int) -> np.ndarray:
         middles = 0.5 * (corners + np.roll(corners, -1, axis=1))
         if size == 1:
             halves = [[corners[:, 0], middles[:, 0]], [middles[:, 0], corners[:, 1]]]
-            corners = _joined(halves)
+            corners = _join(halves)
         else:
             outer = [[corners[:, i], middles[:, i], middles[:, i - 1]] for i in range(3)]
             inner = [middles[:, i] for i in range(3)]
-            corners = _joined([*outer, inner])
+            corners = _join([*outer, inner])
     return corners
 
 
-def _joined(parts: list[list[np.ndarray]]) -> np.ndarray:
+def _join(parts: list[list[np.ndarray]]) -> np.ndarray:
     """Join pieces given part by part and corner by corner in an array (n, v, v)."""
     return np.concatenate([np.stack(part, axis=1) for part in parts])
 
@@ -306,3 +301,70 @@ def polynomials(degree: int, points: np.ndarray) -> np.ndarray:
     n, q, v = points.shape
     values = bernstein(v - 1, degree, points.reshape(n * q, v)[:, 1:])
     return values.reshape(n, q, values.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """Hold places at which segments are cut.
+
+    Attributes:
+        simplex: Number of the segment of each place, shape (n,).
+        place: Distance from its first vertex, over its length [-], shape (n,).
+
+    Example:
+        >>> cuts = Cuts(simplex=np.array([0]), place=np.array([0.3]))
+        >>> whole = np.eye(2)[None]  # one piece, with the corners of the segment
+        >>> first_pieces(np.array([0]), whole, cuts).share
+        array([0.3, 0.7])
+    """
+
+    simplex: np.ndarray
+    place: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Hold pieces of simplices.
+
+    Attributes:
+        simplex: Number of the simplex of each piece, shape (n,).
+        corners: Barycentric coordinates of the corners of each piece, shape (n, v, v).
+        share: Share of each piece in its simplex [-], shape (n,).
+    """
+
+    simplex: np.ndarray
+    corners: np.ndarray
+    share: np.ndarray
+
+
+def first_pieces(simplices: np.ndarray, pieces: np.ndarray, cuts: Cuts | None) -> Pieces:
+    """Return the pieces of simplices, cut at places if any are given.
+
+    Args:
+        simplices: Numbers of the simplices in increasing order, shape (s,).
+        pieces: Pieces of equal size of each simplex, shape (c, v, v).
+        cuts: Further places, of segments only, also of others than these.
+    """
+    if cuts is None:
+        simplex = np.repeat(simplices, len(pieces))
+        corners = np.tile(pieces, (len(simplices), 1, 1))
+        return Pieces(simplex, corners, np.full(len(simplex), 1 / len(pieces)))
+    ends = np.unique(pieces[:, :, 1])
+    inside = np.isin(cuts.simplex, simplices)
+    simplex = np.concatenate([np.repeat(simplices, len(ends)), cuts.simplex[inside]])
+    place = np.concatenate([np.tile(ends, len(simplices)), cuts.place[inside]])
+    order = np.lexsort((place, simplex))
+    simplex = simplex[order]
+    place = place[order]
+    # Between two neighbours of the same segment is a piece, unless they are one place.
+    # The ends of a segment stay: they are the first and the last of it.
+    follows = np.zeros(len(simplex), dtype=bool)
+    follows[1:] = (simplex[1:] == simplex[:-1]) & (np.diff(place) < SAME_PLACE)
+    follows &= place < 1.0
+    simplex = simplex[~follows]
+    place = place[~follows]
+    has_next = simplex[1:] == simplex[:-1]
+    low = place[:-1][has_next]
+    high = place[1:][has_next]
+    corners = np.stack([np.stack([1 - low, low], 1), np.stack([1 - high, high], 1)], axis=1)
+    return Pieces(simplex[:-1][has_next], corners, high - low)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.base.ranks import fetched
+from erc_contact.base.ranks import fetch
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
+from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.tags import NO_TAG, tag_table, tags_of
 
 EDGE_SHEAR = np.eye(3) + 1e-5 * np.array(
@@ -29,15 +30,15 @@ class Refinement:
     Attributes:
         mesh: The refined mesh.
         parent_cell: The old cell of each child made here, shape (children,).
-        parent_facet: The old facets in which the facets of these children lie, -1
-            inside, shape (children, d+1).
-        parent_side: Their local numbers in the old cell, -1 inside.
+        parent_side: Local number in the old cell of the side in which each facet of
+            these children lies, -1 inside, shape (children, d+1).
+        facets: Facets of the old cells, shape (cells, d+1).
     """
 
     mesh: dmesh.Mesh
     parent_cell: np.ndarray
-    parent_facet: np.ndarray
     parent_side: np.ndarray
+    facets: np.ndarray
 
     def places(self, corners: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return places of the corners of the new cells [length]; collective.
@@ -67,7 +68,7 @@ class Refinement:
         values = np.take_along_axis(of_parents, np.maximum(self.parent_side, 0), axis=1)
         return self.of_cells(np.where(self.parent_side >= 0, values, NO_TAG), slice(None))
 
-    def inherited(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
+    def inherit_tags(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return the tags of the new mesh; collective.
 
         Each cell or facet gets the tag of the old one in which it lies.
@@ -75,16 +76,13 @@ class Refinement:
         if tags is None:
             return None
         table = tag_table(tags)
-        topology = self.mesh.topology
-        dim = tags.dim
-        if dim == topology.dim:
-            child_tags = table[self.parent_cell][:, None]
-            entities = np.arange(len(topology.original_cell_index))
+        if tags.dim == self.mesh.topology.dim:
+            values = self.of_cells(table[self.parent_cell][:, None], slice(None))
+            entities = np.arange(len(values))
         else:
-            child_tags = np.where(self.parent_facet >= 0, table[self.parent_facet], NO_TAG)
-            entities = topology.connectivity(topology.dim, dim).array
-        values = self.of_cells(child_tags, slice(None))
-        return tags_of(self.mesh, dim, entities, values.ravel())
+            values = self.of_sides(table[self.facets])
+            entities = facets_of_cells(self.mesh).ravel()
+        return tags_of(self.mesh, tags.dim, entities, values.ravel())
 
     def of_cells(self, rows: np.ndarray, cells: np.ndarray | slice) -> np.ndarray:
         """Return the rows of new cells from a table of children; collective.
@@ -93,7 +91,7 @@ class Refinement:
             rows: Rows of the children made here, shape (children, m).
             cells: Cells of the new mesh on this rank.
         """
-        return fetched(lasting(self.mesh.comm), rows, self.mesh.topology.original_cell_index[cells])
+        return fetch(lasting(self.mesh.comm), rows, self.mesh.topology.original_cell_index[cells])
 
 
 def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
@@ -131,14 +129,10 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
         fine, parent_cell, parent_facet = dmesh.refine(mesh, edges, partitioner, kind)
     finally:
         mesh.geometry.x[:] = x
-    fine.topology.create_entities(tdim - 1)
-    fine.topology.create_connectivity(tdim, tdim - 1)
-    fine.topology.create_connectivity(tdim - 1, tdim)
+    connect_facets(fine)
     # DOLFINx gives the local number of the facet in the old cell, -1 inside of it.
-    local = parent_facet.reshape(-1, tdim + 1)
-    cell_to_facet = mesh.topology.connectivity(tdim, tdim - 1).array.reshape(-1, tdim + 1)
-    outer = np.take_along_axis(cell_to_facet[parent_cell], np.maximum(local, 0), axis=1)
-    refinement = Refinement(fine, parent_cell, np.where(local >= 0, outer, -1), local)
+    parent_side = parent_facet.reshape(-1, tdim + 1)
+    refinement = Refinement(fine, parent_cell, parent_side, facets_of_cells(mesh))
     _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
     return refinement
 

@@ -13,10 +13,11 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.files.building import Built, built, spread_from
+from erc_contact.mesh.bodies import Geometry
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.files.building import Built, build_simplices, spread_from
 from erc_contact.mesh.files.of_gmsh import marked_entities, mesh_of_model
-from erc_contact.mesh.gmsh_session import FIELD, session
+from erc_contact.mesh.gmsh_session import FIELD, add_sizes, session
 from erc_contact.mesh.size_field import Labels, SizeField, at_corners
 
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
@@ -48,7 +49,7 @@ def count(domain: Domain, sizes: np.ndarray) -> float:
     return at_corners(domain, sizes).count(domain.comm)
 
 
-def meshed(
+def mesh_geometry(
     geometry: Geometry,
     build: Callable[[Any], dict[int, int] | None],
     comm: MPI.Comm,
@@ -83,7 +84,7 @@ def meshed(
         assert parts is not None
         corners = np.concatenate([x for x, _ in parts])
         corner_sizes = np.concatenate([values for _, values in parts])
-        corners, corner_sizes = _sorted(corners, corner_sizes)
+        corners, corner_sizes = _sort(corners, corner_sizes)
         _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
 
     subject = "The geometry, meshed again,"
@@ -91,17 +92,17 @@ def meshed(
 
         def make() -> Built:
             marks = marked_entities(model, tags) if labels.curved else []
-            return built(mesh_of_model(model), marks, numbered=False)
+            return build_simplices(mesh_of_model(model), marks, numbered=False)
 
         new = spread_from(comm, 0, make, subject)
-    # Without regions gmsh's tags stand for the group "body", which nobody asked for.
-    cell_tags = new.cell_tags if labels.regions else None
-    return Domain(
-        new.mesh, new.facet_tags, labels.names, cell_tags, labels.regions, geometry, new.marks
-    )
+    new |= {"names": labels.names, "regions": labels.regions}
+    if not labels.regions:
+        # gmsh's tags stand for the group "body" then, which nobody asked for.
+        new["cell_tags"] = None
+    return Domain(**new, geometry=geometry)
 
 
-def _sorted(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sort(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sort simplices and their corners, so that the ranks do not matter.
 
     gmsh takes the size at a point on an edge from the first simplex that holds it. So
@@ -162,13 +163,7 @@ def _mesh_once(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray) -> int:
     Returns:
         The number of cells.
     """
-    view = gmsh.view.add("sizes")
-    rows = np.hstack([x.transpose(0, 2, 1).reshape(len(x), -1), sizes])
-    # Scalar values on triangles or on tetrahedra.
-    kind = "ST" if dim == 2 else "SS"
-    gmsh.view.addListData(view, kind, len(rows), rows.ravel())
-    background = gmsh.model.mesh.field.add("PostView")
-    gmsh.model.mesh.field.setNumber(background, "ViewTag", view)
+    view, background = add_sizes(gmsh, x, sizes)
     gmsh.model.mesh.field.setAsBackgroundMesh(background)
     try:
         gmsh.model.mesh.clear()

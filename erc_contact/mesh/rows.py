@@ -1,4 +1,7 @@
-"""Number rows of whole numbers by their entries."""
+"""Work with tables by rows: number them by their entries, look values up, pad them.
+
+It needs numpy alone, as readers of files do in processes of their own.
+"""
 
 from __future__ import annotations
 
@@ -30,3 +33,44 @@ def row_numbers(rows: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
         greatest *= size
     _, numbers = np.unique(keys, return_inverse=True)
     return np.split(numbers, np.cumsum([len(table) for table in tables])[:-1])
+
+
+def look_up(
+    rows: np.ndarray, values: np.ndarray, wanted: np.ndarray, missing: int = -1
+) -> np.ndarray:
+    """Return the values of the rows that have the entries of wanted rows, in any order.
+
+    Args:
+        rows: Whole numbers, shape (n, k).
+        values: The whole number that belongs to each row, shape (n,).
+        wanted: Rows whose values are wanted, shape (m, k).
+        missing: Stands for the value where no row has the entries.
+
+    Returns:
+        Shape (m,).
+    """
+    numbers, of_wanted = row_numbers(rows, wanted)
+    count = 1 + max(numbers.max(initial=-1), of_wanted.max(initial=-1))
+    table = np.full(count, missing)
+    table[numbers] = values
+    return table[of_wanted]
+
+
+def equal_rows(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the pairs of rows of a table that are equal; k equal rows are k - 1 pairs.
+
+    Returns:
+        The earlier row of each pair and the later one, shape (m,) each.
+    """
+    # The sort is stable: of equal rows the earlier one comes first.
+    order = np.lexsort(table.T)
+    is_equal = np.all(table[order[1:]] == table[order[:-1]], axis=1)
+    return order[:-1][is_equal], order[1:][is_equal]
+
+
+def in_space(x: np.ndarray) -> np.ndarray:
+    """Return points or vectors (n, d) with three components, shape (n, 3).
+
+    gmsh, DOLFINx and VTK want them so.
+    """
+    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))

@@ -24,9 +24,9 @@ from erc_contact.mesh.assembled import Assembled, of_model
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import MARK_PREFIX
 from erc_contact.mesh.gmsh_session import session
-from erc_contact.mesh.remeshing import meshed
-from erc_contact.mesh.simplex import in_space
-from erc_contact.mesh.size_field import Labels, SizeField, labels_of, size_field
+from erc_contact.mesh.remeshing import mesh_geometry
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.size_field import Labels, SizeField
 
 SIDES = {
     2: (("left", "right"), ("bottom", "top")),
@@ -40,8 +40,16 @@ SIDE_ROUND_OFF = 1e-12
 """Distance from a side of a brick that is round-off, as a share of its length [-]."""
 
 
+class _OneModel:
+    """Represent the shape of bodies of one model of gmsh."""
+
+    def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
+        """Return the shape of its bodies with a joint between two of them."""
+        return replace(of_model(glued), joints=(joint,))
+
+
 @dataclass(frozen=True)
-class Brick:
+class Brick(_OneModel):
     """Represent a rectangle or a box.
 
     Args:
@@ -96,19 +104,9 @@ class Brick:
             x[abs(x[:, axis] - coordinate) < distance, axis] = coordinate
         return domain
 
-    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
-        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return self.meshed_by(
-            domain, size_field(domain, sizes), labels_of(domain, domain.curved_facets)
-        )
-
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return self.exact(meshed(self, self.build, like.comm, sizes, labels))
-
-    def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
-        """Return the shape of its bodies with a joint between two of them."""
-        return replace(of_model(glued), joints=(joint,))
+        return self.exact(mesh_geometry(self, self.build, like.comm, sizes, labels))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
@@ -120,7 +118,7 @@ class Brick:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class Drawing(_OneModel):
     """Represent the geometry of a gmsh model by the text of a file of gmsh's.
 
     Args:
@@ -161,19 +159,9 @@ class Drawing:
         # gmsh's own kernel keeps the tags, which are the marks then.
         return {int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)}
 
-    def meshed(self, domain: Domain, sizes: np.ndarray) -> Domain:
-        """Mesh the shape with other sizes, see :meth:`Domain.remeshed`; collective."""
-        return self.meshed_by(
-            domain, size_field(domain, sizes), labels_of(domain, domain.curved_facets)
-        )
-
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return meshed(self, self.build, like.comm, sizes, labels)
-
-    def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
-        """Return the shape of its bodies with a joint between two of them."""
-        return replace(of_model(glued), joints=(joint,))
+        return mesh_geometry(self, self.build, like.comm, sizes, labels)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.

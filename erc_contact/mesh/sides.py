@@ -1,13 +1,21 @@
 """Relate facets to the cells beside them.
 
 A side is a pair of a cell and one of its facets, by its local number. Facet i is
-opposite to vertex i. The mesh must have connected its facets and cells.
+opposite to vertex i. The mesh must have connected its facets and cells, see
+:func:`connect_facets`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from dolfinx import mesh as dmesh
+
+
+def connect_facets(mesh: dmesh.Mesh) -> None:
+    """Let DOLFINx find the facets of the cells and the cells of the facets."""
+    d = mesh.topology.dim
+    mesh.topology.create_connectivity(d - 1, d)
+    mesh.topology.create_connectivity(d, d - 1)
 
 
 def facets_of_cells(mesh: dmesh.Mesh) -> np.ndarray:
@@ -44,6 +52,11 @@ def outer_facets(mesh: dmesh.Mesh) -> tuple[np.ndarray, np.ndarray]:
     return outer, facet_to_cell.array[facet_to_cell.offsets[outer]]
 
 
+def local_facets(mesh: dmesh.Mesh, facets: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Return the local number of each facet (n,) in a cell that has it, shape (n,)."""
+    return np.argmax(facets_of_cells(mesh)[cells] == facets[:, None], axis=1)
+
+
 def boundary_sides(mesh: dmesh.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the cell of each boundary facet, and the local number of the facet there.
 
@@ -55,5 +68,4 @@ def boundary_sides(mesh: dmesh.Mesh, facets: np.ndarray) -> tuple[np.ndarray, np
     facet_to_cell = mesh.topology.connectivity(tdim - 1, tdim)
     # A facet on the boundary has one cell, the first of its list.
     cell = facet_to_cell.array[facet_to_cell.offsets[facets]]
-    cell_facets = facets_of_cells(mesh)[cell]
-    return cell, np.argmax(cell_facets == facets[:, None], axis=1)
+    return cell, local_facets(mesh, facets, cell)

@@ -40,12 +40,19 @@ def facet_vertices(d: int) -> np.ndarray:
     return np.array(facets)
 
 
-def in_space(x: np.ndarray) -> np.ndarray:
-    """Return points or vectors (n, d) with three components, shape (n, 3).
+def of_facets(table: np.ndarray, facets: np.ndarray) -> np.ndarray:
+    """Take what belongs to the vertices of a facet from tables of cells.
 
-    gmsh, DOLFINx and VTK want them so.
+    Args:
+        table: Entries for the vertices of each cell, as points or places, shape (n,
+            d+1, ...).
+        facets: The local facet of each cell, shape (n,).
+
+    Returns:
+        Shape (n, d, ...).
     """
-    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+    vertices = facet_vertices(table.shape[1] - 1)[facets]
+    return np.asarray(table[np.arange(len(table))[:, None], vertices])
 
 
 def barycentric(points: np.ndarray) -> np.ndarray:
@@ -196,6 +203,18 @@ def averages(d: int, k: int, points: np.ndarray, weights: np.ndarray) -> np.ndar
     return shape.T * weights / (weights @ shape)[:, None]
 
 
+def determinants(corners: np.ndarray) -> np.ndarray:
+    """Compute d! times the volumes of simplices, with a sign [length^d].
+
+    Args:
+        corners: Corners [length], shape (..., d+1, d).
+
+    Returns:
+        Shape (...).
+    """
+    return np.linalg.det(corners[..., 1:, :] - corners[..., :1, :])
+
+
 def measures(corners: np.ndarray) -> np.ndarray:
     """Compute lengths, areas or volumes of simplices [length^p].
 
@@ -205,10 +224,11 @@ def measures(corners: np.ndarray) -> np.ndarray:
     Returns:
         Shape (...).
     """
-    edges = corners[..., 1:, :] - corners[..., :1, :]
-    p, d = edges.shape[-2:]
+    vertices, d = corners.shape[-2:]
+    p = vertices - 1
     if p == d:
-        return abs(np.linalg.det(edges)) / factorial(p)
+        return abs(determinants(corners)) / factorial(p)
+    edges = corners[..., 1:, :] - corners[..., :1, :]
     # Gram's determinant is the square of the measure, times (p!)^2.
     gram = edges @ edges.swapaxes(-1, -2)
     return np.sqrt(abs(np.linalg.det(gram))) / factorial(p)
@@ -221,12 +241,11 @@ def outward_normals(corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
         corners: Corners of the cells [length], shape (n, d+1, d).
         facets: The local facet of each cell, shape (n,).
     """
-    d = corners.shape[2]
-    of_facets = np.take_along_axis(corners, facet_vertices(d)[facets][..., None], axis=1)
-    first = of_facets[:, 0]
-    edges = of_facets[:, 1:] - first[:, None]
+    ends = of_facets(corners, facets)
+    first = ends[:, 0]
+    edges = ends[:, 1:] - first[:, None]
     # Products of coordinates, so that a facet along an axis has a normal along an axis.
-    if d == 2:
+    if corners.shape[2] == 2:
         normals = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
     else:
         normals = np.cross(edges[:, 0], edges[:, 1])

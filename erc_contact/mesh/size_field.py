@@ -10,15 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, together
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.mesh.named import NamedMesh
 from erc_contact.mesh.simplex import barycentric, measures, rule
-from erc_contact.mesh.tags import NO_TAG, tag_table
 
 FILL = {2: 4 / np.sqrt(3), 3: 5.0}
 """Number of simplices of size 1 in a unit of area or volume, by dimension.
@@ -95,18 +94,11 @@ def labels_of(mesh: NamedMesh, curved_facets: dmesh.MeshTags | None) -> Labels:
 
 
 def size_field(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
-    """Return sizes at the nodes of a mesh as sizes in its cells; collective.
+    """Return sizes at the nodes of a mesh, rounded, as sizes in its owned cells.
 
-    Args:
-        domain: The domain on the mesh that carries the sizes.
-        sizes: h at the nodes of this rank [length], shape (n,), or one number.
-
-    Raises:
-        InputError: If a size is not > 0 and finite, or the sizes have another shape.
+    See :func:`at_corners`.
     """
-    mesh = domain.mesh
-    h = together(lasting(mesh.comm), _checked, sizes, len(mesh.geometry.x))
-    return at_corners(domain, np.exp(SIZE_STEP * np.round(np.log(h) / SIZE_STEP)))
+    return at_corners(domain, np.exp(SIZE_STEP * np.round(np.log(sizes) / SIZE_STEP)))
 
 
 def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
@@ -119,23 +111,27 @@ def at_corners(domain: NamedMesh, sizes: np.ndarray) -> SizeField:
     owned = domain.owned_cells
     x, corners = domain.points
     nodes = cell_nodes(domain.mesh.geometry)[:owned]
-    regions = np.full(owned, NO_TAG, dtype=np.int32)
-    if domain.cell_tags is not None:
-        regions = tag_table(domain.cell_tags)[:owned]
+    regions = domain.region_tags[:owned]
     return SizeField(domain.dim, x[corners[:owned]], sizes[nodes], regions)
 
 
-def _checked(sizes: np.ndarray, count: int) -> np.ndarray:
-    """Return the sizes at all nodes of this rank [length], after a check.
+def sizes_at_nodes(sizes: npt.ArrayLike, count: int) -> np.ndarray:
+    """Check sizes that a user gives, and return them at all nodes of this rank.
 
     Args:
         sizes: Sizes at the nodes, or one for all [length].
         count: Number of nodes.
 
     Raises:
-        InputError: If there is another number of sizes, or one is not > 0 and finite.
+        InputError: If they are not numbers, there is another number of sizes, or one is
+            not > 0 and finite.
     """
-    h = np.asarray(sizes, dtype=float)
+    try:
+        h = np.asarray(sizes, dtype=float)
+    except (TypeError, ValueError) as reason:
+        raise InputError(
+            f"remeshed: the sizes are {sizes!r}; give a number, or one for each node."
+        ) from reason
     if h.ndim == 0:
         h = np.full(count, h)
     if h.shape != (count,):

@@ -17,17 +17,19 @@ from mpi4py import MPI
 
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.domain import Domain, Geometry
+from erc_contact.mesh.bodies import Geometry
+from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import Kept, drawing_of
 from erc_contact.mesh.drawings.reading import Wanted, has_geometry, open_geometry
-from erc_contact.mesh.files.building import Built, Spread, built, spread_from
+from erc_contact.mesh.files.building import Built, build_simplices, spread_from
 from erc_contact.mesh.files.file_mesh import FacetSet
 from erc_contact.mesh.files.of_gmsh import grouped, marked_entities, mesh_of_model
 from erc_contact.mesh.files.reading import read
-from erc_contact.mesh.files.renaming import renamed
+from erc_contact.mesh.files.renaming import rename_sets
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import partitioner
 from erc_contact.mesh.shape import Brick, Drawing
+from erc_contact.mesh.sides import connect_facets
 from erc_contact.mesh.tags import tags_of
 from erc_contact.mesh.touching import tell_gaps
 from erc_contact.mesh.where import Rule
@@ -105,13 +107,13 @@ def _brick(
     dim: int,
 ) -> Domain:
     """Make a rectangle or a box, see :func:`rectangle`; collective."""
-    brick = _checked_brick(p0, p1, dim)
+    brick = _brick_between(p0, p1, dim)
     if (size is None) == (cells is None):
         raise InputError(
             "Give either size= (an unstructured mesh by gmsh) or cells= (a structured mesh)."
         )
     if size is not None:
-        return _unstructured(brick, size, comm)
+        return _mesh_by_gmsh(brick, size, comm)
     assert cells is not None
     is_sequence = isinstance(cells, Sequence | np.ndarray)
     whole = is_sequence and all(isinstance(n, Integral) and n >= 1 for n in cells)
@@ -119,10 +121,10 @@ def _brick(
         raise InputError(
             f"cells is {cells!r}; give {dim} whole numbers >= 1, e.g. cells={(4, 8, 4)[:dim]}."
         )
-    return _structured(brick, cells, comm)
+    return _mesh_in_parts(brick, cells, comm)
 
 
-def _checked_brick(p0: Sequence[float], p1: Sequence[float], dim: int) -> Brick:
+def _brick_between(p0: Sequence[float], p1: Sequence[float], dim: int) -> Brick:
     """Return the brick between two corners.
 
     Raises:
@@ -142,7 +144,7 @@ def _checked_brick(p0: Sequence[float], p1: Sequence[float], dim: int) -> Brick:
     return Brick(tuple(map(float, low)), tuple(map(float, high)))
 
 
-def _unstructured(brick: Brick, size: float, comm: MPI.Comm) -> Domain:
+def _mesh_by_gmsh(brick: Brick, size: float, comm: MPI.Comm) -> Domain:
     """Mesh a brick by gmsh with simplices of a size [length]; collective."""
     checks.positive("The size of cells", size, "a length > 0")
 
@@ -155,13 +157,13 @@ def _unstructured(brick: Brick, size: float, comm: MPI.Comm) -> Domain:
         return brick.exact(_from_model(model, comm, 0, brick))
 
 
-def _structured(brick: Brick, cells: Sequence[int], comm: MPI.Comm) -> Domain:
+def _mesh_in_parts(brick: Brick, cells: Sequence[int], comm: MPI.Comm) -> Domain:
     """Mesh a brick with equal parts along each axis, cut into simplices; collective."""
     dim = len(brick.low)
     corners = [np.array(brick.low), np.array(brick.high)]
     create = dmesh.create_rectangle if dim == 2 else dmesh.create_box
     mesh = create(comm, corners, list(cells), partitioner=partitioner(comm))
-    mesh.topology.create_connectivity(dim - 1, dim)
+    connect_facets(mesh)
     facets = []
     tags = []
     names: dict[str, int] = {}
@@ -293,9 +295,11 @@ def read_mesh(
 
         def make() -> Built:
             mesh = read(path, numbered=not has_rules)
-            return built(mesh if names is None else renamed(mesh, names), numbered=not has_rules)
+            return build_simplices(
+                mesh if names is None else rename_sets(mesh, names), numbered=not has_rules
+            )
 
-        domain = _domain_of(spread_from(comm, 0, make, subject))
+        domain = Domain(**spread_from(comm, 0, make, subject))
     if has_rules:
         domain = domain.named(parts, regions=regions)
     if not is_drawing:
@@ -358,27 +362,14 @@ def _from_model(
                 facets = model.getEntities(model.getDimension() - 1)
                 marks = marked_entities(model, {int(tag): int(tag) for _, tag in facets if curved})
             mesh = mesh_of_model(model)
-            mesh = mesh if names is None else renamed(mesh, names)
-            return built(mesh, marks, numbered=not has_rules)
+            mesh = mesh if names is None else rename_sets(mesh, names)
+            return build_simplices(mesh, marks, numbered=not has_rules)
 
-    spread = spread_from(comm, rank, make, "The gmsh model")
+    tables = spread_from(comm, rank, make, "The gmsh model")
     shape: Geometry | None = geometry
     found = comm.bcast(drawing[0] if drawing else None, root=rank)
     if found is not None:
         suffix, text, curved = found
         # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
         shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
-    return _domain_of(spread, shape)
-
-
-def _domain_of(spread: Spread, shape: Geometry | None = None) -> Domain:
-    """Return the domain of a mesh that was spread over the ranks; collective."""
-    return Domain(
-        spread.mesh,
-        spread.facet_tags,
-        spread.names,
-        spread.cell_tags,
-        spread.regions,
-        shape,
-        spread.marks,
-    )
+    return Domain(**tables, geometry=shape)

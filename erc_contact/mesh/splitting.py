@@ -21,15 +21,15 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import union
+from erc_contact.base.ranks import global_numbers, union
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.given import GivenCells
-from erc_contact.mesh.hinges import told, touching
+from erc_contact.mesh.copies import told, touching
 from erc_contact.mesh.interface_map import Interface, InterfaceMap
 from erc_contact.mesh.sides import facets_of_cells, inner_facets
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import of_facets
 from erc_contact.mesh.tags import NO_TAG, tag_table
+from erc_contact.mesh.transfer import GivenCells
 
 ONE_PLACE = 1e-12
 """Distance of two sides over the greatest coordinate that is round-off [-]."""
@@ -37,7 +37,7 @@ NO_INTERFACE = -1
 """Number that stands for no interface."""
 
 
-def claimed(
+def claim_facets(
     mesh: dmesh.Mesh,
     facet_tags: dmesh.MeshTags,
     cell_tags: dmesh.MeshTags,
@@ -135,8 +135,8 @@ def touching_regions(
     Args:
         mesh: The glued mesh.
         cell_tags: Tags of its cells.
-        interface_of_facet: What :func:`claimed` returned; facets of an interface do not
-            count.
+        interface_of_facet: What :func:`claim_facets` returned; facets of an interface
+            do not count.
     """
     facets, cells = inner_facets(mesh)
     beside = tag_table(cell_tags)[cells[interface_of_facet[facets] == NO_INTERFACE]]
@@ -161,7 +161,7 @@ def side_tags(
         facet_tags: Tags of its facets.
         cell_tags: Tags of its cells.
         interfaces: The interfaces.
-        interface_of_facet: What :func:`claimed` returned.
+        interface_of_facet: What :func:`claim_facets` returned.
     """
     facets = facets_of_cells(mesh)
     tags = tag_table(facet_tags)[facets]
@@ -194,11 +194,11 @@ class Carried:
 
     def of_sides(self, table: np.ndarray) -> np.ndarray:
         """Return a table of sides or corners of the glued mesh, shape (cells, d+1)."""
-        return self._given.of_sides(self._owned(table))
+        return self._given.of_sides(self._of_owned(table))
 
     def of_corners(self, places: np.ndarray) -> np.ndarray:
         """Return vectors at the corners of the glued mesh, shape (cells, d+1, d)."""
-        return self._given.of_corners(self._owned(places))
+        return self._given.of_corners(self._of_owned(places))
 
     def places(self) -> np.ndarray:
         """Return the places of the corners of glued cells [length], (cells, d+1, d)."""
@@ -232,17 +232,19 @@ class Carried:
                 "one onto the first one, or leave a facet between both joints."
             )
 
-    def _owned(self, table: np.ndarray) -> np.ndarray:
+    def _of_owned(self, table: np.ndarray) -> np.ndarray:
         """Return the rows of the owned cells of the glued mesh."""
         return table[: self.glued.topology.index_map(self.glued.topology.dim).size_local]
 
-    def cell_tags(self, tags: dmesh.MeshTags) -> dmesh.MeshTags:
-        """Return tags of cells."""
-        return self._given.cell_tags(self._owned(tag_table(tags)))
+    def cell_tags(self, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
+        """Return tags of cells; None stays None."""
+        if tags is None:
+            return None
+        return self._given.cell_tags(self._of_owned(tag_table(tags)))
 
     def facet_tags(self, tags: np.ndarray) -> dmesh.MeshTags:
         """Return tags of facets, given by the tags of their sides in the glued mesh."""
-        return self._given.facet_tags(self._owned(tags))
+        return self._given.facet_tags(self._of_owned(tags))
 
     def marks(self, marks: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
         """Return marks of facets, which are the same on both sides; None stays None."""
@@ -263,10 +265,8 @@ class Carried:
         d = self.mesh.topology.dim
         tags = self.of_sides(tags)
         # A facet of the glued mesh has one number on all ranks, which both sides know.
-        facets = facets_of_cells(self.glued)
         facet_map = self.glued.topology.index_map(d - 1)
-        numbers = facet_map.local_to_global(facets.ravel()).reshape(facets.shape)
-        numbers = self.of_sides(numbers)
+        numbers = self.of_sides(global_numbers(facet_map, facets_of_cells(self.glued)))
         facing = {}
         for interface in interfaces:
             here, there = _facing(tags, numbers, interface.tags)
@@ -301,9 +301,7 @@ class Carried:
         """
         of_sides = []
         for sides in (here, there):
-            of_cells = cell_nodes(self.mesh.geometry)[sides[:, 0]]
-            local = facet_vertices(self.mesh.topology.dim)[sides[:, 1]]
-            vertices = np.take_along_axis(of_cells, local, axis=1)
+            vertices = of_facets(cell_nodes(self.mesh.geometry)[sides[:, 0]], sides[:, 1])
             order = np.argsort(nodes[vertices], axis=1)
             of_sides.append(self.mesh.geometry.x[np.take_along_axis(vertices, order, axis=1)])
         return float(np.linalg.norm(of_sides[1] - of_sides[0], axis=-1).max(initial=0.0))
@@ -316,8 +314,7 @@ class Carried:
     def _nodes(self) -> np.ndarray:
         """Return the node of the glued mesh of each node of the split mesh."""
         index_map = self.glued.geometry.index_map()
-        nodes = cell_nodes(self.glued.geometry)
-        global_nodes = index_map.local_to_global(nodes.ravel()).reshape(nodes.shape)
+        global_nodes = global_numbers(index_map, cell_nodes(self.glued.geometry))
         result = np.empty(len(self.mesh.geometry.x), dtype=np.int64)
         result[cell_nodes(self.mesh.geometry)] = self.of_sides(global_nodes)
         return index_map.global_to_local(result)

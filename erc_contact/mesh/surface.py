@@ -22,7 +22,8 @@ from mpi4py import MPI
 
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.simplex import facet_vertices, lagrange, rule
+from erc_contact.mesh.sides import facets_of_cells
+from erc_contact.mesh.simplex import determinants, lagrange, of_facets, rule
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the nearest points (n, d) of the true surface; collective. It
@@ -50,12 +51,10 @@ def pairs(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
 
     There is one for each cell of a facet.
     """
-    d = mesh.topology.dim
-    index_map = mesh.topology.index_map(d - 1)
+    index_map = mesh.topology.index_map(mesh.topology.dim - 1)
     chosen = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
     chosen[facets] = True
-    cell_to_facet = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-    return np.argwhere(chosen[cell_to_facet])
+    return np.argwhere(chosen[facets_of_cells(mesh)])
 
 
 def _facet_closures(W: fem.FunctionSpace) -> np.ndarray:
@@ -104,18 +103,17 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
     cells = cell_nodes(geometry)
     x = geometry.x[:, :d].copy()
     cell, local = pairs(mesh, marks.indices).T
-    nodes = cells[cell[:, None], facet_vertices(d)[local]]
+    nodes = of_facets(cells[cell], local)
     owned = geometry.index_map().size_local
     moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, x, nearest)
     vector = la.vector(geometry.index_map(), d)
     move = vector.array.reshape(-1, d)
     move[moved_nodes] = moves
     vector.scatter_forward()
-    before = np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])
+    before = determinants(x[cells])
     # Each round holds back at least one vertex more.
     while True:
-        moved = x + move
-        after = np.linalg.det(moved[cells[:, 1:]] - moved[cells[:, :1]])
+        after = determinants((x + move)[cells])
         crushed = np.unique(cells[after / before < LEAST_VOLUME])
         back = crushed[move[crushed].any(axis=1)]
         if not lasting(mesh.comm).allreduce(len(back), MPI.SUM):
@@ -180,9 +178,7 @@ def _moves(
     Returns:
         Owned nodes, shape (n,), and their vectors [length], shape (n, d).
     """
-    d = mesh.topology.dim
-    cell_to_facet = mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-    facet = cell_to_facet[cell, local]
+    facet = facets_of_cells(mesh)[cell, local]
     mark = marks.values[np.searchsorted(marks.indices, facet)]
     # All different pairs (node, mark), sorted by node.
     node_marks = np.column_stack([nodes.ravel(), np.repeat(mark, nodes.shape[1])])
@@ -194,7 +190,7 @@ def _moves(
     row = np.repeat(np.arange(len(chosen)), count)
     marks_of_node[row, np.arange(len(row)) - first[row]] = node_marks[:, 1]
     # In 2D two curves meet at a corner.
-    may_move = (count == 1) | (d == 3)
+    may_move = (count == 1) | (mesh.topology.dim == 3)
     chosen = chosen[may_move]
     move = nearest(lasting(mesh.comm), x[chosen], marks_of_node[may_move]) - x[chosen]
     size = lasting(mesh.comm).allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)

@@ -17,18 +17,21 @@ from dataclasses import asdict, fields
 from typing import Any, cast
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
-from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.named_shape import NamedShape
-from erc_contact.mesh.partition import distributed
+from erc_contact.mesh.bodies import Geometry
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.naming import NamedShape
+from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.shape import Brick, Drawing
+from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
-from erc_contact.mesh.tags import tag_table, tags_of
+from erc_contact.mesh.tags import tag_table
+from erc_contact.mesh.transfer import GivenCells
 
 
 def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
@@ -41,9 +44,8 @@ def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
     """
     if domain.glued is not None:
         return _glued_tables(domain)
-    d = domain.dim
     owned = domain.owned_cells
-    facets = domain.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)[:owned]
+    facets = facets_of_cells(domain.mesh)[:owned]
     tables = {"facets": tag_table(domain.facet_tags)[facets]}
     marks = domain.marks_of_sides
     if marks is not None:
@@ -62,7 +64,7 @@ def _glued_tables(domain: Domain) -> dict[str, np.ndarray]:
     corners = _glued_corners(domain)[: domain.owned_cells]
     geometry = domain.glued.mesh.geometry
     nodes = cell_nodes(geometry)[cells]
-    numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
+    numbers = global_numbers(geometry.index_map(), nodes)
     tables = {"glued": np.take_along_axis(numbers, corners, axis=1)}
     if domain.glued.places is not None:
         in_order = np.take_along_axis(nodes, corners, axis=1)
@@ -108,7 +110,7 @@ def glued_mesh(places: np.ndarray, glued: np.ndarray) -> tuple[np.ndarray, np.nd
     return x, glued
 
 
-def described(geometry: Geometry | None) -> dict[str, Any] | None:
+def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
     """Return the true shape in plain data; its text comes from rank 0.
 
     Of a shape whose parts are named by rules, these are left out: they may be
@@ -120,11 +122,11 @@ def described(geometry: Geometry | None) -> dict[str, Any] | None:
     if geometry is None:
         return None
     if isinstance(geometry, NamedShape):
-        return described(geometry.shape)
+        return describe_shape(geometry.shape)
     if isinstance(geometry, Assembled):
         members = []
         for member in geometry.members:
-            shape = described(cast("Geometry", member.shape))
+            shape = describe_shape(cast("Geometry", member.shape))
             members.append(_shallow(member) | {"shape": shape})
         return {"kind": "Assembled"} | _shallow(geometry) | {"members": members}
     if not isinstance(geometry, Brick | Drawing):
@@ -145,7 +147,7 @@ def _shallow(value: Any) -> dict[str, Any]:
 
 
 def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
-    """Return the true shape from what :func:`described` gave."""
+    """Return the true shape from what :func:`describe_shape` gave."""
     if plain is None:
         return None
     if plain["kind"] == "Brick":
@@ -162,10 +164,10 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
     return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))
 
 
-class CellRows:
+class CellRows(GivenCells):
     """Give the cells of a mesh their rows of the tables that it was made from.
 
-    All methods are collective.
+    The tables are on rank 0, and None on the other ranks. All methods are collective.
 
     Args:
         comm: Communicator that shares the mesh.
@@ -178,21 +180,16 @@ class CellRows:
         self, comm: MPI.Comm, points: np.ndarray | None, cells: np.ndarray | None, d: int
     ) -> None:
         self.comm = comm
-        self.d = d
         vertices = np.empty((0, d + 1), dtype=np.int64)
         x = np.empty((0, d))
         if points is not None and cells is not None:
             used, numbers = np.unique(cells[:, : d + 1], return_inverse=True)
-            vertices = numbers.reshape(-1, d + 1).astype(np.int64)
+            vertices = numbers.astype(np.int64)
             x = points[used, :d]
-        self.mesh = distributed(comm, vertices, np.ascontiguousarray(x))
-        self._rows = self.mesh.topology.original_cell_index
-        self._rows_of_ranks = comm.gather(self._rows)
-        # Position in the table of each vertex of each cell here, see the module.
-        geometry = self.mesh.geometry
-        numbers_here = geometry.input_global_indices[cell_nodes(geometry)]
-        in_table = self.of_cells(vertices)
-        self.order = np.argmax(in_table[:, None, :] == numbers_here[:, :, None], axis=2)
+        mesh = distribute(comm, vertices, np.ascontiguousarray(x))
+        connect_facets(mesh)
+        self._rows_of_ranks = comm.gather(mesh.topology.original_cell_index)
+        super().__init__(mesh, vertices)
 
     def of_split(self, domain: Domain) -> CellRows:
         """Return the rows of the cells of a domain that was split from this mesh.
@@ -202,29 +199,18 @@ class CellRows:
         assert domain.interface_map is not None
         rows = copy(self)
         rows.mesh = domain.mesh
-        rows._rows = self._rows[domain.interface_map.cells]
-        rows._rows_of_ranks = self.comm.gather(rows._rows)
+        rows.source = self.source[domain.interface_map.cells]
+        rows._rows_of_ranks = self.comm.gather(rows.source)
         order = self.order[domain.interface_map.cells]
         rows.order = np.take_along_axis(order, _glued_corners(domain), axis=1)
         return rows
 
     def of_cells(self, table: np.ndarray | None) -> np.ndarray:
-        """Return the rows for the cells of this rank, of a table on rank 0.
-
-        Ghosts are included.
-        """
+        """Return the rows of the cells on this rank, with ghosts."""
         parts = None
         if self._rows_of_ranks is not None and table is not None:
             parts = [table[rows] for rows in self._rows_of_ranks]
         return self.comm.scatter(parts)
-
-    def of_facets(self, table: np.ndarray | None) -> np.ndarray:
-        """Return the same for a table of facets (n, d+1), in the order of each cell."""
-        return np.take_along_axis(self.of_cells(table), self.order, axis=1)
-
-    def of_corners(self, places: np.ndarray | None) -> np.ndarray:
-        """Return the same for places of corners (n, d+1, d)."""
-        return np.take_along_axis(self.of_cells(places), self.order[..., None], axis=1)
 
     def of_nodes(
         self, table: np.ndarray | None, cells: np.ndarray | None, degree: int
@@ -234,24 +220,9 @@ class CellRows:
         Returns:
             Shape (local cells, N, ...).
         """
-        of_table = None
-        if table is not None and cells is not None:
-            of_table = table[cells]
+        of_table = None if table is None or cells is None else table[cells]
         values = self.of_cells(of_table)
-        ends = self.order[:, node_vertices(self.d, degree)]
-        place = node_between(self.d, degree)[ends[..., 0], ends[..., 1]]
+        d = self.mesh.topology.dim
+        ends = self.order[:, node_vertices(d, degree)]
+        place = node_between(d, degree)[ends[..., 0], ends[..., 1]]
         return np.take_along_axis(values, place[..., None], axis=1)
-
-    def cell_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
-        """Make tags of cells from a table of tags."""
-        values = self.of_cells(table)
-        return tags_of(self.mesh, self.d, np.arange(len(values)), values)
-
-    def facet_tags(self, table: np.ndarray | None) -> dmesh.MeshTags:
-        """Make tags of facets from a table of tags."""
-        topology = self.mesh.topology
-        topology.create_entities(self.d - 1)
-        topology.create_connectivity(self.d, self.d - 1)
-        topology.create_connectivity(self.d - 1, self.d)
-        facets = topology.connectivity(self.d, self.d - 1).array.reshape(-1, self.d + 1)
-        return tags_of(self.mesh, self.d - 1, facets, self.of_facets(table))

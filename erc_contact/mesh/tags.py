@@ -40,7 +40,9 @@ def tags_of(mesh: dmesh.Mesh, dim: int, entities: np.ndarray, values: np.ndarray
     return dmesh.meshtags(mesh, dim, numbers.astype(np.int32), tags)
 
 
-def shared(comm: MPI.Comm, mesh: dmesh.Mesh, tags: dmesh.MeshTags | None) -> dmesh.MeshTags | None:
+def share_tags(
+    comm: MPI.Comm, mesh: dmesh.Mesh, tags: dmesh.MeshTags | None
+) -> dmesh.MeshTags | None:
     """Share tags between all ranks that have the cell or facet; collective.
 
     Any of the ranks may have the tag. DOLFINx locates facets on the rank that owns

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import combinations
-from numbers import Real
 
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.html import table
 from erc_contact.base.logs import log_of
@@ -19,11 +19,12 @@ from erc_contact.base.ranks import from_first
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.closest import closest
+from erc_contact.mesh.parts_table import in_columns
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.simplex import facet_vertices, in_space, measures, outward_normals
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import measures, of_facets, outward_normals
 from erc_contact.mesh.tags import listed
-from erc_contact.mesh.transfer import gathered_mesh
+from erc_contact.mesh.transfer import gather_mesh
 
 OPPOSED = -0.7
 """Greatest cosine of the angle of outward normals of facets that face each other."""
@@ -67,14 +68,7 @@ class Pairs(tuple[Touching, ...]):
 
     def __str__(self) -> str:
         """Return the table as text."""
-        rows = [self.HEADER, *self._rows()]
-        widths = [max(len(row[column]) for row in rows) for column in range(4)]
-        lines = []
-        for first, second, *numbers in rows:
-            words = [first.ljust(widths[0]), second.ljust(widths[1])]
-            words += [n.rjust(width) for n, width in zip(numbers, widths[2:], strict=True)]
-            lines.append("  ".join(words))
-        return "\n".join(lines)
+        return in_columns([self.HEADER, *self._rows()], numbers=(2, 3))
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook."""
@@ -87,7 +81,7 @@ class Pairs(tuple[Touching, ...]):
 
 def touching(domain: Bodies, regions: Sequence[str], within: float) -> Pairs:
     """List which parts of a domain lie against which, see :meth:`Domain.touching`."""
-    chosen = together(domain.comm, _checked, domain, regions, within)
+    chosen = together(domain.comm, _choose_regions, domain, regions, within)
     rows = _pairs(domain)
     if within > 0:
         rows += _near(domain, within)
@@ -119,15 +113,14 @@ def tell_gaps(domain: Bodies, size: float) -> None:
         )
 
 
-def _checked(domain: Bodies, regions: Sequence[str], within: float) -> list[set[str]]:
+def _choose_regions(domain: Bodies, regions: Sequence[str], within: float) -> list[set[str]]:
     """Return the regions that each pattern means.
 
     Raises:
         InputError: If it is none, there are more than two, or the distance is no
             number >= 0.
     """
-    is_number = isinstance(within, Real) and not isinstance(within, bool)
-    if not is_number or not 0 <= within < np.inf:
+    if not is_number(within) or within < 0:
         raise InputError(f"touching: within is {within!r}; give a distance >= 0 [length].")
     if len(regions) > 2:
         raise InputError(f"touching: got {len(regions)} regions; give none, one or two.")
@@ -155,40 +148,32 @@ def _is_chosen(regions: tuple[str, str], chosen: list[set[str]]) -> bool:
 
 def _pairs(domain: Bodies) -> list[Touching]:
     """Return the pairs of a split domain that are not tied; collective."""
-    if domain.interface_map is None:
-        return []
     name_of = {tag: name for name, tag in domain.regions.items()}
     rows = []
-    areas = []
-    distances = []
-    for interface in domain.interface_map.interfaces:
+    for interface in domain.interfaces:
         if interface.tied:
             continue
         sides = []
         for side in interface.regions:
-            tags = side if isinstance(side, tuple) else (side,)
+            tags = np.atleast_1d(side).tolist()
             sides.append(" and ".join(name_of[tag] for tag in tags))
         here, _ = domain.facing(*interface.names)
-        areas.append(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
-        rows.append((*interface.names, (sides[0], sides[1])))
-        distances.append(domain.interface_map.distance(*interface.names))
-    total = domain.comm.allreduce(np.array(areas), MPI.SUM)
-    return [
-        Touching(*row, float(area), distance)
-        for row, area, distance in zip(rows, total, distances, strict=True)
-    ]
+        area = float(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
+        area = domain.comm.allreduce(area, MPI.SUM)
+        distance = domain.distance(*interface.names)
+        rows.append(Touching(*interface.names, (sides[0], sides[1]), area, distance))
+    return rows
 
 
 def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
     """Return the areas of sides (cell, local facet) [length^(d-1)], shape (n,)."""
-    nodes = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
-    nodes = np.take_along_axis(nodes, facet_vertices(domain.dim)[sides[:, 1]], axis=1)
-    return measures(domain.mesh.geometry.x[nodes])
+    cells = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
+    return measures(domain.mesh.geometry.x[of_facets(cells, sides[:, 1])])
 
 
 def _near(domain: Bodies, within: float) -> list[Touching]:
     """Return parts of two regions that are near each other and no pair; collective."""
-    plain = gathered_mesh(domain)
+    plain = gather_mesh(domain)
     rows: list[Touching] | None = None
     if domain.comm.rank == 0:
         paired = {domain.names[name] for pair in domain.pairs for name in pair}
@@ -253,10 +238,7 @@ def _surfaces(
     plain: PlainMesh, regions: dict[int, str], tags: dict[int, str]
 ) -> Iterator[_RegionSurface]:
     """Iterate over the named surfaces of regions."""
-    sides = np.argwhere(np.isin(plain.tags, list(tags)))
-    every = np.argwhere(np.ones_like(plain.tags, dtype=bool))
-    numbers, of_sides = row_numbers(plain.points_of(every), plain.points_of(sides))
-    sides = sides[np.bincount(numbers)[of_sides] == 1]
+    sides = np.argwhere(np.isin(plain.tags, list(tags)) & plain.is_outer)
     corners = in_space(plain.x)[plain.points_of(sides)]
     normals = outward_normals(plain.x[plain.cells[sides[:, 0]]], sides[:, 1])
     for region in regions:

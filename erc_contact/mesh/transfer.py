@@ -1,24 +1,31 @@
-"""Gather a mesh as plain arrays on rank 0, and distribute them over the ranks."""
+"""Gather a mesh as plain arrays on rank 0, and distribute them over the ranks.
+
+A mesh that DOLFINx makes has its cells and their corners in an order of its own, so
+tables of the given cells are fetched for it (:class:`GivenCells`).
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import numpy as np
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
+from erc_contact.base.ranks import fetch, global_numbers
 from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.closing import closed
-from erc_contact.mesh.given import GivenCells
+from erc_contact.base.runtime.communicators import lasting
+from erc_contact.mesh.closing import close_bodies
 from erc_contact.mesh.named import NamedMesh
-from erc_contact.mesh.partition import distributed
+from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.sides import facets_of_cells
-from erc_contact.mesh.tags import NO_TAG, tag_table
+from erc_contact.mesh.sides import connect_facets, facets_of_cells
+from erc_contact.mesh.tags import tag_table, tags_of
 
 
-def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
+def gather_mesh(mesh: NamedMesh) -> PlainMesh:
     """Return a mesh on rank 0, and a mesh without cells on other ranks; collective.
 
     The order of points and cells does not depend on the number of ranks. Bodies that
@@ -29,10 +36,8 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     d = mesh.dim
     count = mesh.owned_cells
     nodes = cell_nodes(geometry)[:count]
-    numbers = geometry.index_map().local_to_global(nodes.ravel()).reshape(nodes.shape)
-    regions = np.full(count, NO_TAG, dtype=np.int32)
-    if mesh.cell_tags is not None:
-        regions = tag_table(mesh.cell_tags)[:count]
+    numbers = global_numbers(geometry.index_map(), nodes)
+    regions = mesh.region_tags[:count]
     tags = tag_table(mesh.facet_tags)[facets_of_cells(mesh.mesh)[:count]]
     x = geometry.x[: geometry.index_map().size_local, :d]
     parts = comm.gather((x, numbers, regions, tags))
@@ -45,8 +50,8 @@ def gathered_mesh(mesh: NamedMesh) -> PlainMesh:
     if all_marks is not None:
         plain = replace(plain, marks=np.concatenate(all_marks))
     if places is None:
-        return _ordered(plain)[0]
-    plain, cells, corners = _ordered(plain)
+        return _sort(plain)[0]
+    plain, cells, corners = _sort(plain)
     in_order = np.take_along_axis(np.concatenate(places)[cells], corners[..., None], axis=1)
     return _at_places(plain, in_order)
 
@@ -65,7 +70,7 @@ def _at_places(plain: PlainMesh, places: np.ndarray) -> PlainMesh:
     return replace(plain, x=points[:, 1:], cells=cells.reshape(plain.cells.shape), glued=glued)
 
 
-def _ordered(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
+def _sort(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
     """Sort points and cells by their places.
 
     Returns:
@@ -93,42 +98,32 @@ def _ordered(plain: PlainMesh) -> tuple[PlainMesh, np.ndarray, np.ndarray]:
     return result, rows, corners[rows]
 
 
-def given_cells(comm: MPI.Comm, plain: PlainMesh) -> GivenCells:
+def spread(comm: MPI.Comm, plain: PlainMesh, root: int = 0) -> dict[str, Any]:
     """Distribute the mesh of one rank over all ranks; collective.
 
     Args:
         comm: Communicator.
-        plain: The mesh on one rank, one without cells on the other ranks.
-
-    Returns:
-        What relates the cells of the mesh of all ranks to cells of ``plain``.
-    """
-    cells = plain.cells.astype(np.int64)
-    mesh = distributed(comm, cells, np.ascontiguousarray(plain.x))
-    d = plain.dim
-    mesh.topology.create_connectivity(d - 1, d)
-    mesh.topology.create_connectivity(d, d - 1)
-    return GivenCells(mesh, cells)
-
-
-def spread(comm: MPI.Comm, plain: PlainMesh) -> dict[str, Any]:
-    """Distribute the mesh of rank 0 over all ranks; collective.
+        plain: The mesh on one rank, a mesh without cells on the other ranks.
+        root: The rank that has it.
 
     Returns:
         The arguments of a domain: "mesh", "facet_tags", "cell_tags", "curved_facets",
         "places" and "marks".
     """
     places = None
-    has_marks = comm.bcast(plain.marks is not None)
-    if comm.bcast(plain.glued is not None):
+    has_marks, is_glued = comm.bcast((plain.marks is not None, plain.glued is not None), root)
+    if is_glued:
         places = plain.x[plain.cells]
         if plain.glued is not None:
             _, numbers = np.unique(plain.glued, return_inverse=True)
-            x = closed(plain.x, plain.cells, numbers)
+            x = close_bodies(plain.x, plain.cells, numbers)
             plain = replace(plain, x=x, cells=numbers[plain.cells])
-    given = given_cells(comm, plain)
+    cells = plain.cells.astype(np.int64)
+    mesh = distribute(comm, cells, np.ascontiguousarray(plain.x))
+    connect_facets(mesh)
+    given = GivenCells(mesh, cells)
     tables = {
-        "mesh": given.mesh,
+        "mesh": mesh,
         "facet_tags": given.facet_tags(plain.tags),
         "cell_tags": given.cell_tags(plain.regions),
         "curved_facets": None,
@@ -142,3 +137,51 @@ def spread(comm: MPI.Comm, plain: PlainMesh) -> dict[str, Any]:
     elif has_marks:
         tables["curved_facets"] = given.facet_tags(plain.marks_of_sides)
     return tables
+
+
+class GivenCells:
+    """Fetch rows of tables of the given cells for a mesh; all methods are collective.
+
+    The cells of all ranks have the order in which they were given. Each given table has
+    the rows of the cells that its rank gave.
+
+    Args:
+        mesh: The mesh, whose facets are connected to its cells.
+        numbers: Numbers of the corners of the cells that this rank gave, shape (cells,
+            d+1).
+    """
+
+    def __init__(self, mesh: dmesh.Mesh, numbers: np.ndarray) -> None:
+        self.mesh = mesh
+        self.source = mesh.topology.original_cell_index
+        """Number of the given cell of each cell on this rank, with ghosts."""
+        # Places in the table of corners, to which DOLFINx may give another order.
+        geometry = mesh.geometry
+        numbers_here = geometry.input_global_indices[cell_nodes(geometry)]
+        in_table = self.of_cells(numbers)
+        self.order = np.argmax(in_table[:, None, :] == numbers_here[:, :, None], axis=2)
+
+    def of_cells(self, table: Any) -> np.ndarray:
+        """Return the rows (cells, ...) of the cells on this rank, with ghosts."""
+        width = prod(table.shape[1:])
+        rows = fetch(lasting(self.mesh.comm), table.reshape(len(table), width), self.source)
+        return rows.reshape(len(rows), *table.shape[1:])
+
+    def of_sides(self, table: Any) -> np.ndarray:
+        """Return the same for a table of sides or corners, shape (cells, d+1)."""
+        return np.take_along_axis(self.of_cells(table), self.order, axis=1)
+
+    def of_corners(self, places: Any) -> np.ndarray:
+        """Return the same for vectors at corners, shape (cells, d+1, d)."""
+        return np.take_along_axis(self.of_cells(places), self.order[..., None], axis=1)
+
+    def cell_tags(self, tags: Any) -> dmesh.MeshTags:
+        """Return tags of cells, given by the tag of each cell, shape (cells,)."""
+        values = self.of_cells(tags)
+        return tags_of(self.mesh, self.mesh.topology.dim, np.arange(len(values)), values)
+
+    def facet_tags(self, tags: Any) -> dmesh.MeshTags:
+        """Return tags of facets, given by the tags of the sides, shape (cells, d+1)."""
+        dim = self.mesh.topology.dim - 1
+        facets = facets_of_cells(self.mesh)
+        return tags_of(self.mesh, dim, facets.ravel(), self.of_sides(tags).ravel())

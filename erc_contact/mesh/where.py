@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -160,10 +158,10 @@ def as_rules(name: str, rule: Any) -> list[where]:
 
 def _check_range(name: str, value: Any) -> None:
     """Raise an InputError if a value is no coordinate, and no pair of two."""
-    if value is None or _is_number(value):
+    if value is None or checks.is_number(value):
         return
     pair = list(value) if isinstance(value, Sequence | np.ndarray) else []
-    good = len(pair) == 2 and all(end is None or _is_number(end) for end in pair)
+    good = len(pair) == 2 and all(end is None or checks.is_number(end) for end in pair)
     if not good or isinstance(value, str) or not np.diff(_ends(value)) >= 0:
         raise InputError(
             f"where: {name} is {checks.description(value)}; give a coordinate, or a pair (low, "
@@ -185,16 +183,11 @@ def _check_normal(normal: Any) -> None:
         )
 
 
-def _is_number(value: Any) -> bool:
-    """Tell whether a value is a finite number."""
-    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
-
-
 def _ends(value: Any) -> tuple[float, float]:
     """Return the least and the greatest coordinate that a range means."""
     if value is None:
         return -np.inf, np.inf
-    if _is_number(value):
+    if checks.is_number(value):
         return float(value), float(value)
     low, high = value
     return -np.inf if low is None else float(low), np.inf if high is None else float(high)

@@ -7,7 +7,7 @@ from dolfinx import mesh as dmesh
 
 from erc_contact.base.ranks import boxes, union
 from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.hinges import told, touching
+from erc_contact.mesh.copies import told, touching
 from erc_contact.mesh.sides import boundary_sides
 from erc_contact.model.space import Space
 

@@ -22,7 +22,8 @@ from mpi4py import MPI
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import coefficients, in_space, lagrange, rule
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import coefficients, lagrange, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import nodal_shares

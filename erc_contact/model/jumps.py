@@ -18,8 +18,7 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.cuts import Cuts
-from erc_contact.mesh.quadrature import facet_pieces, piece_samples, polynomials
+from erc_contact.mesh.quadrature import Cuts, facet_pieces, piece_points, polynomials
 from erc_contact.mesh.simplex import barycentric, node_vertices, nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
@@ -123,7 +122,7 @@ def _samples(size: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
         Barycentric coordinates, shape (q, v), and the matrix (q, q) from values at the
         points to their differences from the nearest polynomial of degree 4.
     """
-    samples, _ = piece_samples(size)
+    samples, _, _ = piece_points(size)
     inside = np.matmul(samples, facet_pieces(size)).reshape(-1, size + 1)
     places = np.concatenate([barycentric(nodes(size, degree)), inside])
     quadratic = polynomials(2, places[None])[0]

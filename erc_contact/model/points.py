@@ -15,7 +15,8 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime import compiled
-from erc_contact.mesh.simplex import barycentric, in_space
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import barycentric
 from erc_contact.model.meridian import BESIDE_AXIS, ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences

@@ -42,8 +42,7 @@ from erc_contact.mesh.tags import listed
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.space import Space
-from erc_contact.scene.preload import Preload
-from erc_contact.scene.tied import Tied
+from erc_contact.scene.tied import Preload, Tied
 
 NO_DIRECTION = 0.1
 """Length of the mean of unit normals below which a cut has no axis [-]."""

@@ -24,7 +24,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ranks import union
 from erc_contact.model.rigid_shapes import motions_about_axes
 from erc_contact.model.space import Space
-from erc_contact.scene.rigid import Rigid
+from erc_contact.scene.support import Rigid
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import bernstein, coefficients, projection, rule
 from erc_contact.model.space import Space, circumferences
 from erc_contact.model.trace import Side, split
-from erc_contact.scene.spring import Spring
+from erc_contact.scene.support import Spring
 
 
 @dataclass(frozen=True, eq=False)

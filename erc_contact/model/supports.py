@@ -23,8 +23,7 @@ from erc_contact.model.over_ranks import marks_of_owners
 from erc_contact.model.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
 from erc_contact.model.values import number
-from erc_contact.scene.rigid import Rigid
-from erc_contact.scene.support import Displacement
+from erc_contact.scene.support import Displacement, Rigid
 
 EQUAL_VALUES = 1e-9
 """Relative difference of two supports at a common node that counts as none [-]."""

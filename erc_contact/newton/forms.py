@@ -13,7 +13,7 @@ from dolfinx import fem
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.parts import renumbered
+from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.simplex import rule
 from erc_contact.model.foundation import ContactOnMesh
@@ -243,7 +243,7 @@ class ContactForms:
                 of_stress = replace(contact, tests_jump=False)
                 form_of_stress, _ = self._equations(of_stress, multiplier, v)
                 parts = [(field, form - form_of_stress), (self.u, form_of_stress)]
-            equations.append([(field, renumbered(form)) for field, form in parts])
+            equations.append([(field, renumber(form)) for field, form in parts])
             projections.append(projected)
         return equations, projections
 

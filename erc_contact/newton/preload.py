@@ -20,8 +20,8 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 
 SAME_FORCE = 1e-8
 """Difference of the force of a bolt from the given one, over the greatest [-]."""

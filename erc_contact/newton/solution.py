@@ -15,7 +15,7 @@ from erc_contact.base.html import table
 from erc_contact.base.ranks import greatest
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.tags import listed
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
@@ -39,8 +39,8 @@ from erc_contact.model.trace import split
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.rest import REST_ROUND_OFF, displacement_at_rest, displacement_back_at_rest
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ import numpy as np
 
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.graphs import components
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.rows import in_space
 from erc_contact.output.gathered import WholeContact, mean_normal
 
 FADING = 3.0

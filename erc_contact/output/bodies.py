@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.mesh.simplex import bernstein, edges, lagrange, node_between, node_vertices
-from erc_contact.output.files import degree_of, grid_of, subdivided
+from erc_contact.output.files import degree_of, grid_of, subdivide
 
 DIVISIONS = 6
 """Greatest number of straight parts of a curved edge."""
@@ -58,7 +58,7 @@ class Skin:
         The nodes are at x [length], shape (n, 3). The option ``scalars`` has one colour
         for each of their parts, in the order of :meth:`of_parts`.
         """
-        points, parts = sampled(x[self.triangles], 2, self.divisions)
+        points, parts = sample(x[self.triangles], 2, self.divisions)
         return straight(points, parts), look
 
     def of_parts(self, values: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ class Skin:
             values: One value for each element, shape (m,), or three at the corners of
                 each triangle, shape (f, 3).
         """
-        points, parts = subdivided(2, self.divisions)
+        points, parts = subdivide(2, self.divisions)
         if values.ndim == 1:
             return np.repeat(values[self.cell], len(parts))
         centres = points[parts].mean(axis=1)
@@ -79,7 +79,7 @@ class Skin:
 
         The nodes are at x [length], shape (n, 3).
         """
-        points, parts = sampled(x[self.lines], 1, self.divisions)
+        points, parts = sample(x[self.lines], 1, self.divisions)
         return straight(points, parts), look
 
 
@@ -131,12 +131,10 @@ def outline(body: Mapping[str, np.ndarray], d: int) -> list[tuple[Any, dict[str,
     """Draw the outline of a body before the deformation; a ball has none."""
     grid = grid_of(body["points"], body["cells"][:, : d + 1], d)
     lines = grid.extract_feature_edges(feature_angle=30.0, manifold_edges=False)
-    if lines.n_points == 0:
-        return []
-    return [(lines, {"color": "black", "line_width": 3.0})]
+    return [(lines, {"color": "black", "line_width": 3.0})] if lines.n_points else []
 
 
-def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
+def sample(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
     """Interpolate values at nodes of lines or triangles on smaller straight pieces.
 
     Args:
@@ -149,7 +147,7 @@ def sampled(x: np.ndarray, d: int, divisions: int) -> tuple[np.ndarray, np.ndarr
         Values at the points, shape (p, c), and the numbers of the points of each
         straight one, shape (s, d+1).
     """
-    points, parts = subdivided(d, divisions)
+    points, parts = subdivide(d, divisions)
     values = np.matmul(lagrange(d, degree_of(x, d), points), x)
     # Each line or triangle has points of its own, which are numbered one after another.
     offset = np.arange(len(x))[:, None, None] * len(points)

@@ -21,7 +21,7 @@ from erc_contact.output.drawing import (
     panels_of,
     tangents,
 )
-from erc_contact.output.files import subdivided
+from erc_contact.output.files import subdivide
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
 from erc_contact.results.profile import contact_status
@@ -54,7 +54,7 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     else:
         panels = panels_of(ax, 3, "plot_contact in 3D")
         bars = [None, None, None]
-    points, parts = subdivided(2, MAP_DIVISIONS)
+    points, parts = subdivide(2, MAP_DIVISIONS)
     pressure, tangential = traction.at_points(points)
     shear = np.linalg.norm(tangential, axis=-1)
     # Facets are cut into triangles, with points of their own: r^ jumps between facets.

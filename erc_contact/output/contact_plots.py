@@ -22,14 +22,12 @@ from erc_contact.output.drawing import (
     STATUS_NAMES,
     draw_figure,
     log_ticks,
-    new_figure,
-    panels_of,
     weighted_level,
     words,
 )
-from erc_contact.output.files import PARTS, subdivided
+from erc_contact.output.files import PARTS, subdivide
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
-from erc_contact.output.placing import place
+from erc_contact.output.placing import panels
 from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
@@ -112,37 +110,34 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     status = contact_status(traction)
     abscissa, label = along(surface)
     line = _Line(surface, abscissa)
-    if ax is None:
-        axes = new_figure(*CURVES_SIZE).subplots()
-    else:
-        axes = panels_of(ax, 1, "plot_contact in 2D")[0]
-    _draw_strips(axes, abscissa, status)
-    limited = bool(np.isfinite(traction.friction_bound).all())
-    # A tied joint has no bound.
-    if limited:
-        bound = line.path(line.curve(traction.friction_bound))
-        look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
-        axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
-    tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
-    direction = words(tangent[0, 0]) if np.allclose(tangent, tangent[0, 0]) else "$(-n_2, n_1)$"
-    pressure = -traction.normal_component
-    shear = (traction.tangential_part * tangent).sum(axis=-1)
-    _draw_traction(axes, line, pressure, PRESSURE, "pressure")
-    _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
-    axes.axhline(0.0, color="0.4", lw=0.6)
-    closed = abscissa[status != OPEN] if np.any(status != OPEN) else abscissa
-    # The closed part is shown with as much beside it, where the contact goes on.
-    around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
-    of_pair = ""
-    if surface.partners is not None:
-        of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
-    axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
-    axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
-    greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(axis=1)
-    _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
-    _write_legend(axes, status, surface.degree)
-    if ax is None:
-        place([axes], np.array([CURVES_SIZE]))
+    with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
+        _draw_strips(axes, abscissa, status)
+        limited = bool(np.isfinite(traction.friction_bound).all())
+        # A tied joint has no bound.
+        if limited:
+            bound = line.path(line.curve(traction.friction_bound))
+            look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
+            axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
+        tangent = np.stack([-n[..., 1], n[..., 0]], axis=-1)
+        direction = words(tangent[0, 0]) if np.allclose(tangent, tangent[0, 0]) else "$(-n_2, n_1)$"
+        pressure = -traction.normal_component
+        shear = (traction.tangential_part * tangent).sum(axis=-1)
+        _draw_traction(axes, line, pressure, PRESSURE, "pressure")
+        _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
+        axes.axhline(0.0, color="0.4", lw=0.6)
+        closed = abscissa[status != OPEN] if np.any(status != OPEN) else abscissa
+        # The closed part is shown with as much beside it, where the contact goes on.
+        around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
+        of_pair = ""
+        if surface.partners is not None:
+            of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
+        axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
+        axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
+        greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(
+            axis=1
+        )
+        _keep_peaks(axes, weighted_level(greatest, traction.area, 0.9), float(greatest.max()))
+        _write_legend(axes, status, surface.degree)
     return axes
 
 
@@ -163,7 +158,7 @@ class _Line:
         self.degree = surface.degree
         self.order = np.argsort(ends.min(axis=1))
         self.turned = (ends[:, 0] > ends[:, 1])[:, None]
-        self.points = subdivided(1, PARTS)[0]
+        self.points = subdivide(1, PARTS)[0]
         places = np.sort(ends[:, :1] + self.points.T * np.diff(ends), axis=1)[self.order]
         self.lengths = np.ptp(places, axis=1)
         # Facets that do not touch the one before begin a new part of the contact.
@@ -171,7 +166,7 @@ class _Line:
         self.parts = np.flatnonzero(jumps > AXIS * np.ptp(places)) + 1
         self.abscissa = self.path(places)
 
-    def computed(self, coefficients: np.ndarray) -> np.ndarray:
+    def sample(self, coefficients: np.ndarray) -> np.ndarray:
         """Return r^ at points of the facets, in order along the contact, (n, q)."""
         values = coefficients @ bernstein(1, self.degree, self.points).T
         return np.where(self.turned, values[:, ::-1], values)[self.order]
@@ -179,7 +174,7 @@ class _Line:
     def curve(self, coefficients: np.ndarray) -> np.ndarray:
         """Return the values that are drawn, shape (n, q)."""
         if self.degree > 1:
-            return self.computed(coefficients)
+            return self.sample(coefficients)
         means = coefficients.mean(axis=1)[self.order]
         return through_means(means, self.lengths, self.parts, self.points[:, 0])
 
@@ -203,7 +198,7 @@ def _draw_traction(axes: Any, line: _Line, values: np.ndarray, colour: str, name
     """Draw the curve of a component of r^, and for degree 1 r^ itself by thin lines."""
     axes.plot(line.abscissa, line.path(line.curve(values)), color=colour, lw=1.6, label=name)
     if line.degree == 1:
-        computed = line.path(line.computed(values))
+        computed = line.path(line.sample(values))
         axes.plot(line.abscissa, computed, color=colour, lw=0.5, alpha=0.7)
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import percent
 from erc_contact.error.runs import AdaptiveRun
-from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks, new_figure, panels_of
-from erc_contact.output.placing import place
+from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks
+from erc_contact.output.placing import panels
 
 SPAN = 4.0
 """Factor by which unknowns must grow over the meshes of which a slope is told [-]."""
@@ -59,37 +59,28 @@ def plot_history(
     domain = next(iter(histories.values())).error.domain
 
     def draw(ax: Any) -> np.ndarray:
-        axes = _two_axes(ax)
-        left, right = axes
-        _draw_errors(left, right, histories)
-        left.set(xlabel="run time [s]", ylabel="relative error [%]")
-        right.set_xlabel("degrees of freedom")
-        _draw_accuracies(left, right, histories)
-        _draw_best_slope(right, histories, domain.dim)
-        if len(histories) > FEW_CURVES:
-            where = {"loc": "outside lower center", "ncols": 2, "frameon": False}
-            if ax is None:
-                where["loc"] = "lower center"
-            left.figure.legend(*right.get_legend_handles_labels(), **where)
-        else:
-            right.legend(loc="best", frameon=False)
-        for panel in axes:
-            panel.grid(which="major", color="0.9", lw=0.6)
-            _log_scale(panel.xaxis, *panel.dataLim.intervalx)
-            # Both axes have the errors of the right one, without the words of the left.
-            _log_scale(panel.yaxis, *right.dataLim.intervaly)
-        if ax is None:
-            place(axes, np.tile(PANEL_SIZE, (2, 1)))
-        return axes
+        with panels("plot_history", ax, [PANEL_SIZE, PANEL_SIZE], sharey=True) as row:
+            left, right = row
+            _draw_errors(left, right, histories)
+            left.set(xlabel="run time [s]", ylabel="relative error [%]")
+            right.set_xlabel("degrees of freedom")
+            _draw_accuracies(left, right, histories)
+            _draw_best_slope(right, histories, domain.dim)
+            if len(histories) > FEW_CURVES:
+                place = "lower center" if ax is None else "outside lower center"
+                where = {"loc": place, "ncols": 2, "frameon": False}
+                left.figure.legend(*right.get_legend_handles_labels(), **where)
+            else:
+                right.legend(loc="best", frameon=False)
+            for panel in row:
+                panel.grid(which="major", color="0.9", lw=0.6)
+                _log_scale(panel.xaxis, *panel.dataLim.intervalx)
+                # Both axes have the errors of the right one, without the words of the
+                # left.
+                _log_scale(panel.yaxis, *right.dataLim.intervaly)
+        return row
 
     return draw_figure(domain.comm, path, ax, draw)
-
-
-def _two_axes(ax: Any) -> np.ndarray:
-    """Return the user's two axes, or two axes of a new figure."""
-    if ax is None:
-        ax = new_figure(2 * PANEL_SIZE[0], PANEL_SIZE[1]).subplots(1, 2, sharey=True)
-    return panels_of(ax, 2, "plot_history")
 
 
 def _draw_errors(left: Any, right: Any, histories: Mapping[str, AdaptiveRun]) -> None:

@@ -24,7 +24,7 @@ from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
 from erc_contact.output.bodies import Skin, outline, skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned, weighted_level
-from erc_contact.output.files import gathered
+from erc_contact.output.files import gather
 from erc_contact.output.foundations import (
     CLOSED_COLOUR,
     DISPLACEMENT_SHARE,
@@ -37,16 +37,14 @@ from erc_contact.output.foundations import (
     foundation_of,
     greatest_factor,
     ground,
-    rounded,
+    round_factor,
 )
 from erc_contact.output.gathered import (
     WholeContact,
-    body_nodes,
     colours_in_words,
     is_symmetry,
     letters_of,
-    nodal_fields,
-    whole_contacts,
+    whole_body,
 )
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import ShownPart, upward, views_of
@@ -122,9 +120,8 @@ def draw_deformed(
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
     d = model.d
-    body = gathered(model.comm, **body_nodes(model), **nodal_fields(admissible))
-    cells = gathered_mises(admissible, stress)
-    gathered_contacts = whole_contacts(admissible)
+    body, gathered_contacts = whole_body(admissible)
+    cells = gather_mises(admissible, stress)
     up = upward(admissible)
     letters = letters_of(model)
     only_round_off = error.scale == 0 or error.solution.at_rest
@@ -137,11 +134,11 @@ def draw_deformed(
         contacts = gathered_contacts
         times = factor
         if times is None:
-            times = rounded(greatest_magnification(body, contacts, size))
+            times = round_factor(greatest_magnification(body, contacts, size))
         if pairs_of(contacts):
             shift = shift_of(body, contacts, times, pull or 0.0)
             body["points"] = body["points"] + shift
-            contacts = [_shifted(contact, shift) for contact in contacts]
+            contacts = [_shift(contact, shift) for contact in contacts]
         foundations = _foundations(contacts)
         skin = skin_of(body["points"], body["cells"], d)
         x = skin.points + times * body["u"]
@@ -163,7 +160,7 @@ def draw_deformed(
     return draw_figure(model.comm, path, ax, draw)
 
 
-def gathered_mises(admissible: Admissible, stress: str = "admissible") -> dict[str, np.ndarray]:
+def gather_mises(admissible: Admissible, stress: str = "admissible") -> dict[str, np.ndarray]:
     """Gather the von Mises stress of all cells on rank 0; collective.
 
     Returns:
@@ -172,7 +169,7 @@ def gathered_mises(admissible: Admissible, stress: str = "admissible") -> dict[s
     """
     model = admissible.model
     owned = model.domain.owned_cells
-    return gathered(
+    return gather(
         model.comm,
         stress=linear_mises(admissible, stress),
         volume=admissible.cell_geometry.volume[:owned],
@@ -199,8 +196,7 @@ def magnification(error: ConstitutiveError) -> float:
     """
     model = error.model
     size = model.domain.extent
-    body = gathered(model.comm, **body_nodes(model), **nodal_fields(error.admissible))
-    contacts = whole_contacts(error.admissible)
+    body, contacts = whole_body(error.admissible)
     factor = np.inf
     if model.comm.rank == 0:
         factor = greatest_magnification(body, contacts, size)
@@ -238,7 +234,7 @@ def _rigid(foundations: Sequence[Foundation]) -> list[Foundation]:
     return [each for each in foundations if each.surface.traction.contact.stiffness is None]
 
 
-def _shifted(contact: WholeContact, shift: np.ndarray) -> WholeContact:
+def _shift(contact: WholeContact, shift: np.ndarray) -> WholeContact:
     """Move a contact, and so its foundation, with the nodes of its body.
 
     The shifts of all nodes have the shape (n, 3) [length].

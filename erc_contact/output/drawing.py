@@ -14,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import place_words
 from erc_contact.model.model import Model
 from erc_contact.output.files import STYLE, on_root
 
@@ -166,9 +167,7 @@ def tangents(n: np.ndarray) -> np.ndarray:
 def words(vector: np.ndarray, scale: float = 1.0) -> str:
     """Write the components of a direction or a place, with three digits of a scale."""
     digits = 3 - int(np.floor(np.log10(scale)))
-    # Adding zero turns -0 into 0.
-    numbers = [f"{component:.4g}" for component in np.round(vector, digits) + 0.0]
-    return f"({', '.join(numbers)})"
+    return place_words(np.round(vector, digits))
 
 
 def coordinate(tangent: np.ndarray, letters: str) -> str:

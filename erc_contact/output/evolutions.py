@@ -20,13 +20,11 @@ from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,
     draw_figure,
-    new_figure,
-    panels_of,
     tangents,
 )
 from erc_contact.output.files import on_root
-from erc_contact.output.foundations import rounded
-from erc_contact.output.placing import place
+from erc_contact.output.foundations import round_factor
+from erc_contact.output.placing import panels
 
 ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""
@@ -42,6 +40,13 @@ HELD_ALONG = 0.5
 """Part of a unit vector that a support holds where it moves along it [-]."""
 ZONES_SIZE = (5.7, 3.2)
 """Width and height of the axes of zones [inches]."""
+STORES = {
+    "work": "work of loads and supports",
+    "stored": "stored",
+    "dissipated": "dissipated",
+    "plastic_work": "plastic work",
+}
+"""Columns of energies, and their names in the picture."""
 LINE: dict[str, Any] = {"ms": 3, "lw": 1.2}
 """Size of the marks and width of the lines of curves."""
 
@@ -65,31 +70,26 @@ def plot_energies(
 
     def draw(ax: Any) -> np.ndarray:
         time = history.column("time")
-        axes = new_figure(2 * PANEL_SIZE[0], PANEL_SIZE[1]).subplots(1, 2) if ax is None else ax
-        panels = panels_of(axes, 2, "plot_energies")
-        left, right = panels
-        for panel in panels:
-            panel.set_prop_cycle(color=COLOUR_CYCLE)
-        work = "work of loads and supports"
-        left.plot(time, history.column("work"), "o-", label=work, **LINE)
-        left.plot(time, history.column("stored"), "o-", label="stored", **LINE)
-        left.plot(time, history.column("dissipated"), "o-", label="dissipated", **LINE)
-        plastic = history.column("plastic_work")
-        if plastic.any():
-            left.plot(time, plastic, "o-", label="plastic work", **LINE)
-        imbalance = history.column("imbalance")
-        right.plot(time, imbalance, "o-", label="of the error on the meshes", **LINE)
-        in_time = history.column("in_time")
-        right.plot(time, in_time, "s-", label="of the steps in time", **LINE)
-        left.set(xlabel="t", ylabel="energy [force length]")
-        right.set(xlabel="t", ylabel="what the balance leaves [force length]")
-        for panel in panels:
-            # above the axes, where it hides no curve
-            panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.04), frameon=False)
-            panel.grid(color="0.9", lw=0.6)
-        if ax is None:
-            place(panels, np.tile(PANEL_SIZE, (2, 1)))
-        return panels
+        with panels("plot_energies", ax, [PANEL_SIZE, PANEL_SIZE]) as row:
+            left, right = row
+            for panel in row:
+                panel.set_prop_cycle(color=COLOUR_CYCLE)
+            for name, label in STORES.items():
+                energy = history.column(name)
+                # Plastic work is a curve where there is some.
+                if name != "plastic_work" or energy.any():
+                    left.plot(time, energy, "o-", label=label, **LINE)
+            imbalance = history.column("imbalance")
+            right.plot(time, imbalance, "o-", label="of the error on the meshes", **LINE)
+            in_time = history.column("in_time")
+            right.plot(time, in_time, "s-", label="of the steps in time", **LINE)
+            left.set(xlabel="t", ylabel="energy [force length]")
+            right.set(xlabel="t", ylabel="what the balance leaves [force length]")
+            for panel in row:
+                # above the axes, where it hides no curve
+                panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.04), frameon=False)
+                panel.grid(color="0.9", lw=0.6)
+        return row
 
     return draw_figure(comm, path, ax, draw)
 
@@ -138,18 +138,16 @@ def plot_loop(
     moved = _way(history, where, direction)
 
     def draw(ax: Any) -> Any:
-        axes = new_figure(*LOOP_SIZE).subplots() if ax is None else ax
-        # The force on what the body touches is the opposite of that on the body.
-        axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
-        axes.set(
-            xlabel=f"mean displacement of {where} [length]",
-            ylabel=f"shear on {facing_name} [force]",
-        )
-        if ax is None:
-            axes.locator_params(axis="x", nbins=5)
-        axes.grid(color="0.9", lw=0.6)
-        if ax is None:
-            place([axes], np.array([LOOP_SIZE]))
+        with panels("plot_loop", ax, [LOOP_SIZE]) as (axes,):
+            # The force on what the body touches is the opposite of that on the body.
+            axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
+            axes.set(
+                xlabel=f"mean displacement of {where} [length]",
+                ylabel=f"shear on {facing_name} [force]",
+            )
+            if ax is None:
+                axes.locator_params(axis="x", nbins=5)
+            axes.grid(color="0.9", lw=0.6)
         return axes
 
     return draw_figure(model.comm, path, ax, draw)
@@ -195,17 +193,15 @@ def plot_zones(
         if len(time) == 1:
             times = time[0] + np.array([-0.5, 0.5])
         places = np.linspace(0, length, ZONE_POINTS + 1)
-        axes = new_figure(*ZONES_SIZE).subplots() if ax is None else ax
         colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 2.5}
-        axes.pcolormesh(times, places, status.T, **colours)
-        axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
         patches = []
         for name, colour in zip(STATUS_NAMES, STATUS_COLOURS, strict=True):
             patches.append(Patch(fc=colour, ec="0.6", label=name))
         where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-        axes.legend(handles=patches, ncols=3, frameon=False, **where)
-        if ax is None:
-            place([axes], np.array([ZONES_SIZE]))
+        with panels("plot_zones", ax, [ZONES_SIZE]) as (axes,):
+            axes.pcolormesh(times, places, status.T, **colours)
+            axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
+            axes.legend(handles=patches, ncols=3, frameon=False, **where)
         return axes
 
     return draw_figure(comm, path, ax, draw)
@@ -224,7 +220,7 @@ def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) ->
     comm = history.errors[0].domain.comm
     places = np.unique(np.linspace(0, len(history.errors) - 1, FRAMES).round().astype(int))
     shown = [history.errors[i] for i in places]
-    factor = rounded(min(magnification(error) for error in shown))
+    factor = round_factor(min(magnification(error) for error in shown))
     folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
     # Rank 0 draws, but all ranks know the names.
     frames = [folder / f"{number:04d}.png" for number in range(len(shown))]

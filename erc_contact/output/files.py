@@ -5,7 +5,8 @@ Symbols: d dimension of simplices, N number of nodes of a simplex.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, on_rank
 from erc_contact.mesh.simplex import lattice, node_between
 
 STYLE = {
@@ -57,45 +58,45 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
     Raises:
         InputError: If a library for pictures is not installed.
     """
-    error: Exception | None = None
-    if comm.rank == 0:
+
+    def make() -> None:
+        if path is not None:
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
         try:
-            if path is not None:
-                Path(path).parent.mkdir(parents=True, exist_ok=True)
             draw()
         except ModuleNotFoundError as reason:
-            error = InputError(
+            raise InputError(
                 f"Pictures and files for ParaView need {reason.name}, which is not installed: "
                 "pip install 'erc-contact[pictures]' brings it. All else works without."
-            )
-        except Exception as reason:
-            error = reason
-    raise_together(comm, error)
+            ) from reason
+
+    on_rank(comm, 0, make)
 
 
-def made_folder(comm: MPI.Comm, folder: str | Path) -> Path:
+def make_folder(comm: MPI.Comm, folder: str | Path) -> Path:
     """Make the folder of a run's files before anything is drawn; collective.
 
     Raises:
         InputError: If it cannot be written.
     """
     path = Path(folder)
-    error = None
-    if comm.rank == 0:
+
+    def make() -> None:
         try:
             path.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=path):
                 pass
         except OSError as reason:
-            error = InputError(
+            raise InputError(
                 f"Nothing can be saved in {str(folder)!r}: {reason.strerror}. The results are as "
                 "they were; call save() again with a folder that you may write to."
-            )
-    raise_together(comm, error)
+            ) from reason
+
+    on_rank(comm, 0, make)
     return path
 
 
-def gathered(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
+def gather(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
     """Gather arrays of all ranks in a row on rank 0; collective.
 
     Other ranks get an empty dictionary.
@@ -112,7 +113,7 @@ def degree_of(cells: np.ndarray, d: int) -> int:
 
 
 @cache
-def subdivided(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
+def subdivide(d: int, divisions: int) -> tuple[np.ndarray, np.ndarray]:
     """Cut the reference line or triangle into smaller pieces.
 
     Returns:
@@ -172,14 +173,28 @@ def grid_of(points: np.ndarray, cells: np.ndarray, d: int) -> Any:
     return pyvista.UnstructuredGrid(counted.ravel(), kinds, points)
 
 
+@contextmanager
+def new_vtkhdf(path: str | Path) -> Iterator[Any]:
+    """Write a VTKHDF file within a context, by h5py, which needs no HDF writer of VTK.
+
+    Yields:
+        Its group of the unstructured mesh.
+    """
+    import h5py  # noqa: PLC0415
+
+    with h5py.File(path, "w") as file:
+        vtk = file.create_group("VTKHDF")
+        vtk.attrs["Version"] = (2, 0)
+        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+        yield vtk
+
+
 def save_grid(grid: Any, path: Path) -> None:
-    """Write a VTKHDF file by h5py, which needs no HDF writer of VTK.
+    """Write a mesh with its data as a VTKHDF file.
 
     Raises:
         OSError: If the file cannot be written.
     """
-    import h5py  # noqa: PLC0415
-
     nodes = grid.cell_connectivity
     # All cells are of one kind.
     corners = len(nodes) // grid.n_cells
@@ -196,10 +211,7 @@ def save_grid(grid: Any, path: Path) -> None:
         for name, values in data.items():
             tables[f"{kind}/{name}"] = values
     path.parent.mkdir(parents=True, exist_ok=True)
-    with h5py.File(path, "w") as file:
-        vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"] = (2, 0)
-        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+    with new_vtkhdf(path) as vtk:
         for name, table in tables.items():
             array = np.asarray(table)
             chunks = (min(CHUNK_ROWS, len(array)), *array.shape[1:])

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import edges, in_space
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import edges
 from erc_contact.model.profile import OPEN
-from erc_contact.output.bodies import DIVISIONS, sampled, straight
+from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.results.profile import contact_status
@@ -157,9 +158,7 @@ def foundation_of(surface: WholeContact) -> Foundation:
     # Turns are relative to the size, so that their columns are as long as the columns
     # of shifts.
     size = np.linalg.norm(np.ptp(positions.reshape(-1, d), axis=0))
-    planes = []
-    for i, j in combinations(np.eye(d), 2):
-        planes.append(np.outer(i, j) - np.outer(j, i))
+    planes = [np.outer(i, j) - np.outer(j, i) for i, j in combinations(np.eye(d), 2)]
     turns = np.array(planes) / size
     turned = np.einsum("kij,pj,pi->pk", turns, y - centre, n)
     normal_parts = weight[:, None] * np.column_stack([n, turned])
@@ -184,7 +183,7 @@ def greatest_factor(foundations: Sequence[Foundation], largest: float, size: flo
     return min([DISPLACEMENT_SHARE * size / largest, *limits])
 
 
-def rounded(factor: float) -> float:
+def round_factor(factor: float) -> float:
     """Round a magnification to two digits; 1 where it is near to 1, or infinite."""
     return float(f"{factor:.2g}") if LEAST_MAGNIFICATION < factor < np.inf else 1.0
 
@@ -208,8 +207,8 @@ def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
     d = surface.d
     direction = surface.traction.contact.direction
     n = mean_normal(surface)
-    points, parts = sampled(position(surface), d - 1, DIVISIONS)
-    gap = sampled(surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
+    points, parts = sample(position(surface), d - 1, DIVISIONS)
+    gap = sample(surface.gap[..., None], d - 1, DIVISIONS)[0][:, 0]
     normal = np.repeat(direction, len(points) // len(direction), axis=0)
     near = gap < FOUNDATION_REACH * size
     is_plane = n.any() and np.ptp(points @ n) <= FLATNESS * size
@@ -261,7 +260,7 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
         nodes = _border(nodes)
     if len(nodes) == 0:
         return None
-    points, parts = sampled(x[nodes], 1, DIVISIONS)
+    points, parts = sample(x[nodes], 1, DIVISIONS)
     return straight(points, parts)
 
 

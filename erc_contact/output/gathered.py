@@ -15,14 +15,16 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import at_nodes, in_space, node_between, node_vertices
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import at_nodes, determinants, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.profile import give_way
 from erc_contact.model.trace import split
-from erc_contact.output.files import degree_of, gathered
+from erc_contact.output.files import degree_of, gather
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
@@ -127,7 +129,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     if contact.is_exchanged:
         place = place + contact.to_partners
         nodes, partners = partners, nodes
-    parts = gathered(
+    parts = gather(
         model.comm,
         area=traction.area[owned],
         values=contact.sign * traction.values[owned],
@@ -156,17 +158,13 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         friction_bound=parts["friction_bound"],
         nodes=parts["nodes"],
     )
+    fields = {name: parts[name] for name in ("x", "gap", "gap_left", "slip", "place", "drawn")}
     return WholeContact(
         whole_traction,
-        x=parts["x"],
         vertices=parts["nodes"][:, : model.d],
-        gap=parts["gap"],
-        gap_left=parts["gap_left"],
-        slip=parts["slip"],
-        place=parts["place"],
-        drawn=parts["drawn"],
         partners=None if contact.against is None else parts["partners"],
         letters=letters_of(model),
+        **fields,
     )
 
 
@@ -207,7 +205,7 @@ def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
     """
     geometry = domain.mesh.geometry
     cells = cell_nodes(geometry)[: domain.owned_cells]
-    return _numbered(geometry.x, cells, geometry.index_map(), domain.dim)
+    return _number_cells(geometry.x, cells, geometry.index_map(), domain.dim)
 
 
 def body_nodes(model: Model) -> dict[str, np.ndarray]:
@@ -218,7 +216,7 @@ def body_nodes(model: Model) -> dict[str, np.ndarray]:
     """
     cells = model.nodes[: model.domain.owned_cells]
     x = model.V.tabulate_dof_coordinates()
-    return _numbered(x, cells, model.V.dofmap.index_map, model.d)
+    return _number_cells(x, cells, model.V.dofmap.index_map, model.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
@@ -228,21 +226,26 @@ def nodal_displacement(admissible: Admissible) -> np.ndarray:
     return in_space(admissible.displacement.x.array.reshape(-1, model.d)[:owned])
 
 
-def nodal_fields(admissible: Admissible) -> dict[str, np.ndarray]:
-    """Return u^ and which components supports hold at zero at these points.
+def whole_body(
+    admissible: Admissible,
+) -> tuple[dict[str, np.ndarray], list[WholeContact]]:
+    """Gather the nodes with u^ and the contacts on rank 0; collective.
 
     Returns:
-        "u" [length] and "still", shape (n, 3) each.
+        The arrays of :func:`body_nodes`, and at these points "u", u^ [length], and
+        "still", which components supports hold at zero, shape (n, 3) each; the contacts
+        that have facets. Other ranks get none of them.
     """
     model = admissible.model
     u = nodal_displacement(admissible)
     prescribed = model.prescribed.x.array.reshape(-1, model.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
     still[:, : model.d] = model.held[: len(u)] & (prescribed == 0.0)
-    return {"u": u, "still": still}
+    body = gather(model.comm, **body_nodes(model), u=u, still=still)
+    return body, whole_contacts(admissible)
 
 
-def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
+def _number_cells(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
     """Return owned nodes, and cells by global numbers, positively oriented.
 
     Args:
@@ -252,12 +255,10 @@ def _numbered(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str,
         d: Dimension.
     """
     k = degree_of(cells, d)
-    ends = x[cells[:, : d + 1], :d]
-    negative = np.linalg.det(ends[:, 1:] - ends[:, :1]) < 0
+    negative = determinants(x[cells[:, : d + 1], :d]) < 0
     # Two swapped vertices turn the orientation; the nodes on the edges go with them.
     swapped_vertices = np.array([*range(d - 1), d, d - 1])
     first, second = swapped_vertices[node_vertices(d, k)].T
     swapped_nodes = node_between(d, k)[first, second]
     cells = np.where(negative[:, None], cells[:, swapped_nodes], cells)
-    numbers = nodes.local_to_global(cells.ravel().astype(np.int32)).reshape(cells.shape)
-    return {"points": x[: nodes.size_local].copy(), "cells": numbers}
+    return {"points": x[: nodes.size_local].copy(), "cells": global_numbers(nodes, cells)}

@@ -11,7 +11,7 @@ import numpy as np
 from erc_contact.output.bodies import Skin
 from erc_contact.output.drawing import bar_axes, log_ticks, new_figure
 from erc_contact.output.placing import place
-from erc_contact.output.views import SPACE, ShownPart, mirror_images, seen, show
+from erc_contact.output.views import SPACE, ShownPart, corners_seen, mirror_images, show
 
 WIDE_BODY = 1.6
 """Width over height of a body above which its colour bar is below [-]."""
@@ -95,7 +95,7 @@ def draw_map(
     for name, view in views.items():
         # Foundations come first, so the body is never hidden by them.
         shown[name] = parts if name == "from below" else [*grounds, *parts]
-        corners.append(np.ptp(seen(shown[name], view), axis=0)[:2])
+        corners.append(np.ptp(corners_seen(shown[name], view), axis=0)[:2])
     sizes = np.array(corners)
     ratio = float(sizes[:, 0].sum() / sizes[:, 1].max())
     is_flat = len(views) == 1

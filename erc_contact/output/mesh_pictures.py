@@ -15,9 +15,9 @@ from erc_contact.error.runs import AdaptiveRun, MeshErrors
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
-from erc_contact.output.files import gathered
+from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_mesh, letters_of
-from erc_contact.output.views import SPACE, WORDS, ShownPart, seen, show, views_of
+from erc_contact.output.views import SPACE, WORDS, ShownPart, corners_seen, show, views_of
 
 MOST_MESHES = {2: 6, 3: 3}
 """Greatest number of meshes in a new figure, for each dimension."""
@@ -53,11 +53,11 @@ def draw_meshes(
     comm, dim = meshes[0][0].comm, meshes[0][0].dim
     greatest = MOST_MESHES[dim] if ax is None else np.size(ax)
     # Only rank 0 has the user's axes.
-    chosen = _chosen(meshes, comm.bcast(greatest))
+    chosen = _choose_meshes(meshes, comm.bcast(greatest))
     bodies = []
     titles = []
     for domain, eps in chosen:
-        bodies.append(gathered(comm, **body_mesh(domain)))
+        bodies.append(gather(comm, **body_mesh(domain)))
         square = comm.allreduce(float(np.sum(eps**2)), MPI.SUM)
         titles.append((f"{domain.cells} cells", f"eps = {percent(float(np.sqrt(square)), 3)}"))
 
@@ -68,7 +68,7 @@ def draw_meshes(
             shown.append(_parts_of(body, domain.cells, dim))
         views = list(views_of(dim, np.eye(3)[2]).values())
         count = len(chosen)
-        width, height = np.ptp(seen(shown[0], views[0]), axis=0)[:2]
+        width, height = np.ptp(corners_seen(shown[0], views[0]), axis=0)[:2]
         ratio = width / height
         panels = np.ravel(_panels(ratio, count, dim) if ax is None else ax)
         # Each view has a row, with all meshes side by side.
@@ -88,7 +88,7 @@ def draw_meshes(
     return draw_figure(comm, path, ax, draw)
 
 
-def _chosen(meshes: MeshErrors, greatest: int) -> list[tuple[Domain, np.ndarray]]:
+def _choose_meshes(meshes: MeshErrors, greatest: int) -> list[tuple[Domain, np.ndarray]]:
     """Choose the last mesh, the first and some between, at most so many of them."""
     places = np.linspace(len(meshes) - 1, 0, greatest).round().astype(int)
     return [meshes[place] for place in np.unique(places)]

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.simplex import bernstein, in_space, lagrange, nodes
-from erc_contact.output.files import PARTS, gathered, grid_of, on_root, save_grid, subdivided
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import bernstein, lagrange, nodes
+from erc_contact.output.files import PARTS, gather, grid_of, on_root, save_grid, subdivide
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.profile import contact_status
 from erc_contact.results.states import state, states_of
@@ -78,12 +79,12 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     """
     admissible = error.admissible
     model = error.model
-    body = gathered(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
+    body = gather(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
     fields = cell_stresses(admissible)
     for name, shape in states_of(admissible).items():
         values = state(admissible, name)
         fields[name] = values.reshape(-1, 9) if shape else values
-    cells = gathered(model.comm, **fields, eps_E=error.indicators)
+    cells = gather(model.comm, **fields, eps_E=error.indicators)
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions_per_area]
 
     def write() -> None:
@@ -132,5 +133,5 @@ def _written_points(surface: WholeContact) -> np.ndarray:
     """
     d = surface.d - 1
     if d == 1 and surface.degree == 2:
-        return subdivided(d, PARTS)[0]
+        return subdivide(d, PARTS)[0]
     return nodes(d, surface.degree)

@@ -18,13 +18,14 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.parts_table import NAMELESS, facets_of_parts
+from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import facet_vertices, in_space, outward_normals
+from erc_contact.mesh.simplex import of_facets, outward_normals
 from erc_contact.output.bodies import skin_of, straight
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
-from erc_contact.output.files import gathered
+from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_mesh
-from erc_contact.output.views import SPACE, ShownPart, seen, show, views_of
+from erc_contact.output.views import SPACE, ShownPart, corners_seen, show, views_of
 
 INSIDE = 0.004
 """Distance of a line of a part from its side, over the size of the body [-]."""
@@ -65,9 +66,9 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     facets, part = facets_of_parts(domain)
     cell, local = boundary_sides(domain.mesh, facets)
     of_cells = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cell], :d]
-    corners = np.take_along_axis(of_cells, facet_vertices(d)[local][..., None], axis=1)
-    table = gathered(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
-    body = gathered(comm, **body_mesh(domain))
+    corners = of_facets(of_cells, local)
+    table = gather(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
+    body = gather(comm, **body_mesh(domain))
     size = domain.extent
     names = [*domain.names, NAMELESS]
     in_pairs = {name for pair in domain.pairs for name in pair}
@@ -75,9 +76,7 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     def draw(ax: Any) -> Any:
         only_in_2d("draw_parts", ax, d)
         shown = _Shown(names, table["part"], table["corners"], table["normals"], size)
-        if d == 2:
-            return _draw_flat(ax, body, shown, in_pairs)
-        return _draw_in_space(shown)
+        return _draw_flat(ax, body, shown, in_pairs) if d == 2 else _draw_in_space(shown)
 
     return draw_figure(comm, path, ax, draw)
 
@@ -155,7 +154,7 @@ def _draw_flat(ax: Any, body: dict[str, np.ndarray], shown: _Shown, in_pairs: se
             parts.append(shown.surface(number, -INSIDE * shown.size, **look))
     view = np.eye(3)
     if ax is None:
-        width, height = np.ptp(seen(parts, view), axis=0)[:2]
+        width, height = np.ptp(corners_seen(parts, view), axis=0)[:2]
         scale = min(7.0 / width, 6.0 / height)
         figure = new_figure(scale * width + 2.0, scale * height + 1.2, "compressed")
         ax = figure.subplots()
@@ -174,7 +173,7 @@ def _draw_flat(ax: Any, body: dict[str, np.ndarray], shown: _Shown, in_pairs: se
         }
         _write(ax, name, place[:2], **words)
     # Names below the body would else stand on the ticks.
-    low, high = seen(parts, view)
+    low, high = corners_seen(parts, view)
     margin = MARGIN * shown.size
     ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
     return ax
@@ -193,7 +192,7 @@ def _draw_in_space(shown: _Shown) -> Any:
         lines = straight(points, np.arange(len(points)).reshape(-1, 2))
         parts.append((lines, {"color": "#404040", "opacity": 0.35, "line_width": 0.8}))
     views = views_of(3, np.eye(3)[2])
-    sizes = np.array([np.ptp(seen(parts, view), axis=0)[:2] for view in views.values()])
+    sizes = np.array([np.ptp(corners_seen(parts, view), axis=0)[:2] for view in views.values()])
     scale = 1.6 * SPACE / sizes[:, 0].sum()
     height = scale * sizes[:, 1].max()
     rows = -(-len(used) // 5)

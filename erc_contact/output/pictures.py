@@ -16,7 +16,7 @@ from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned
-from erc_contact.output.files import gathered
+from erc_contact.output.files import gather
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.maps import Scale, draw_map
@@ -145,8 +145,8 @@ def draw_cells(
     comm = domain.comm
     up = upward(admissible)
     letters = letters_of(admissible.model)
-    body = gathered(comm, **body_mesh(domain))
-    cells = gathered(comm, values=values)
+    body = gather(comm, **body_mesh(domain))
+    cells = gather(comm, values=values)
 
     def draw(ax: Any) -> Any:
         only_in_2d("A picture of a body", ax, domain.dim)

@@ -10,10 +10,13 @@ array (4,), too: what words need at the left, below, at the right and above [inc
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+
+from erc_contact.output.drawing import new_figure, panels_of
 
 GAP = 0.15
 """Distance between neighbours [inches]."""
@@ -21,8 +24,34 @@ PAD = 0.1
 """Distance between words and the end of the figure [inches]."""
 
 
+@contextmanager
+def panels(what: str, ax: Any, sizes: Sequence[tuple[float, float]], **how: Any) -> Iterator[Any]:
+    """Give axes to draw on: the user's, or axes of a new figure that are placed then.
+
+    Args:
+        what: The function of the user's call, for a message.
+        ax: Axes of the user's, or None.
+        sizes: Width and height of the boxes of the axes [inches].
+        how: How matplotlib makes them.
+
+    Yields:
+        As many axes as sizes, in an array.
+
+    Raises:
+        InputError: If there is another number of axes.
+    """
+    boxes = np.array(sizes)
+    if ax is None:
+        figure = new_figure(boxes[:, 0].sum(), boxes[:, 1].max())
+        row = np.ravel(figure.subplots(1, len(boxes), **how))
+        yield row
+        place(row, boxes)
+    else:
+        yield panels_of(ax, len(boxes), what)
+
+
 def place(
-    panels: Any,
+    row: Any,
     sizes: np.ndarray,
     bars: Sequence[Any] = (),
     bar_sizes: np.ndarray | None = None,
@@ -34,7 +63,7 @@ def place(
     Text of the figure stands above all, a legend of the figure below.
 
     Args:
-        panels: Axes of one figure, from left to right.
+        row: Axes of one figure, from left to right.
         sizes: Width and height of their boxes [inches], shape (n, 2).
         bars: Axes of colour bars: one below each panel, or one for all.
         bar_sizes: Width and height of these [inches], shape (m, 2).
@@ -42,10 +71,10 @@ def place(
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
 
-    figure = panels[0].figure
+    figure = row[0].figure
     renderer = FigureCanvasAgg(figure).get_renderer()
-    boxes, margins = _row(panels, sizes, renderer)
-    axes = list(panels)
+    boxes, margins = _row(row, sizes, renderer)
+    axes = list(row)
     if bar_sizes is not None:
         axes += bars
         of_bars = [_margins(bar, size, renderer) for bar, size in zip(bars, bar_sizes, strict=True)]
@@ -57,7 +86,7 @@ def place(
         margins = np.concatenate([margins, of_bars])
     low = (boxes[:, :2] - margins[:, :2]).min(axis=0)
     high = (boxes[:, :2] + boxes[:, 2:] + margins[:, 2:]).max(axis=0)
-    centre = (boxes[0, 0] + (boxes[: len(panels), 0] + boxes[: len(panels), 2]).max()) / 2
+    centre = (boxes[0, 0] + (boxes[: len(row), 0] + boxes[: len(row), 2]).max()) / 2
     low, high, places = _around(figure, renderer, low, high, centre)
     origin = low - PAD
     whole = high + PAD - origin

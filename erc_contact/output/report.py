@@ -1,4 +1,4 @@
-"""Write the report of a run as one page of HTML, and the run as plain data.
+"""Write the report of a run as one page of HTML, and the run as plain data and as code.
 
 The page holds all it shows, and links to nothing. The run is an adaptive one or a
 loading history.
@@ -9,21 +9,24 @@ from __future__ import annotations
 import json
 import struct
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from html import escape
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from erc_contact.base.code import code_of, without_paths
+from erc_contact.base.code import code_of, definitions, without_paths
 from erc_contact.base.html import table
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.parts import shape_in_words
 from erc_contact.model.forces import Force
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
+from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
 
 PAGE_STYLE = """
@@ -86,7 +89,7 @@ def write_report(
             :func:`erc_contact.output.verdict.verdict`.
         forces: Forces on the body by their cause, see
             :func:`erc_contact.results.reactions`; the same on all ranks.
-        code: The run as code, see :mod:`erc_contact.output.as_code`.
+        code: The run as code, see :func:`run_as_code`.
         note: What else has to be said of it, below the heading.
     """
     file = Path(path)
@@ -122,9 +125,7 @@ def _page(title: str, sections: Mapping[str, str]) -> str:
     """Return the page; sections are HTML by their headings."""
     body = ""
     for name, text in sections.items():
-        if name:
-            body += f"<h2>{escape(name)}</h2>"
-        body += text
+        body += f"<h2>{escape(name)}</h2>{text}" if name else text
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -279,3 +280,52 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not isfinite(value):
         return None
     return value
+
+
+def run_as_code(scene: Scene, domain: Domain, arguments: Mapping[str, Any]) -> str:
+    """Return the code of an adaptive run.
+
+    Args:
+        scene: Its scene.
+        domain: Its first mesh, which is told in words.
+        arguments: The other arguments of :func:`erc_contact.adapt` by their names.
+    """
+    lines = [f"    material={code_of(scene.material)},"]
+    for name in ("supports", "loads", "contacts", "strains", "springs", "ties"):
+        entries = [f"        {code_of(entry)}," for entry in getattr(scene, name)]
+        if entries:
+            lines += [f"    {name}=[", *entries, "    ],"]
+    scene_code = "\n".join([*definitions(scene), "scene = ec.Scene(", *lines, ")"])
+    return _script(scene_code, domain, "history = ec.adapt", "scene", arguments)
+
+
+def evolution_as_code(
+    scene_at: Callable[[float], Scene], domain: Domain, arguments: Mapping[str, Any]
+) -> str:
+    """Return the code of a loading history.
+
+    Args:
+        scene_at: The scene of each time.
+        domain: Its first mesh, which is told in words.
+        arguments: The other arguments of :func:`erc_contact.evolve` by their names.
+    """
+    scene_code = "\n".join(definitions([scene_at]))
+    return _script(scene_code, domain, "evolution = ec.evolve", code_of(scene_at), arguments)
+
+
+def _script(
+    scene_code: str, domain: Domain, call: str, first: str, arguments: Mapping[str, Any]
+) -> str:
+    """Return the call of a run with its arguments, below the code of the scene."""
+    shape = shape_in_words(domain.geometry, domain.dim, curved=domain.curved_facets is not None)
+    parts = ", ".join(domain.names)
+    facts = f"{domain.cells} cells and {domain.vertices} vertices; parts {parts}"
+    lines = ["import ufl\n\nimport erc_contact as ec\n"]
+    if scene_code:
+        lines.append(scene_code)
+    lines.append(f"# domain: {shape}; the first mesh has {facts}")
+    lines.append(f"{call}(\n    {first},\n    domain,")
+    for name, argument in arguments.items():
+        lines.append(f"    {name}={code_of(argument)},")
+    lines.append(")")
+    return "\n".join(lines)

@@ -21,16 +21,16 @@ from erc_contact.mesh.simplex import node_vertices
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.output.bodies import Skin, skin_of
 from erc_contact.output.deformed import (
-    gathered_mises,
+    gather_mises,
     greatest_magnification,
     mises_on_skin,
     mises_scale,
     shift_of,
 )
 from erc_contact.output.drawing import draw_figure, only_turned
-from erc_contact.output.files import gathered, grid_of, on_root, save_grid
-from erc_contact.output.foundations import rounded
-from erc_contact.output.gathered import body_nodes, nodal_fields, whole_contacts
+from erc_contact.output.files import grid_of, on_root, save_grid
+from erc_contact.output.foundations import round_factor
+from erc_contact.output.gathered import whole_body
 from erc_contact.output.maps import draw_map
 from erc_contact.output.views import views_of
 
@@ -80,14 +80,13 @@ def draw_revolved(
     if not 0.0 < angle <= 360.0:
         raise InputError(f"draw_revolved: angle is {angle!r}; give degrees in (0, 360].")
     size = model.domain.extent
-    body = gathered(model.comm, **body_nodes(model), **nodal_fields(error.admissible))
-    cells = gathered_mises(error.admissible)
-    contacts = whole_contacts(error.admissible)
+    body, contacts = whole_body(error.admissible)
+    cells = gather_mises(error.admissible)
     count = int(np.ceil(angle / STEP)) + 1
     angles = np.radians(EYE - angle / 2 + 180 + np.linspace(0, angle, count))
 
     def write() -> None:
-        skin, mises = _revolved(body["points"], body, cells, angles)
+        skin, mises = _revolve(body["points"], body, cells, angles)
         grid = grid_of(skin.points, skin.triangles, 2)
         grid.point_data["displacement"] = _around(body["u"], angles)
         grid.cell_data["von_mises"] = mises.mean(axis=1)
@@ -96,9 +95,9 @@ def draw_revolved(
     def draw(ax: Any) -> Any:
         times = factor
         if times is None:
-            times = rounded(greatest_magnification(body, contacts, size))
+            times = round_factor(greatest_magnification(body, contacts, size))
         x = body["points"] + shift_of(body, contacts, times) + times * body["u"]
-        skin, mises = _revolved(x, body, cells, angles)
+        skin, mises = _revolve(x, body, cells, angles)
         scale = mises_scale(cells, "von Mises stress [force/area]")
         views = {"": views_of(3, np.eye(3)[2])["from above"]}
         title = f"displacement × {times:g}"
@@ -125,7 +124,7 @@ def _around(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return np.stack([x, y, np.broadcast_to(z, x.shape)], axis=-1).reshape(-1, 3)
 
 
-def _revolved(
+def _revolve(
     x: np.ndarray,
     body: Mapping[str, np.ndarray],
     cells: Mapping[str, np.ndarray],
@@ -136,7 +135,7 @@ def _revolved(
     Args:
         x: Nodes in the half plane as they are drawn [length], shape (n, 3).
         body: The mesh of the half plane.
-        cells: The von Mises stress in its cells, of :func:`gathered_mises`.
+        cells: The von Mises stress in its cells, of :func:`gather_mises`.
         angles: Angles around the axis [rad], shape (q,).
 
     Returns:

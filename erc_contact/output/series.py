@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.files import gathered, on_root, vtk_cells
+from erc_contact.output.files import gather, new_vtkhdf, on_root, vtk_cells
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 
@@ -45,11 +45,11 @@ def write_series(history: LoadingHistory, path: str | Path) -> None:
         model = error.model
         # Steps on the same mesh share it in the file.
         if error.domain is not last:
-            meshes.append(gathered(comm, **body_nodes(model)))
+            meshes.append(gather(comm, **body_nodes(model)))
         last = error.domain
         mesh_numbers.append(len(meshes) - 1)
-        points.append(gathered(comm, displacement=nodal_displacement(pair)))
-        cells.append(gathered(comm, **cell_stresses(pair), eps_E=error.indicators))
+        points.append(gather(comm, displacement=nodal_displacement(pair)))
+        cells.append(gather(comm, **cell_stresses(pair), eps_E=error.indicators))
     dim = history.errors[0].domain.dim
 
     def write() -> None:
@@ -75,8 +75,8 @@ def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) 
     """
     first = meshes[0][0]
     comm = first.comm
-    bodies = [gathered(comm, **body_mesh(domain)) for domain, _ in meshes]
-    cells = [gathered(comm, eps_E=eps) for _, eps in meshes]
+    bodies = [gather(comm, **body_mesh(domain)) for domain, _ in meshes]
+    cells = [gather(comm, eps_E=eps) for _, eps in meshes]
     points: list[dict[str, np.ndarray]] = [{} for _ in meshes]
     mesh_numbers = list(range(len(meshes)))
 
@@ -107,13 +107,8 @@ def _write_series(
         cells: Values in the cells of each step.
         d: Dimension of the cells.
     """
-    import h5py  # noqa: PLC0415
-
     steps_data = {"PointData": points, "CellData": cells}
-    with h5py.File(path, "w") as file:
-        vtk = file.create_group("VTKHDF")
-        vtk.attrs["Version"] = (2, 0)
-        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
+    with new_vtkhdf(path) as vtk:
         steps = vtk.create_group("Steps")
         steps.attrs["NSteps"] = len(times)
         steps["Values"] = times

@@ -1,6 +1,8 @@
-"""Show parts of bodies in axes of matplotlib, in 3D as images by pyvista.
+"""Show parts of bodies in axes of matplotlib.
 
-A part is a pair: data of pyvista, and the options with which they are drawn.
+A part is a pair: data of pyvista, and the options with which they are drawn. Bodies in
+the plane are polygons and lines of matplotlib, which vector formats keep. Bodies in
+space are images by pyvista.
 """
 
 from __future__ import annotations
@@ -14,7 +16,6 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
-from erc_contact.output.flat import draw_flat, limits
 
 ShownPart = tuple[Any, dict[str, Any]]
 """Data of pyvista, and options with which they are drawn."""
@@ -34,6 +35,17 @@ INTERVALS = 4
 """Number of intervals between ticks, about, on the longest side of a body in 3D."""
 TICK = 0.015
 """Length of a tick as a share of the longest side of the body [-]."""
+MANY_LINES = 30_000
+"""Number of lines above which vector formats hold an image of them."""
+MANY_FACES = 10_000
+"""Number of triangles above which they are drawn together, in half the time.
+
+Vector formats then hold an image of them.
+"""
+LINES_OF_PATH = 5000
+"""Greatest number of lines in a path of matplotlib, whose renderer has a limit."""
+POINTS_OF_PIXEL = 0.3
+"""Width of lines in matplotlib for one pixel of pyvista's [points]."""
 
 
 def upward(admissible: Admissible) -> np.ndarray:
@@ -82,7 +94,7 @@ def _axes_of_view(towards: np.ndarray, up: np.ndarray) -> np.ndarray:
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
-def seen(parts: Sequence[ShownPart], view: np.ndarray) -> np.ndarray:
+def corners_seen(parts: Sequence[ShownPart], view: np.ndarray) -> np.ndarray:
     """Find the low and the high corner of parts in the axes of a view [length].
 
     They have a margin; shape (2, 3).
@@ -104,11 +116,11 @@ def mirror_images(parts: Sequence[ShownPart]) -> list[ShownPart]:
     return images
 
 
-def rendered(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[np.ndarray]:
-    """Draw images of parts in parallel projection, each from where :func:`seen` says.
+def render(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[np.ndarray]:
+    """Draw images of parts in parallel projection.
 
-    All are drawn in one window, because a window costs more than a second view of the
-    same parts.
+    Each shows what :func:`corners_seen` encloses. All are drawn in one window, because
+    a window costs more than a second view of the same parts.
 
     Args:
         pictures: Parts (data of pyvista, and options with which they are drawn) and
@@ -170,7 +182,7 @@ def _image(
         parts: What is seen.
         view: Axes of the view, shape (3, 3).
     """
-    low, high = seen(parts, view)
+    low, high = corners_seen(parts, view)
     size = float(np.linalg.norm(high - low))
     middle = (low + high) / 2 @ view
     sides = (high - low)[:2]
@@ -213,13 +225,13 @@ def show(
     """
     if pictures[0][1][2, 2] == 1.0:
         for axes, (parts, view) in zip(panels, pictures, strict=True):
-            low, high = seen(parts, view)
+            low, high = corners_seen(parts, view)
             draw_flat(axes, parts, letters)
             axes.set(**limits(low, high))
         return
-    images = rendered(pictures)
+    images = render(pictures)
     for axes, (parts, view), image in zip(panels, pictures, images, strict=True):
-        low, high = seen(parts, view)
+        low, high = corners_seen(parts, view)
         axes.imshow(image, extent=(low[0], high[0], low[1], high[1]))
         axes.spines[:].set_visible(False)
         axes.set_axis_off()
@@ -282,3 +294,85 @@ def _ticks_of(box: np.ndarray, view: np.ndarray, i: int) -> np.ndarray:
     high = box[1, i] + 1e-6 * lengths.max()
     ticks = MaxNLocator(intervals, steps=[1, 2, 5, 10]).tick_values(low, high)
     return ticks[(ticks >= low) & (ticks <= high)]
+
+
+def draw_flat(axes: Any, parts: Sequence[tuple[Any, dict[str, Any]]], letters: str = "xyz") -> None:
+    """Draw parts of a body in axes of matplotlib.
+
+    Args:
+        axes: Axes of matplotlib.
+        parts: Data of pyvista, lines or faces with the same number of corners, and the
+            options with which pyvista would draw them: ``color`` or ``scalars``
+                (colours of the faces), ``line_width`` and ``opacity``.
+        letters: Names of the coordinates.
+    """
+    for data, look in parts:
+        add_flat(axes, data, look)
+    axes.set_aspect("equal")
+    axes.spines[:].set_visible(False)
+    axes.set(xlabel=f"{letters[0]} [length]", ylabel=f"{letters[1]} [length]")
+
+
+def add_flat(axes: Any, data: Any, look: dict[str, Any]) -> None:
+    """Add one part; see :func:`draw_flat`."""
+    from matplotlib.collections import PolyCollection  # noqa: PLC0415
+
+    x = data.points[:, :2]
+    if data.n_lines > 0:
+        lines = x[data.lines.reshape(-1, 3)[:, 1:]]
+        _add_lines(axes, lines, look)
+        return
+    faces = x[data.regular_faces]
+    if "scalars" in look and len(faces) > MANY_FACES:
+        _add_many(axes, faces, look["scalars"] / 255.0)
+        return
+    colours = look["scalars"] / 255.0 if "scalars" in look else look["color"]
+    # Edges of the same colour close the white seams between neighbours.
+    seams = {"edgecolors": "face", "linewidths": 0.3}
+    drawn = PolyCollection(faces, facecolors=colours, alpha=look.get("opacity"), **seams)
+    # Limits and layout belong to the axes, and are not found from each polygon.
+    drawn.set_in_layout(False)
+    axes.add_collection(drawn, autolim=False)
+
+
+def _add_many(axes: Any, faces: np.ndarray, colours: np.ndarray) -> None:
+    """Add many triangles (n, 3, 2) with their colours (n, 3)."""
+    from matplotlib.collections import TriMesh  # noqa: PLC0415
+    from matplotlib.tri import Triangulation  # noqa: PLC0415
+
+    x, y = faces.reshape(-1, 2).T
+    # A triangle has corners of its own, so that its colour ends at its edges.
+    triangulation = Triangulation(x, y, np.arange(len(x)).reshape(-1, 3))
+    opaque = np.ones((len(colours), 1))
+    of_corners = np.repeat(np.hstack([colours, opaque]), 3, axis=0)
+    drawn = TriMesh(triangulation, facecolors=of_corners)
+    drawn.set_rasterized(True)
+    drawn.set_in_layout(False)
+    axes.add_collection(drawn, autolim=False)
+
+
+def _add_lines(axes: Any, lines: np.ndarray, look: dict[str, Any]) -> None:
+    """Add straight lines (n, 2, 2) of one colour and width.
+
+    Some thousand of them are one path of matplotlib: a path for each line takes ten
+    times as long.
+    """
+    from matplotlib.collections import PathCollection  # noqa: PLC0415
+    from matplotlib.path import Path  # noqa: PLC0415
+
+    paths = []
+    for first in range(0, len(lines), LINES_OF_PATH):
+        part = lines[first : first + LINES_OF_PATH]
+        codes = np.tile([Path.MOVETO, Path.LINETO], len(part))
+        paths.append(Path(part.reshape(-1, 2), codes))
+    width = POINTS_OF_PIXEL * look.get("line_width", 1.0)
+    colour = {"facecolors": "none", "edgecolors": look["color"], "alpha": look.get("opacity")}
+    drawn = PathCollection(paths, linewidths=width, **colour)
+    drawn.set_rasterized(len(lines) > MANY_LINES)
+    drawn.set_in_layout(False)
+    axes.add_collection(drawn, autolim=False)
+
+
+def limits(low: np.ndarray, high: np.ndarray) -> dict[str, tuple[float, float]]:
+    """Return limits of axes that show all from a low to a high corner."""
+    return {"xlim": (float(low[0]), float(high[0])), "ylim": (float(low[1]), float(high[1]))}

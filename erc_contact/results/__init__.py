@@ -10,13 +10,12 @@ from erc_contact.model.maximum import Maximum
 from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.model.rigid_faces import Motion
 from erc_contact.model.stress import von_mises
-from erc_contact.results.forces import force, reactions
+from erc_contact.results.forces import force, reactions, whole_force
 from erc_contact.results.points import Values, at
 from erc_contact.results.profile import contact_status, profile
 from erc_contact.results.states import plastic_share, state
 from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
-from erc_contact.results.whole import whole_force
 
 __all__ = [
     "OPEN",

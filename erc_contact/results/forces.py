@@ -1,6 +1,9 @@
 """Compute the forces of an admissible pair on the body, with their moments.
 
-Supports, contacts and loads exert them.
+Supports, contacts and loads exert them. Of a part of a symmetric body they are
+multiplied to forces on the whole body. The planes of symmetry of a scene make copies of
+the body by reflections, which form a group: of one plane 2, of two planes at a right
+angle 4, of two planes at 30 degrees 12.
 """
 
 from __future__ import annotations
@@ -12,8 +15,17 @@ import numpy as np
 
 from erc_contact.admissible.fields import sides_of
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.mesh.simplex import bernstein, coefficients, facet_vertices, mass, nodes
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.rows import in_space
+from erc_contact.mesh.simplex import bernstein, coefficients, mass, nodes, of_facets
 from erc_contact.model.forces import Force, by_cause, total_force
+from erc_contact.model.model import Model
+from erc_contact.scene.contact import Symmetry
+
+MOST_COPIES = 400
+"""Number of copies beyond which the planes are taken not to close a body."""
+SAME_MOTION = 1e-6
+"""Difference of motions that counts as none, over the extent of the body [-]."""
 
 
 def force(result: Any, part: str) -> Force:
@@ -40,7 +52,7 @@ def force(result: Any, part: str) -> Force:
     cell, local = np.divmod(cells.side[0][facets], d + 1)
     # Inside the body, the tractions are those on the first cell of a facet.
     sign = np.where(cell == sides[:, 0], 1.0, -1.0)
-    corners = np.take_along_axis(cells.vertices[cell], facet_vertices(d)[local], axis=1)
+    corners = of_facets(cells.vertices[cell], local)
     # The moments against hat functions are forces at the corners, with the resultant
     # and the moment of the tractions. They follow from those against Bernstein
     # polynomials.
@@ -67,3 +79,76 @@ def _body_force(pair: Admissible) -> Force:
     # Means of the load times the hat functions are forces at the vertices.
     forces = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])
     return total_force(model, vertices.ravel(), forces.reshape(-1, model.d))
+
+
+def whole_force(result: Any, part: str) -> Force:
+    """Compute the force on all copies of a boundary part; collective.
+
+    The copies are those by the planes of :class:`erc_contact.Symmetry`, not of rollers.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+        part: Name of a boundary part.
+
+    Raises:
+        InputError: If the scene has no such plane, or they do not close a body.
+    """
+    model = pair_of(result).model
+    of_part = force(result, part)
+    d = model.d
+    whole = np.zeros(d)
+    moment = np.zeros(3)
+    own_moment = np.zeros(3)
+    own_moment[-len(of_part.moment) :] = of_part.moment
+    for linear, shift in _copies(model):
+        pulled = linear @ of_part.force
+        turned = np.eye(3)
+        turned[:d, :d] = linear
+        whole += pulled
+        # A reflection changes the sign of a moment, which is a cross product.
+        moment += np.linalg.det(linear) * (turned @ own_moment)
+        moment += np.cross(*in_space(np.array([shift, pulled])))
+    return Force(whole, moment[-len(of_part.moment) :])
+
+
+def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the motions ``x -> R x + t`` of the copies; collective."""
+    names = [entry.facets for entry in model.scene.contacts if isinstance(entry, Symmetry)]
+    if not names:
+        raise InputError("whole_force: this scene has no Symmetry; force() has the force.")
+    reflections = [_reflection(model, name) for name in names]
+    d = model.d
+    motions = [(np.eye(d), np.zeros(d))]
+    newest = motions
+    while newest:
+        further: list[tuple[np.ndarray, np.ndarray]] = []
+        for linear, shift in newest:
+            for reflection, offset in reflections:
+                motion = reflection @ linear, reflection @ shift + offset
+                if not any(_same(model, motion, known) for known in motions + further):
+                    further.append(motion)
+        motions = motions + further
+        newest = further
+        if len(motions) > MOST_COPIES:
+            raise InputError(
+                "whole_force: the planes of symmetry do not close a body: the angle between two of"
+                " them is no whole fraction of 180 degrees, or they are parallel."
+            )
+    return motions
+
+
+def _reflection(model: Model, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear part and the shift of a reflection; collective."""
+    trace = model.contact(name).trace
+    normals = model.comm.allgather(trace.direction[:1])
+    n = np.concatenate(normals)[0]
+    points = model.comm.allgather(trace.here.corners[:1, 0] @ n)
+    distance = np.concatenate(points)[0]
+    return np.eye(model.d) - 2 * np.outer(n, n), 2 * distance * n
+
+
+def _same(model: Model, first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:
+    """Tell whether two motions are the same."""
+    turned = abs(first[0] - second[0]).max()
+    shifted = abs(first[1] - second[1]).max() / model.domain.extent
+    return bool(max(turned, shifted) < SAME_MOTION)

@@ -52,24 +52,18 @@ def peaks(pair: Admissible) -> dict[str, float]:
     result = {}
     for number, name in enumerate(PEAKS.values()):
         values, sizes = ranks[:, number].T
-        top = values.max()
-        if np.isfinite(top):
-            result[name] = float(top)
-            result[f"{name}_size"] = float(sizes[_near(values, top)].min())
-        else:
-            result[name] = np.nan
-            result[f"{name}_size"] = np.nan
+        top, least_size = _greatest(values, sizes)
+        is_there = np.isfinite(top)
+        result[name] = top if is_there else np.nan
+        result[f"{name}_size"] = least_size if is_there else np.nan
     return result
 
 
 def _greatest(values: np.ndarray, sizes: np.ndarray) -> tuple[float, float]:
-    """Return the greatest value of this rank, and the least size where it is."""
-    top = values.max(initial=-np.inf)
-    return float(top), float(sizes[_near(values, top)].min(initial=np.inf))
+    """Return the greatest of some values, and the least size where it is.
 
-
-def _near(values: np.ndarray, top: float) -> np.ndarray:
-    """Tell which values equal the greatest value but for round-off."""
-    if not np.isfinite(top):
-        return values == top
-    return values >= top - EQUAL_MAXIMA * abs(top)
+    Values that differ from it by round-off count, too.
+    """
+    top = float(values.max(initial=-np.inf))
+    round_off = EQUAL_MAXIMA * abs(top) if np.isfinite(top) else 0.0
+    return top, float(sizes[values >= top - round_off].min(initial=np.inf))

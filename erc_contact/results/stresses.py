@@ -94,9 +94,7 @@ def _admissible_means(admissible: Admissible) -> np.ndarray:
 def _elastic_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of C eps(u^) in each owned cell, Mandel components."""
     model = admissible.model
-    owned = model.domain.owned_cells
-    at_points = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
-    at_points = _over_rings(admissible, at_points)
+    at_points = _elastic_at_points(admissible)
     if at_points.shape[1] == 1:
         return at_points[:, 0]
     _, _, weights = macro_points(model.d, model.degree)
@@ -155,15 +153,20 @@ def _elastic_moments(admissible: Admissible) -> np.ndarray:
     They are in Mandel components, shape (owned, d+1, s).
     """
     model = admissible.model
-    d = model.d
-    owned = model.domain.owned_cells
-    at_points = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
-    at_points = _over_rings(admissible, at_points)
-    _, points, weights = macro_points(d, model.degree)
+    at_points = _elastic_at_points(admissible)
+    _, points, weights = macro_points(model.d, model.degree)
     weighted = barycentric(points) * weights[:, None]
     if at_points.shape[1] == 1:
         weighted = weighted.sum(axis=0, keepdims=True)
     return np.einsum("qv,nqc->nvc", weighted, at_points)
+
+
+def _elastic_at_points(admissible: Admissible) -> np.ndarray:
+    """Return C eps(u^) at the points of :func:`elastic_stress` [force/area]."""
+    model = admissible.model
+    owned = model.domain.owned_cells
+    stress = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
+    return _over_rings(admissible, stress)
 
 
 def _at_points(admissible: Admissible) -> np.ndarray:
@@ -203,8 +206,7 @@ def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarr
     if admissible.model.degree == 1:
         return von_mises(mean_stress(admissible, stress))[:, None]
     values = vertex_stress(admissible, stress)
-    at_vertices = [von_mises(values[:, vertex]) for vertex in range(values.shape[1])]
-    return np.stack(at_vertices, axis=1)
+    return von_mises(values.reshape(-1, 3, 3)).reshape(values.shape[:2])
 
 
 def _fe_means(admissible: Admissible) -> np.ndarray:

@@ -21,7 +21,7 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.tables import described
+from erc_contact.mesh.tables import describe_shape
 from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
@@ -266,7 +266,7 @@ def keep_run(
         return
     if not isinstance(folder, str | Path):
         raise InputError(f"checkpoint is {folder!r}; give the name of a folder, or None.")
-    described(domain.geometry)
+    describe_shape(domain.geometry)
     shape = (domain.glued or domain).geometry
     store = Checkpoint(domain.comm, folder, identity(), accuracy, every, shape)
     try:

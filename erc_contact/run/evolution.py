@@ -16,13 +16,12 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.as_code import evolution_as_code
 from erc_contact.output.deformed import draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.pictures import add_states
-from erc_contact.output.report import write_record, write_report
+from erc_contact.output.report import evolution_as_code, write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values

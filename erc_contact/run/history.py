@@ -20,7 +20,6 @@ from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_ce
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.slip_share import small_slips
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.as_code import run_as_code
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.deformed import draw_deformed
@@ -29,7 +28,7 @@ from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import add_states, draw_error
-from erc_contact.output.report import write_record, write_report
+from erc_contact.output.report import run_as_code, write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values

@@ -11,7 +11,7 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.newton.solution import Solution
-from erc_contact.output.files import made_folder
+from erc_contact.output.files import make_folder
 from erc_contact.output.gallery import Gallery
 
 
@@ -56,7 +56,7 @@ class RunResult:
         """
         domain = self.error.domain
         comm = domain.comm
-        folder = made_folder(comm, folder)
+        folder = make_folder(comm, folder)
         seconds = self.steps[-1].seconds
         gallery = Gallery(domain, folder, seconds, every=pictures is True)
         with stage(comm, "saving"):

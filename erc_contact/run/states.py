@@ -28,7 +28,7 @@ from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.tables import (
     CellRows,
     corner_places,
-    described,
+    describe_shape,
     geometry_of,
     glued_mesh,
     tag_tables,
@@ -41,7 +41,7 @@ from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
 from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
-from erc_contact.output.files import gathered, vtk_cells
+from erc_contact.output.files import gather, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 from erc_contact.run.levels import Level
@@ -89,7 +89,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     domain = error.domain
     model = solution.model
     comm = model.comm
-    geometry = comm.bcast(described(domain.geometry))  # its text is on rank 0
+    geometry = comm.bcast(describe_shape(domain.geometry))  # its text is on rank 0
     x = model.V.tabulate_dof_coordinates()
     # nodes at vertices have the coordinates of these to the last digit
     x[model.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
@@ -102,11 +102,11 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     tags = tag_tables(domain)
     cells = model.global_numbers(model.nodes[: domain.owned_cells])
     u_hat = nodal_displacement(error.admissible)
-    points = gathered(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
-    rows = gathered(comm, cells=cells, drawn=body_nodes(model)["cells"], **tags)
+    points = gather(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
+    rows = gather(comm, cells=cells, drawn=body_nodes(model)["cells"], **tags)
     stresses = cell_stresses(error.admissible)
     single = {name: values.astype(np.float32) for name, values in stresses.items()}
-    in_cells = gathered(comm, **single, eps_E=error.indicators)
+    in_cells = gather(comm, **single, eps_E=error.indicators)
     about = {
         "rows": [asdict(step) for step in steps],
         "dim": domain.dim,
@@ -305,7 +305,7 @@ class Restored:
             if places is None:
                 curved = rows.facet_tags(self._table("curved"))
             else:
-                marks = rows.of_facets(self._table("curved"))
+                marks = rows.of_sides(self._table("curved"))
         cells = None
         if "regions" in about["tags"]:
             cells = rows.cell_tags(self._table("regions"))

@@ -14,7 +14,7 @@ import numpy as np
 import ufl
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.material import Value
+from erc_contact.base.ufl_types import Value
 
 ROUND_OFF = 1e-12
 """Part of the greatest component that counts as none [-].

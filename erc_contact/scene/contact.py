@@ -8,9 +8,9 @@ from math import inf
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_value, check_vector
 from erc_contact.scene.law import Coulomb, Law
-from erc_contact.scene.material import Value
 
 
 @dataclass(frozen=True, init=False)

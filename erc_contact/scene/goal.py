@@ -25,17 +25,26 @@ def _numbers(what: str, direction: Sequence[float]) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class _PartInDirection:
-    """Hold and check a boundary part and a direction."""
+class _OfPart:
+    """Hold and check the name of a boundary part."""
 
     part: str
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        check_name(type(self).__name__, self.part)
+
+
+@dataclass(frozen=True)
+class _PartInDirection(_OfPart):
+    """Hold and check a boundary part and a direction."""
+
     direction: Sequence[float]
 
     def __post_init__(self) -> None:
         """Check the arguments."""
-        kind = type(self).__name__
-        check_name(kind, self.part)
-        direction = _numbers(f"{kind}({self.part!r})", self.direction)
+        super().__post_init__()
+        direction = _numbers(f"{type(self).__name__}({self.part!r})", self.direction)
         object.__setattr__(self, "direction", direction)
 
 
@@ -79,20 +88,18 @@ class MeanDisplacement(_PartInDirection):
 
 
 @dataclass(frozen=True)
-class _PartAboutAxis:
+class _PartAboutAxis(_OfPart):
     """Hold and check a boundary part and an axis in space."""
 
-    part: str
     axis: Sequence[float] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check the arguments."""
-        kind = type(self).__name__
-        check_name(kind, self.part)
+        super().__post_init__()
         for name in ("axis", "about"):
             value = getattr(self, name, None)
             if value is not None:
-                check_vector(f"{kind}({self.part!r}): {name}", value)
+                check_vector(f"{type(self).__name__}({self.part!r}): {name}", value)
                 # The class is frozen: only here an attribute may change.
                 object.__setattr__(self, name, tuple(value))
 
@@ -145,7 +152,7 @@ class Rotation(_PartAboutAxis):
 
 
 @dataclass(frozen=True)
-class Slip:
+class Slip(_OfPart):
     """Ask for the mean slip of a contact: of its part against what it touches.
 
     It is the mean over the contact, or over its ring, where it is open, too.
@@ -167,19 +174,18 @@ class Slip:
         Slip(part='bottom', direction=None)
     """
 
-    part: str
     direction: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
         """Check the arguments."""
-        check_name("Slip", self.part)
+        super().__post_init__()
         if self.direction is not None:
             direction = _numbers(f"Slip({self.part!r})", self.direction)
             object.__setattr__(self, "direction", direction)
 
 
 @dataclass(frozen=True)
-class Opening:
+class Opening(_OfPart):
     """Ask for the mean distance of a contact from what it touches [length].
 
     It is the gap that is left along the normals of the contact; between curved sides
@@ -196,15 +202,9 @@ class Opening:
         Opening(part='bottom')
     """
 
-    part: str
-
-    def __post_init__(self) -> None:
-        """Check the name."""
-        check_name("Opening", self.part)
-
 
 @dataclass(frozen=True)
-class BoltForce:
+class BoltForce(_OfPart):
     """Ask for the force of a bolt whose shortening is given [force].
 
     It is along the axis of its :class:`Preload`, in tension > 0.
@@ -219,15 +219,9 @@ class BoltForce:
         BoltForce(part='upper end')
     """
 
-    part: str
-
-    def __post_init__(self) -> None:
-        """Check the name."""
-        check_name("BoltForce", self.part)
-
 
 @dataclass(frozen=True)
-class Shortening:
+class Shortening(_OfPart):
     """Ask for the shift of a bolt whose force is given [length].
 
     It is > 0 where the sides of the cut of its :class:`Preload` are drawn together.
@@ -241,12 +235,6 @@ class Shortening:
         >>> ec.Shortening("upper end")
         Shortening(part='upper end')
     """
-
-    part: str
-
-    def __post_init__(self) -> None:
-        """Check the name."""
-        check_name("Shortening", self.part)
 
 
 @dataclass(frozen=True, repr=False)

@@ -22,15 +22,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
-from numbers import Real
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import ufl
 
-from erc_contact.base.exceptions import InputError
-from erc_contact.base.ufl_types import Ufl
-from erc_contact.scene.material import Value
+from erc_contact.base.ufl_types import Ufl, Value
+from erc_contact.scene.checks import check_value
 
 
 class Law(Protocol):
@@ -66,14 +63,6 @@ class Law(Protocol):
         """
 
 
-def _check(what: str, value: Any) -> None:
-    """Check that a parameter is a number >= 0 or a callable."""
-    if callable(value):
-        return
-    if not isinstance(value, Real) or not isfinite(value) or not float(value) >= 0:
-        raise InputError(f"{what} is {value!r}; give a finite number >= 0, or a callable of x.")
-
-
 @dataclass(frozen=True)
 class Coulomb:
     """Declare Coulomb friction, ``b = mu p``.
@@ -94,7 +83,7 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         """Check the friction coefficient."""
-        _check("Coulomb: friction", self.friction)
+        check_value("Coulomb: friction", self.friction, 0.0)
 
     def friction_bound(self, pressure: Ufl, friction: Ufl) -> Ufl:
         """Return ``b(p) = mu p`` [force/area]."""
@@ -121,7 +110,7 @@ class Tresca:
 
     def __post_init__(self) -> None:
         """Check the friction bound."""
-        _check("Tresca: limit", self.limit)
+        check_value("Tresca: limit", self.limit, 0.0)
 
     def friction_bound(self, pressure: Ufl, limit: Ufl) -> Ufl:
         """Return ``b(p) = s`` [force/area]."""

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.ufl_types import Ufl, Value
 from erc_contact.scene.checks import Vector, check_name, check_value, check_vector
-from erc_contact.scene.material import Value
 
 LOAD_MEMBERS = ("facets", "parameters", "density")
 """Names of the members of a load."""

@@ -24,10 +24,7 @@ import numpy as np
 import ufl
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ufl_types import Ufl
-
-Value = float | Callable[[Any], Any]
-"""A number, or a callable of the position x that returns a number or UFL of x."""
+from erc_contact.base.ufl_types import Ufl, Value
 
 PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC = "plane strain", "plane stress", "axisymmetric"
 HYPOTHESES = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)
@@ -315,9 +312,7 @@ class Elastic:
 
     def out_of_plane(self, sigma: Ufl, E: Ufl, nu: Ufl) -> Ufl:
         """Return the stress ``sigma_zz`` of a plane tensor (2, 2) [force/area]."""
-        if self.hypothesis == PLANE_STRESS:
-            return 0.0
-        return nu * ufl.tr(sigma)
+        return 0.0 if self.hypothesis == PLANE_STRESS else nu * ufl.tr(sigma)
 
     def out_of_plane_modulus(self, E: Ufl, nu: Ufl) -> Ufl:
         """Return ``-sigma_zz/eps_0zz`` without stress in plane [force/area]."""

@@ -14,13 +14,12 @@ from typing import ClassVar
 import ufl
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.ufl_types import Ufl, Value
 from erc_contact.scene.material import (
     AXISYMMETRIC,
     PLANE_STRAIN,
     PLANE_STRESS,
     Elastic,
-    Value,
     check_numbers,
 )
 

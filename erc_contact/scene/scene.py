@@ -8,7 +8,7 @@ callables of x (UFL in, UFL out), so a scene survives every new mesh.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -29,10 +29,8 @@ from erc_contact.scene.potential import (
     refuse_potential,
     tells_convexity,
 )
-from erc_contact.scene.rigid import Rigid
-from erc_contact.scene.spring import Spring
 from erc_contact.scene.strain import GivenStrain
-from erc_contact.scene.support import Displacement
+from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.tied import Tied
 from erc_contact.scene.words import in_words
 
@@ -40,6 +38,15 @@ MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 """Names of the members of a material."""
 STRAIN_MEMBERS = ("region", "parameters", "strain")
 """Names of the members of a given strain."""
+LISTS: dict[str, tuple[str, tuple[type, ...], tuple[str, ...]]] = {
+    "supports": ("Displacement and Rigid", (Displacement, Rigid), ()),
+    "loads": ("Traction and BodyForce", (), LOAD_MEMBERS),
+    "contacts": ("Contact", (Contact,), ()),
+    "strains": ("ThermalStrain and Eigenstrain", (), STRAIN_MEMBERS),
+    "springs": ("Spring", (Spring,), ()),
+    "ties": ("Tied and Preload", (Tied,), ()),
+}
+"""Lists of a scene: their entries in words, their types, or else their members."""
 CAUSES = TRACTIONS, BODY_FORCE, BALANCE = "tractions", "body force", "balance"
 """Names of forces in ``reactions()``, beside the names of supports and contacts."""
 
@@ -97,18 +104,8 @@ class Scene:
                 f" ...), or an object of a class of your own with {', '.join(needed)}."
             )
         self._move_symmetries()
-        members = ", ".join(LOAD_MEMBERS)
-        loads = "Traction and BodyForce"
-        loads_or_own = f"{loads}, and objects with {members}"
-        supports = "Displacement and Rigid"
-        self._check_entries("supports", _is_support, supports, supports)
-        self._check_entries("loads", _is_load, loads, loads_or_own)
-        self._check_entries("contacts", _is_contact, "Contact", "Contact")
-        strains = "ThermalStrain and Eigenstrain"
-        strains_or_own = f"{strains}, and objects with {', '.join(STRAIN_MEMBERS)}"
-        self._check_entries("strains", _is_strain, strains, strains_or_own)
-        self._check_entries("springs", _is_spring, "Spring", "Spring")
-        self._check_entries("ties", _is_tie, "Tied and Preload", "Tied and Preload")
+        for name in LISTS:
+            self._check_entries(name)
         self._check_potential()
         parts = [support.facets for support in self.supports]
         parts += [spring.facets for spring in self.springs]
@@ -156,29 +153,27 @@ class Scene:
             object.__setattr__(self, "supports", tuple(supports))
             object.__setattr__(self, "contacts", lists["contacts"] + symmetries)
 
-    def _check_entries(
-        self, name: str, fits: Callable[[Any], bool], kinds: str, allowed: str
-    ) -> None:
-        """Check the entries of a list, and make a tuple of them.
+    def _check_entries(self, name: str) -> None:
+        """Check the entries of a list by its name, and make a tuple of them.
 
-        Args:
-            name: Name of the list. A single entry needs no list.
-            fits: Tells whether an entry is of the right kind.
-            kinds: The kinds of entries in words.
-            allowed: All that is allowed in words.
+        A single entry needs no list.
         """
+        kinds, _, members = LISTS[name]
         value: Any = getattr(self, name)
         if isinstance(value, list | tuple):
             entries = tuple(value)
-        elif fits(value):
+        elif _fits(value, name):
             entries = (value,)
         else:
             told = _its_list(value)
             raise InputError(f"Scene: {name} is {value!r}; give a list of {kinds}.{told}")
         for entry in entries:
-            if not fits(entry):
+            if not _fits(entry, name):
+                or_objects = f", and objects with {', '.join(members)}" if members else ""
                 told = _its_list(entry)
-                raise InputError(f"Scene: {name} holds {entry!r}; allowed are {allowed}.{told}")
+                raise InputError(
+                    f"Scene: {name} holds {entry!r}; allowed are {kinds}{or_objects}.{told}"
+                )
         # The class is frozen: only here an attribute may change.
         object.__setattr__(self, name, entries)
 
@@ -298,54 +293,17 @@ def _fixed_components(supports: Sequence[Displacement | Rigid]) -> list[tuple[st
     return fixed
 
 
-def _is_support(entry: Any) -> bool:
-    """Tell whether an entry is a support."""
-    return isinstance(entry, Displacement | Rigid)
-
-
-def _is_load(entry: Any) -> bool:
-    """Tell whether an entry has the members of a load, and is no class."""
-    if isinstance(entry, type):
-        return False
-    return all(hasattr(entry, name) for name in LOAD_MEMBERS)
-
-
-def _is_spring(entry: Any) -> bool:
-    """Tell whether an entry is a spring."""
-    return isinstance(entry, Spring)
-
-
-def _is_tie(entry: Any) -> bool:
-    """Tell whether an entry is a tied joint."""
-    return isinstance(entry, Tied)
-
-
-def _is_strain(entry: Any) -> bool:
-    """Tell whether an entry has the members of a given strain, and is no class."""
-    if isinstance(entry, type):
-        return False
-    return all(hasattr(entry, name) for name in STRAIN_MEMBERS)
-
-
-def _is_contact(entry: Any) -> bool:
-    """Tell whether an entry is a contact."""
-    return isinstance(entry, Contact)
-
-
-LISTS: dict[str, Callable[[Any], bool]] = {
-    "supports": _is_support,
-    "contacts": _is_contact,
-    "springs": _is_spring,
-    "ties": _is_tie,
-    "strains": _is_strain,
-    "loads": _is_load,
-}
-"""Lists of a scene, and what tells their entries."""
+def _fits(entry: Any, name: str) -> bool:
+    """Tell whether an entry has the type or the members of the entries of a list."""
+    _, types, members = LISTS[name]
+    if types or isinstance(entry, type):
+        return isinstance(entry, types)
+    return all(hasattr(entry, member) for member in members)
 
 
 def _its_list(entry: Any) -> str:
     """Say to which list of a scene an entry belongs; empty if to none."""
-    for name, fits in LISTS.items():
-        if fits(entry):
+    for name in LISTS:
+        if _fits(entry, name):
             return f" It belongs to another list: give {name}=."
     return ""

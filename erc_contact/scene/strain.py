@@ -17,9 +17,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.ufl_types import Ufl, Value
 from erc_contact.scene.checks import check_region, check_value, round_off
-from erc_contact.scene.material import Value
 
 Tensor = Value | Sequence[Sequence[Value]] | Callable[[Any], Any]
 """A number, d rows of d values, or a callable of x that returns either."""
@@ -133,7 +132,7 @@ class Eigenstrain:
         """Check the arguments."""
         check_region("Eigenstrain", self.region)
         if not isinstance(self.value, Mapping):
-            object.__setattr__(self, "value", _checked("Eigenstrain", self.value))
+            object.__setattr__(self, "value", _check_strain("Eigenstrain", self.value))
             return
         if self.region is not None or not self.value:
             raise InputError(
@@ -144,7 +143,7 @@ class Eigenstrain:
         values = {}
         for region, value in self.value.items():
             check_region("Eigenstrain", region)
-            values[region] = _checked(f"Eigenstrain in {region!r}", value)
+            values[region] = _check_strain(f"Eigenstrain in {region!r}", value)
         object.__setattr__(self, "value", values)
 
     def strain(self, x: Ufl, value: Ufl) -> Ufl:
@@ -152,7 +151,7 @@ class Eigenstrain:
         return value
 
 
-def _checked(what: str, value: Any) -> Any:
+def _check_strain(what: str, value: Any) -> Any:
     """Return a strain that is a number, a callable or a tensor, whose rows are tuples.
 
     Args:

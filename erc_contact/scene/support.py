@@ -1,13 +1,22 @@
-"""Declare supports: prescribed displacements."""
+"""Declare supports: prescribed displacements, springs, and rigid faces."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
+from typing import Any
 
+from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_vector
-from erc_contact.scene.material import Value
+
+STIFFNESS = "a number >= 0 [force/length^3]"
+"""What is allowed, in words."""
+AXES = "xyz"
+"""Names of the axes, for messages."""
 
 
 @dataclass(frozen=True)
@@ -48,3 +57,187 @@ class Displacement:
     def is_moved(self) -> bool:
         """Tell whether a displacement is prescribed that is not zero."""
         return any(callable(component) or component for component in self.value)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Declare springs all over a boundary part, which pull it back to its place.
+
+    The traction on the body is ``-k_n u_n n - k_t u_t``. No support is rigid: springs
+    are a bed, a seal, a machine that gives way. The other end of the springs is moved
+    by U if a Traction ``k U`` acts on the same part.
+
+    Args:
+        facets: Name of the boundary part.
+        normal: k_n, force per area over displacement along the normal [force/length^3].
+        tangential: k_t, that along the facet [force/length^3].
+
+    Raises:
+        InputError: If a stiffness is no finite number >= 0, or both are zero.
+
+    Example:
+        >>> ec.Spring("left", normal=100.0)
+        Spring(facets='left', normal=100.0, tangential=0.0)
+    """
+
+    facets: str
+    normal: float = 0.0
+    tangential: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        check_name("Spring", self.facets)
+        what = f"Spring({self.facets!r})"
+        for name in ("normal", "tangential"):
+            value: Any = getattr(self, name)
+            if not is_number(value) or value < 0:
+                raise InputError(
+                    f"{what}: {name} is {value!r}; give {STIFFNESS}. Where it varies, use several"
+                    " boundary parts."
+                )
+            object.__setattr__(self, name, float(value))
+        if self.normal == self.tangential == 0.0:
+            raise InputError(f"{what} has no stiffness; leave it out.")
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """Declare a boundary part that moves as a rigid body, as in a stiff holder.
+
+    Of each of its freedoms, a translation along each axis and a rotation (in space one
+    about each axis), either the motion or its resultant is given: a number in one of
+    the two, None in the other.
+
+    Args:
+        facets: Name of the boundary part, which lies on one body.
+        displacement: Displacement of the point ``about`` [length], d numbers or None.
+        rotation: Angle of the small rotation [rad], counterclockwise; in space three,
+            about the axes.
+        force: Resultant of all that acts on the part from outside [force], d numbers
+            or None.
+        moment: Its moment about ``about`` [force length]; in space three.
+        about: The point [length], d numbers. By default it is the centroid of the part.
+
+    Raises:
+        InputError: If both or none of motion and resultant of a freedom are given, or a
+            value is no finite number.
+
+    Source: the face is a support whose motion is unknown in some freedoms. The traction
+    on it does work only through its resultants, so e (16) keeps its meaning: u^ is
+    rigid on the face, and sigma^ has the given resultants.
+
+    Example:
+        >>> ec.Rigid("top", (0.0, None), rotation=0.0, force=(None, -3.0)).resultants
+        (None, -3.0, None)
+    """
+
+    facets: str
+    displacement: Sequence[float | None] | None = None
+    rotation: float | Sequence[float | None] | None = None
+    force: Sequence[float | None] | None = None
+    moment: float | Sequence[float | None] | None = None
+    about: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the arguments, and make tuples of them."""
+        check_name("Rigid", self.facets)
+        for name in ("displacement", "rotation", "force", "moment", "about"):
+            value: Any = getattr(self, name)
+            if value is not None and not isinstance(value, Real):
+                # The class is frozen: only here an attribute may change.
+                object.__setattr__(self, name, self._vector(name, value))
+        if self.displacement is None and self.force is None:
+            raise InputError(
+                f"{self._what} has neither displacement nor force; give a number for each"
+                " component in one of them, e.g. Rigid('top', displacement=(0.0, None),"
+                " rotation=0.0, force=(None, -3.0))."
+            )
+        freedoms = zip(self._names, self.motions, self.resultants, strict=True)
+        for (motion_name, resultant_name), motion, resultant in freedoms:
+            if (motion is None) == (resultant is None):
+                given = "neither" if motion is None else "both"
+                raise InputError(
+                    f"{self._what} has {given} of {motion_name} and {resultant_name}; give one of"
+                    " them, and None in place of the other (a free motion has the resultant 0)."
+                )
+
+    @property
+    def motions(self) -> tuple[float | None, ...]:
+        """Return the given motions: displacements, then rotations; None where free."""
+        return self._freedoms("displacement", "rotation")
+
+    @property
+    def resultants(self) -> tuple[float | None, ...]:
+        """Return the given resultants: forces, then moments; None where not given."""
+        return self._freedoms("force", "moment")
+
+    @property
+    def value(self) -> tuple[float, ...]:
+        """Return the given displacement, as a support has it; 0 where it is free."""
+        return tuple(motion or 0.0 for motion in self.motions[: self.d])
+
+    @property
+    def is_moved(self) -> bool:
+        """Tell whether a motion is given that is not zero."""
+        return any(self.motions)
+
+    @property
+    def d(self) -> int:
+        """Return the dimension."""
+        return len(self.displacement or self.force or ())
+
+    @property
+    def _what(self) -> str:
+        """Return the face in words for messages."""
+        return f"Rigid({self.facets!r})"
+
+    @property
+    def _names(self) -> list[tuple[str, str]]:
+        """Return the names of motion and resultant of each freedom, for messages."""
+        names = [(f"displacement in {axis}", f"force in {axis}") for axis in AXES[: self.d]]
+        if self.d == 2:
+            return [*names, ("rotation", "moment")]
+        return names + [(f"rotation about {axis}", f"moment about {axis}") for axis in AXES]
+
+    def _freedoms(self, translations: str, rotations: str) -> tuple[float | None, ...]:
+        """Return the numbers of two arguments in a tuple, None where there is none."""
+        d = self.d
+        linear = getattr(self, translations)
+        angular = getattr(self, rotations)
+        count = 1 if d == 2 else 3
+        if linear is None:
+            linear = (None,) * d
+        if angular is None:
+            angular = (None,) * count
+        if isinstance(angular, Real):
+            angular = (angular,)
+        for name, numbers, size in ((translations, linear, d), (rotations, angular, count)):
+            if len(numbers) != size:
+                raise InputError(
+                    f"{self._what}: {name} has {len(numbers)} numbers; in {d}D give {size}."
+                )
+            for number in numbers:
+                self._check_number(name, number)
+        return (*linear, *angular)
+
+    def _vector(self, name: str, value: Any) -> tuple[Any, ...]:
+        """Return an argument as a tuple of numbers."""
+        is_sequence = hasattr(value, "__len__") and not isinstance(value, str)
+        if not is_sequence or len(value) not in (1, 2, 3):
+            raise InputError(
+                f"{self._what}: {name} is {value!r}; give one number for each dimension, or None."
+            )
+        if name == "about":
+            for number in value:
+                self._check_number(name, number)
+        return tuple(value)
+
+    def _check_number(self, name: str, number: Any) -> None:
+        """Check that a component of an argument is a finite number, or None."""
+        if number is None and name != "about":
+            return
+        if not isinstance(number, Real) or not isfinite(number):
+            raise InputError(
+                f"{self._what}: a component of {name} is {number!r}; give finite numbers. In a"
+                " history the scene is a function of time, and so are they."
+            )

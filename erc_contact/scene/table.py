@@ -48,9 +48,7 @@ class table:
 
     def __init__(self, x: Any, values: Any) -> None:
         grid = x if _is_pair(x) else [x]
-        points = []
-        for coordinate in grid:
-            points.append(_numbers("x", coordinate))
+        points = [_numbers("x", coordinate) for coordinate in grid]
         self.x = points if _is_pair(x) else points[0]
         self.values = _numbers("values", values)
         for coordinate in points:

@@ -1,9 +1,11 @@
-"""Declare tied joints: parts of two bodies that are glued to each other."""
+"""Declare joints of bodies: parts that are glued, and the preloads of bolts."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name
 
@@ -46,3 +48,75 @@ class Tied:
     def sides(self) -> tuple[str, str]:
         """Return the names of both parts."""
         return (self.facets, self.against)
+
+
+@dataclass(frozen=True)
+class Preload(Tied):
+    """Declare that the sides of a cut through a body are drawn together.
+
+    The sides move by a shift q along the axis d of the cut, its mean normal out of the
+    first side, and are one beyond it:
+
+        u_1 - u_2 = q d,    sigma n equal on both sides.
+
+    So a bolt whose shank is cut is shortened by q, and carries the force F along d.
+    Either is given. The parts are a pair of :meth:`Domain.split` or
+    :meth:`Domain.joined` that goes through the whole section. The cells of the first
+    side that touch the cut must be free of contacts with friction, and of supports and
+    springs that hold them along d.
+
+    Args:
+        facets: Name of the first side of the cut.
+        against: Name of the other side.
+        force: F [force], in tension > 0.
+        shortening: q [length]; > 0 draws the sides together. If it is not given, it is
+            found, to eight digits of F on each mesh. The scene of the solution has it.
+        locked: Whether q is the shift of the last step of a history, as in a bolt that
+            is tightened.
+
+    Raises:
+        InputError: If nothing tells the shift, or a force and locked do, a number is
+            not finite, or these are no two names.
+
+    Source: the jump q d is a given strain in the cells of the first side beside the
+    cut. So e (16) is the error of the body with this shift, as with any given strain.
+    Where sigma^ has the resultant F it bounds the error of the body with this force,
+    too: then ``(F - F^) (q* - q)``, which would be added with its shift q*, is zero.
+
+    Example:
+        >>> ec.Preload("upper bottom", "lower top", force=20e3)
+        Preload(facets='upper bottom', against='lower top', force=20000.0, ...)
+    """
+
+    force: float | None = None
+    shortening: float | None = None
+    locked: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the arguments."""
+        super().__post_init__()
+        if not isinstance(self.locked, bool):
+            raise InputError(f"{self._what}: locked is {self.locked!r}; give True or False.")
+        if self.locked == (self.force is not None) and self.shortening is None:
+            told = "locked=True and a force" if self.locked else "nothing that tells its shift"
+            raise InputError(
+                f"{self._what} has {told}; give force= or shortening=, or in a step of a history"
+                " after another one locked=True."
+            )
+        for name in ("force", "shortening"):
+            self._check_number(name, getattr(self, name))
+
+    @property
+    def _what(self) -> str:
+        """Return the preload in words for messages."""
+        return f"Preload({self.facets!r})"
+
+    def _check_number(self, name: str, value: Any) -> None:
+        """Check that an argument is a finite number, or None."""
+        if value is None:
+            return
+        if not is_number(value):
+            raise InputError(
+                f"{self._what}: {name} is {value!r}; give a finite number. In a history the scene"
+                " is a function of time, and so is it."
+            )

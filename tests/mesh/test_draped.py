@@ -17,7 +17,7 @@ from test_split import assert_paired
 
 import erc_contact as ec
 from erc_contact.mesh.gmsh_session import session
-from erc_contact.mesh.tables import described, geometry_of
+from erc_contact.mesh.tables import describe_shape, geometry_of
 
 COMM = MPI.COMM_WORLD
 RADIUS = 0.5
@@ -193,7 +193,7 @@ def test_constant_stress_is_exact(name):
 def test_curved_bodies_are_meshed_again(name, measures):
     """By their true shapes, which a checkpoint keeps."""
     domain = joined(name)
-    kept = json.loads(json.dumps(described(domain.geometry)))
+    kept = json.loads(json.dumps(describe_shape(domain.geometry)))
     assert geometry_of(kept) == domain.geometry
     finer = domain.refined().remeshed(0.15)
     assert finer.interface_map.interfaces == domain.interface_map.interfaces

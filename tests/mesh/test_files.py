@@ -122,7 +122,7 @@ def test_splitting_keeps_volumes_and_constant_stresses(form, shared_tmp_path, me
 @pytest.mark.serial
 def test_faces_are_cut_alike_from_both_sides():
     """Hexahedra, prisms and tetrahedra together: each inner face has two tetrahedra."""
-    from erc_contact.mesh.files.building import built
+    from erc_contact.mesh.files.building import build_simplices
     from erc_contact.mesh.files.file_mesh import Block, FileMesh
 
     x, cubes = files.grid(2, 3)
@@ -133,7 +133,7 @@ def test_faces_are_cut_alike_from_both_sides():
     # Columns of prisms stand beside columns of hexahedra.
     prisms = np.arange(len(cubes)) // 2 % 2 == 1
     blocks = (Block("hexahedron", cubes[~prisms]), Block("prism", files.prisms(cubes[prisms])))
-    made_of = built(FileMesh(points, blocks))
+    made_of = build_simplices(FileMesh(points, blocks))
     cells = made_of.plain.cells
     sides = np.sort(cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
     corners, count = np.unique(sides, axis=0, return_counts=True)

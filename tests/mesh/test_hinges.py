@@ -16,7 +16,7 @@ from mpi4py import MPI
 import erc_contact as ec
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.copies import is_pinched
-from erc_contact.mesh.partition import distributed
+from erc_contact.mesh.partition import distribute
 
 COMM = MPI.COMM_WORLD
 
@@ -37,7 +37,7 @@ def bricks(d: int, places: list[tuple[int, ...]], *, merged: bool = True) -> ec.
         all_cells = number.ravel()[all_cells]
     if COMM.rank > 0:
         points, all_cells = points[:0], all_cells[:0]
-    mesh = distributed(COMM, all_cells.astype(np.int64), points)
+    mesh = distribute(COMM, all_cells.astype(np.int64), points)
     mesh.topology.create_connectivity(d - 1, d)
     facets = dmesh.exterior_facet_indices(mesh.topology)
     middles = dmesh.compute_midpoints(mesh, d - 1, facets)

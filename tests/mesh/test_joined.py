@@ -22,7 +22,7 @@ import erc_contact as ec
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.interface_map import Interface
 from erc_contact.mesh.partition import patches_complete
-from erc_contact.mesh.tables import described, geometry_of
+from erc_contact.mesh.tables import describe_shape, geometry_of
 
 COMM = MPI.COMM_WORLD
 WIDER = 1.3
@@ -550,7 +550,7 @@ def test_bodies_are_meshed_again_and_joined(name, measures):
     """Also from the shape that a checkpoint keeps; names, tags, pairs and measures stay."""
     make, size = APART[name]
     domain = make()
-    kept = json.loads(json.dumps(described(domain.geometry)))
+    kept = json.loads(json.dumps(describe_shape(domain.geometry)))
     assert geometry_of(kept) == domain.geometry
     finer = domain.refined().remeshed(size)
     back = finer.remeshed(2 * size)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from erc_contact.mesh.quadrature import bisected, cell_pieces, facet_pieces, integrate
+from erc_contact.mesh.quadrature import bisect, cell_pieces, facet_pieces, integrate
 
 COMM = MPI.COMM_WORLD
 
@@ -144,7 +144,7 @@ def test_the_order_of_vertices_changes_nothing(d):
 def test_pieces_fill_the_simplex(pieces):
     count, P, _ = pieces.shape
     vertices = np.broadcast_to(np.vstack([np.zeros(P - 1), np.eye(P - 1)]), (count, P, P - 1))
-    for corners in (pieces, bisected(pieces, vertices)):
+    for corners in (pieces, bisect(pieces, vertices)):
         sizes = abs(np.linalg.det(corners))
         assert sizes.sum() == pytest.approx(1.0, rel=1e-12)
         assert sizes == pytest.approx(sizes[0], rel=1e-12)

@@ -22,7 +22,7 @@ from test_two_bodies import METHODS, certified
 
 import erc_contact as ec
 from erc_contact.mesh.partition import patches_complete
-from erc_contact.mesh.tables import described, geometry_of
+from erc_contact.mesh.tables import describe_shape, geometry_of
 from erc_contact.model.promises import bind
 from erc_contact.model.trace import Side, Trace
 from erc_contact.output.gathered import whole_contacts
@@ -378,7 +378,7 @@ def test_bodies_that_keep_their_shapes_are_meshed_again(measures):
     for region, area in areas.items():
         before = abs(measures.region(domain, region) - area)
         assert abs(measures.region(again, region) - area) < 0.3 * before
-    kept = json.loads(json.dumps(described(domain.geometry)))
+    kept = json.loads(json.dumps(describe_shape(domain.geometry)))
     assert geometry_of(kept) == domain.geometry
 
 

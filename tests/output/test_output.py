@@ -32,7 +32,7 @@ from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.percent import percent
 from erc_contact.base.releases import cell_nodes
-from erc_contact.output import contact_plots, flat, gathered
+from erc_contact.output import contact_plots, gathered, views
 from erc_contact.output.drawing import new_figure
 from erc_contact.output.gallery import Gallery
 
@@ -119,8 +119,8 @@ def seen(monkeypatch):
             record.meshes.append((data.copy(), look))
             draw_flat(axes, data, look)
 
-        draw_flat = flat.add_flat
-        monkeypatch.setattr(flat, "add_flat", add_flat)
+        draw_flat = views.add_flat
+        monkeypatch.setattr(views, "add_flat", add_flat)
         monkeypatch.setattr(Figure, "savefig", savefig)
         monkeypatch.setattr(pyvista.Plotter, "add_mesh", add_mesh)
         monkeypatch.setattr(pyvista.Plotter, "screenshot", screenshot)

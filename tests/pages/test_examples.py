@@ -17,9 +17,8 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.tighten.tables import MacroTable
 from erc_contact.error.laws import LawError
-from erc_contact.mesh.cuts import Cuts
 from erc_contact.mesh.joining.curve import Curve
-from erc_contact.mesh.quadrature import integrate
+from erc_contact.mesh.quadrature import Cuts, integrate
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.constitution import Constitution
 from erc_contact.model.trace import Side, Trace

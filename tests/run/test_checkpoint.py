@@ -33,7 +33,7 @@ from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
 from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.tables import CellRows, described, geometry_of, tag_tables
+from erc_contact.mesh.tables import CellRows, describe_shape, geometry_of, tag_tables
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.output.paraview import write_fields
 from erc_contact.run import levels
@@ -181,7 +181,7 @@ def test_a_domain_comes_back_from_its_tables(measures, shared_tmp_path):
         rows = CellRows(COMM, get["x"], get["cells"], domain.dim)
         tags = rows.cell_tags(get["regions"])
         curved = rows.facet_tags(get["curved"]) if "curved" in tables else None
-        geometry = geometry_of(described(domain.geometry))
+        geometry = geometry_of(describe_shape(domain.geometry))
         back = ec.Domain(
             rows.mesh,
             rows.facet_tags(get["facets"]),

@@ -44,8 +44,8 @@ from mpi4py import MPI
 
 from erc_contact.base.releases import c_code, other_domains
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.base.runtime.form_library import compiled_objects
-from erc_contact.base.runtime.parts import renumbered
+from erc_contact.base.runtime.form_library import compile_objects
+from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
 from erc_contact.base.ufl_types import Ufl
 
@@ -76,7 +76,7 @@ def constant(mesh: dmesh.Mesh, value: npt.ArrayLike) -> fem.Constant:
 def form(integrals: ufl.Form) -> fem.Form:
     """Compile a form, or find it among the forms of this process; collective."""
     with _remembering():
-        return fem.form(renumbered(integrals))
+        return fem.form(renumber(integrals))
 
 
 def expression(value: Ufl, points: np.ndarray, comm: MPI.Comm, key: Any = None) -> fem.Expression:
@@ -99,11 +99,11 @@ def _remembering(key: Any = None) -> Iterator[None]:
         if refused():
             yield
             return
-        with replaced(dolfinx_jit, "ffcx_jit", partial(_remembered, key)):
+        with replaced(dolfinx_jit, "ffcx_jit", partial(_find_or_compile, key)):
             yield
 
 
-def _remembered(
+def _find_or_compile(
     key: Any,
     comm: MPI.Comm,
     source: Any,
@@ -122,7 +122,7 @@ def _remembered(
     key = key or _key(source, form_compiler_options, jit_options)
     ranks = lasting(comm)
     if not _all_known(ranks, [key]):
-        (compiled,), module = compiled_objects(ranks, [source], form_compiler_options, c_code)
+        (compiled,), module = compile_objects(ranks, [source], form_compiler_options, c_code)
         _known[key] = compiled, module, (None, None)
     return _known[key]
 
@@ -140,13 +140,13 @@ def together(
         expressions: Expressions with their reference points, shape (q, d).
     """
     options = {"scalar_type": np.float64}
-    sources = [*(renumbered(form) for form in forms), *expressions]
+    sources = [*(renumber(form) for form in forms), *expressions]
     keys = [_key(source, options, None) for source in sources]
     # Two contacts may have the same expression, which a module has once.
     by_key = dict(zip(keys, sources, strict=True))
     if not refused() and not _all_known(comm, keys):
         with method_caches_off():
-            objects, module = compiled_objects(comm, list(by_key.values()), options, c_code)
+            objects, module = compile_objects(comm, list(by_key.values()), options, c_code)
         for key, compiled_object in zip(by_key, objects, strict=True):
             _known[key] = compiled_object, module, (None, None)
     of_expressions = zip(expressions, keys[len(forms) :], strict=True)
@@ -222,9 +222,7 @@ def _measure(integral: Ufl, numbers: _Numbers) -> tuple[Any, ...]:
         extra.append((mesh._ufl_signature_data_(numbers), kind))
     domain = integral.ufl_domain()._ufl_signature_data_(numbers)
     place = (domain, integral.integral_type(), integral.subdomain_id())
-    metadata = []
-    for name, value in integral.metadata().items():
-        metadata.append((name, _in_full(value)))
+    metadata = [(name, _in_full(value)) for name, value in integral.metadata().items()]
     return extra, place, sorted(metadata)
 
 

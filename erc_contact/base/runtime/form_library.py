@@ -58,7 +58,7 @@ class FormLibrary:
 
 
 @dolfinx_jit.mpi_jit_decorator
-def compiled_objects(
+def compile_objects(
     sources: list[Any], options: dict[str, Any], c_code: Callable[..., str]
 ) -> tuple[list[Any], FormLibrary]:
     """Return FFCx's objects for forms and expressions, and their library; collective.
@@ -104,27 +104,39 @@ def form_library(path: Path, flags: Sequence[str], code: Callable[[], str]) -> F
     """Open a library; compile it if it is not there.
 
     Args:
-        path: Where it is, or will be. Where this folder cannot be written to, each
-            process compiles its own.
+        path: Where it is, or will be, see :func:`compile_once`.
         flags: Options of the compiler.
         code: Returns the C code.
 
     Raises:
         RuntimeError: If the C compiler fails.
     """
-    if not path.exists():
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            lock = path.with_suffix(".lock").open("w")
-        except OSError:
-            path = Path(tempfile.mkdtemp(prefix="erc_contact_")) / path.name
-            lock = path.with_suffix(".lock").open("w")
-        with lock:
-            # Other processes wait here, and then find it.
-            flock(lock, LOCK_EX)
-            if not path.exists():
-                _compile(code(), path, flags)
+    path = compile_once(path, lambda path: _compile(code(), path, flags))
     return FormLibrary(ctypes.CDLL(str(path)), _structs())
+
+
+def compile_once(path: Path, compile_to: Callable[[Path], None]) -> Path:
+    """Return where a library is; compile it if it is not there.
+
+    Args:
+        path: Where it is, or will be. Where this folder cannot be written to, each
+            process compiles its own.
+        compile_to: Compiles it to a path.
+    """
+    if path.exists():
+        return path
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_suffix(".lock").open("w")
+    except OSError:
+        path = Path(tempfile.mkdtemp(prefix="erc_contact_")) / path.name
+        lock = path.with_suffix(".lock").open("w")
+    with lock:
+        # Other ranks and processes wait here, and then find it.
+        flock(lock, LOCK_EX)
+        if not path.exists():
+            compile_to(path)
+    return path
 
 
 def _compile(code: str, path: Path, flags: Sequence[str]) -> None:

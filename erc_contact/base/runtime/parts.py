@@ -35,7 +35,7 @@ class PartsOfForm:
         return self._tags.find(self._values[number - 1])
 
 
-def renumbered(form: ufl.Form) -> ufl.Form:
+def renumber(form: ufl.Form) -> ufl.Form:
     """Return a form whose parts have the numbers 1, 2, ... in the order of their tags.
 
     Forms that have no tags, or besides them an integral over everything, stay as they
@@ -43,12 +43,12 @@ def renumbered(form: ufl.Form) -> ufl.Form:
     """
     # UFL keeps this dictionary with a form for such things.
     if "renumbered" not in form._cache:
-        form._cache["renumbered"] = _renumbered(form)
+        form._cache["renumbered"] = _renumber(form)
     return form._cache["renumbered"]
 
 
-def _renumbered(form: ufl.Form) -> ufl.Form:
-    """Do what :func:`renumbered` does, each time."""
+def _renumber(form: ufl.Form) -> ufl.Form:
+    """Do what :func:`renumber` does, each time."""
     values: dict[str, set[Any]] = {}
     for integral in form.integrals():
         values.setdefault(integral.integral_type(), set()).update(_values(integral))

@@ -20,8 +20,8 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.tags import listed
 from erc_contact.results.forces import force as force_of
 from erc_contact.scene.goal import BoltForce, GoalOfBolt
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 
 SAME_FORCE = 1e-9
 """Difference of the force of sigma^ from the given one that is round-off [-]."""

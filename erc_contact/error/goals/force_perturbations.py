@@ -21,8 +21,8 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.tags import listed
 from erc_contact.model.rigid_faces import RigidFace, bind_rigid, centroid
 from erc_contact.scene.goal import Moment, Resultant
-from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.support import Rigid
 
 
 def resultant(base: BaseScene, goal: Resultant, a: np.ndarray) -> Perturbation:

@@ -24,8 +24,8 @@ from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.users import vector
 from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
 from erc_contact.scene.load import Load, Traction
-from erc_contact.scene.rigid import Rigid
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.support import Rigid
 
 
 def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) -> Perturbation:

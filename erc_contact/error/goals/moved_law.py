@@ -22,8 +22,8 @@ from erc_contact.error.works import strain_energy
 from erc_contact.model.model import Model
 from erc_contact.model.preload import PreloadOnMesh, shifts_of
 from erc_contact.newton.preload import with_shifts
-from erc_contact.scene.preload import Preload
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.model import Model
 from erc_contact.model.rigid_faces import bind_rigid
-from erc_contact.scene.rigid import Rigid
-from erc_contact.scene.support import Displacement
+from erc_contact.scene.support import Displacement, Rigid
 
 Shift = float | Callable[[Ufl], Ufl]
 """Type of a component of a motion: a number, or a callable of the position."""

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.base.percent import counted
+
 Tell = Callable[[str, str], None]
 """Function that tells the user a sentence, as "info" or as "warning"."""
 
@@ -143,11 +145,6 @@ def _leave_out(gmsh: Any, dim: int, tell: Tell) -> None:
     if counts:
         beside = "solids" if dim == 3 else "surfaces"
         tell("warning", f"{' and '.join(counts)} beside the {beside} left out")
-
-
-def counted(count: int, kind: str) -> str:
-    """Return a number of things in words, e.g. "1 sheet" and "2 sheets"."""
-    return f"{count} {kind}" if count == 1 else f"{count} {kind}s"
 
 
 def _solids_of_faces(gmsh: Any, tell: Tell) -> None:

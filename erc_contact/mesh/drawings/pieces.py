@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.drawings.opened import Refused, Tell
 
 Entity = tuple[int, int]
@@ -17,11 +18,6 @@ Solids = list[tuple[str, list[Entity]]]
 
 SHOWN = 3
 """Number of places that a sentence shows."""
-
-
-def at(point: Any) -> str:
-    """Return a place in words."""
-    return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"
 
 
 def in_one_piece(gmsh: Any, solids: list[tuple[str, Entity]], tell: Tell) -> Solids:
@@ -74,8 +70,8 @@ def _overlap_in_words(occ: Any, common: dict[tuple[str, ...], list[Entity]]) -> 
         dim = pieces[0][0]
         measure = sum(occ.getMass(*piece) for piece in pieces)
         kind = "volume" if dim == 3 else "area"
-        place = at(occ.getCenterOfMass(*pieces[0])[:dim])
-        words.append(f"{' and '.join(map(repr, sharing))} the {kind} {measure:.3g} at {place}")
+        centre = place_words(occ.getCenterOfMass(*pieces[0])[:dim])
+        words.append(f"{' and '.join(map(repr, sharing))} the {kind} {measure:.3g} at {centre}")
     more = len(common) - len(words)
     return (
         f"solids overlap: {'; '.join(words)}{f' and {more} more' if more else ''}. Cut one of them "
@@ -102,9 +98,10 @@ def tell_touches(gmsh: Any, solids: Solids, tell: Tell) -> None:
         names = f"{solids[here][0]!r} and {solids[there][0]!r}"
         if shared:
             entity = max(shared)
-            place = "along a line" if entity[0] == 1 else "at a point"
-            centre = np.reshape(model.getBoundingBox(*entity), (2, 3)).mean(axis=0)[:dim]
-            tell("warning", f"{names} touch {place} only, at {at(centre)}: they are kept apart")
+            how = "along a line" if entity[0] == 1 else "at a point"
+            box = np.reshape(model.getBoundingBox(*entity), (2, 3))
+            centre = place_words(box.mean(axis=0)[:dim])
+            tell("warning", f"{names} touch {how} only, at {centre}: they are kept apart")
 
 
 def _parts(model: Any, entities: list[Entity]) -> set[Entity]:

@@ -15,22 +15,14 @@ from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.drawings.kept import Kept
 from erc_contact.mesh.drawings.opened import CAD
+from erc_contact.mesh.files.apart import PACKAGE, WITHOUT_MPI
 
-PACKAGE = Path(__file__).resolve().parents[2]
-"""Folder of the package."""
 GEOMETRIES = (".geo", ".geo_unrolled", ".xao")
 """Endings of gmsh's files of geometry, which may have groups."""
 LEVELS = {"info": logging.INFO, "warning": logging.WARNING}
 """Level of each kind of sentence."""
-START = """
-import sys, types
-package = types.ModuleType("erc_contact")
-package.__path__ = [sys.argv.pop(1)]
-sys.modules["erc_contact"] = package
-from erc_contact.mesh.drawings.worker import main
-main()
-"""
-"""Program of the process: the package's modules without what starts MPI."""
+START = f"{WITHOUT_MPI}from erc_contact.mesh.drawings.worker import main\nmain()\n"
+"""Program of the process."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +94,12 @@ def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
         )
     is_cad = path.suffix.lower() in CAD
     if is_cad or wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
-        return [_meshed(gmsh, path, wanted)]
+        return [_mesh(gmsh, path, wanted)]
     gmsh.open(str(path))
     return []
 
 
-def _meshed(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
+def _mesh(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
     """Mesh a drawing, and open the mesh in gmsh's current session."""
     with tempfile.TemporaryDirectory() as folder:
         job = asdict(wanted) | {"path": str(path.resolve()), "folder": folder}

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.drawings.opened import Tell, counted
-from erc_contact.mesh.drawings.pieces import SHOWN, Entity, at
+from erc_contact.base.percent import counted, place_words
+from erc_contact.mesh.drawings.opened import Tell
+from erc_contact.mesh.drawings.pieces import SHOWN, Entity
 
 TINY = 1 / 50
 """Length of an edge or width of a face that is told, over the size of cells [-].
@@ -70,7 +71,7 @@ def defeature(
             narrow = [face for face in faces if _width(model, face) < width]
         piece = entity
         if narrow:
-            place = at(model.occ.getCenterOfMass(*narrow[0]))
+            centre = place_words(model.occ.getCenterOfMass(*narrow[0]))
             try:
                 made = model.occ.defeature([entity[1]], [tag for _, tag in narrow])
                 (piece,) = [part for part in made if part[0] == 3]
@@ -78,7 +79,7 @@ def defeature(
             except Exception:  # gmsh's errors are of no other class
                 tell(
                     "warning",
-                    f"{name!r}: {counted(len(narrow), 'narrow face')} at {place} stay, as "
+                    f"{name!r}: {counted(len(narrow), 'narrow face')} at {centre} stay, as "
                     "OpenCASCADE cannot remove them",
                 )
         result.append((name, piece))
@@ -119,7 +120,7 @@ def tell_tiny(gmsh: Any, dim: int, size: float, tell: Tell) -> None:
     for kind, list_of_kind in found.items():
         smallest = sorted(list_of_kind)[:SHOWN]
         places = [
-            f"{measure:.3g} at {at(model.occ.getCenterOfMass(*entity)[:dim])}"
+            f"{measure:.3g} at {place_words(model.occ.getCenterOfMass(*entity)[:dim])}"
             for measure, entity in smallest
         ]
         tell(

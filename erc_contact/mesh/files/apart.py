@@ -15,13 +15,20 @@ from erc_contact.mesh.files.file_mesh import FileMesh
 
 PACKAGE = Path(__file__).resolve().parents[2]
 """Folder of the package."""
-READ = """
-import importlib, json, pickle, sys, types
-from pathlib import Path
-folder, module, function, path, target, options = sys.argv[1:]
+WITHOUT_MPI = """
+import sys, types
 package = types.ModuleType("erc_contact")
-package.__path__ = [folder]
+package.__path__ = [sys.argv.pop(1)]
 sys.modules["erc_contact"] = package
+"""
+"""Beginning of the program of a process: the package's modules without what starts MPI.
+
+Its first argument is the folder of the package.
+"""
+READ = """
+import importlib, json, pickle
+from pathlib import Path
+module, function, path, target, options = sys.argv[1:]
 reader = getattr(importlib.import_module(module), function)
 try:
     answer = reader(Path(path), **json.loads(options))
@@ -40,7 +47,7 @@ except Exception as reason:
         )
 Path(target).write_bytes(pickle.dumps(answer))
 """
-"""Program of the process: modules of the package without what starts MPI."""
+"""Rest of the program, which reads a file."""
 PATIENCE = 60.0
 """Time that reading may take [s], beside a second for each megabyte of the file."""
 
@@ -59,7 +66,7 @@ def read_apart(module: str, function: str, path: Path, **options: bool) -> FileM
     """
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "mesh"
-        call = [sys.executable, "-c", READ, str(PACKAGE), module, function]
+        call = [sys.executable, "-c", WITHOUT_MPI + READ, str(PACKAGE), module, function]
         cause = "no answer"
         try:
             run = subprocess.run(

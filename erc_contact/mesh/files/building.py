@@ -4,24 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, on_rank
 from erc_contact.base.logs import log_of
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.files.cleaning import Body, body_of
 from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
-from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, in_words, padded
+from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, pad
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.rows import look_up
 from erc_contact.mesh.simplex import facet_vertices
 from erc_contact.mesh.tags import NO_TAG
-from erc_contact.mesh.transfer import given_cells
+from erc_contact.mesh.transfer import spread
 
 BOUNDARY = "boundary"
 """Name of the part of a file without sets of facets: all of the outer facets."""
@@ -38,10 +39,9 @@ class Built:
     """Hold a mesh of simplices made of a file.
 
     Attributes:
-        plain: The mesh, with tags of regions and sides.
+        plain: The mesh, with tags of regions and sides, and marks of sides if any.
         names: Name of each part -> its tag.
         regions: Name of each region -> its tag.
-        marks: Marks of sides, shape (m, d+1), or None.
         nodes: The point of the file at each point of the mesh, -1 where it is new.
         notes: What was left out or changed, in words.
     """
@@ -49,12 +49,13 @@ class Built:
     plain: PlainMesh
     names: dict[str, int]
     regions: dict[str, int]
-    marks: np.ndarray | None
     nodes: np.ndarray
     notes: tuple[str, ...]
 
 
-def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = True) -> Built:
+def build_simplices(
+    mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = True
+) -> Built:
     """Make simplices with parts and regions of the mesh of a file.
 
     Args:
@@ -95,12 +96,12 @@ def built(mesh: FileMesh, marks: Sequence[FacetSet] = (), *, numbered: bool = Tr
 
     used, cells = np.unique(simplices.cells, return_inverse=True)
     nodes = np.where(used < len(body.x), used, -1)
-    plain = PlainMesh(simplices.x[used], cells.reshape(simplices.cells.shape), of_simplices, tags)
-    notes += _unconnected(plain, regions)
-    return Built(plain, names, regions, side_marks, nodes, tuple(notes))
+    plain = PlainMesh(simplices.x[used], cells, of_simplices, tags, marks=side_marks)
+    notes += _note_unconnected(plain, regions)
+    return Built(plain, names, regions, nodes, tuple(notes))
 
 
-def _unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
+def _note_unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
     """Tell of points of a region that lie at one place and are not connected."""
     extent = np.ptp(plain.x, axis=0).max()
     boxes = np.floor(plain.x / (SAME_PLACE * extent) + OFFSET)
@@ -119,7 +120,7 @@ def _unconnected(plain: PlainMesh, regions: Mapping[str, int]) -> list[str]:
             at = plain.x[here[first[here_count > 1][0]]]
             notes.append(
                 f"region {name!r} has {int((here_count > 1).sum())} places with several points, as "
-                f"{in_words(at)}: its pieces are not connected there; merge the points if it "
+                f"{place_words(at, 6)}: its pieces are not connected there; merge the points if it "
                 "is one body, or give the pieces regions of their own"
             )
     return notes
@@ -197,7 +198,7 @@ def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:
         for number, members in element_set.members.items():
             block = mesh.blocks[number]
             if block.dim == mesh.dim - 1:
-                tables.append(padded(block.corners[members]))
+                tables.append(pad(block.corners[members]))
         if tables:
             corners = np.concatenate(tables)
             weak = element_set.weak
@@ -212,10 +213,8 @@ def _faces_at(body: Body, faces: Faces, corners: np.ndarray) -> np.ndarray:
     near = np.zeros(len(body.same), dtype=bool)
     near[wanted] = True
     candidates = np.flatnonzero(near[faces.corners].all(axis=1) & (faces.number >= 0))
-    there, here = row_numbers(distinct(faces.corners[candidates]), distinct(wanted))
-    number_of = np.full(max(here.max(initial=-1), there.max(initial=-1)) + 1, -1)
-    number_of[there] = faces.number[candidates]
-    return np.where(known, number_of[here], -1)
+    there = distinct(faces.corners[candidates])
+    return np.where(known, look_up(there, faces.number[candidates], distinct(wanted)), -1)
 
 
 def _faces_within(body: Body, faces: Faces, nodes: np.ndarray) -> np.ndarray:
@@ -252,35 +251,13 @@ def _side_tags(simplices: Simplices, faces: Faces, tag_of_face: np.ndarray) -> n
     near[facets] = True
     sides = simplices.cells[:, facet_vertices(d)]
     cell, side = np.nonzero(near[sides].all(axis=2))
-    there, here = row_numbers(sides[cell, side], facets)
-    value_of = np.full(max(there.max(initial=-1), here.max(initial=-1)) + 1, NO_TAG)
-    value_of[here] = values
-    tags[cell, side] = value_of[there]
+    tags[cell, side] = look_up(facets, values, sides[cell, side], NO_TAG)
     return tags
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
-    """Hold a mesh of all ranks with its tags.
-
-    Attributes:
-        mesh: The mesh.
-        facet_tags: Tags of parts.
-        cell_tags: Tags of regions.
-        names: Name of each part -> its tag.
-        regions: Name of each region -> its tag.
-        marks: Marks of facets, or None.
-    """
-
-    mesh: dmesh.Mesh
-    facet_tags: dmesh.MeshTags
-    cell_tags: dmesh.MeshTags
-    names: dict[str, int]
-    regions: dict[str, int]
-    marks: dmesh.MeshTags | None
-
-
-def spread_from(comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: str) -> Spread:
+def spread_from(
+    comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: str
+) -> dict[str, Any]:
     """Make a mesh on a rank and spread it over all; collective.
 
     What was left out is told once.
@@ -291,42 +268,32 @@ def spread_from(comm: MPI.Comm, rank: int, make: Callable[[], Built], subject: s
         make: Function that makes it, called there.
         subject: Subject of messages.
 
+    Returns:
+        The arguments of a domain: "names", "regions", and those of
+        :func:`erc_contact.mesh.transfer.spread`.
+
     Raises:
         InputError: On all ranks, what ``make`` raises.
     """
-    error: Exception | None = None
-    made: Built | None = None
-    if comm.rank == rank:
+
+    def make_there() -> Built:
         try:
-            made = make()
+            return make()
         except InputError as reason:
-            error = InputError(_about(subject, str(reason)))
-        except Exception as reason:  # every rank must learn of it
-            error = InputError(f"{subject} cannot be used: {reason}")
-    raise_together(comm, error)
+            words = str(reason)
+            raise InputError(words if subject in words else f"{subject}: {words}") from reason
+        except Exception as reason:  # libraries raise errors of any class
+            raise InputError(f"{subject} cannot be used: {reason}") from reason
+
+    made = on_rank(comm, rank, make_there)
     head = None
     if made is not None:
-        head = (made.plain.dim, made.names, made.regions, made.notes, made.marks is not None)
-    dim, names, regions, notes, marked = comm.bcast(head, root=rank)
+        head = (made.plain.dim, made.names, made.regions, made.notes)
+    dim, names, regions, notes = comm.bcast(head, root=rank)
     if notes:
         log_of(comm).warning("%s: left out or changed: %s.", subject, "; ".join(notes))
     empty = np.empty((0, dim + 1), dtype=np.int64)
     plain = PlainMesh(np.empty((0, dim)), empty, empty[:, 0], empty)
-    marks = empty if marked else None
     if made is not None:
         plain = made.plain
-        marks = made.marks
-    given = given_cells(comm, plain)
-    return Spread(
-        given.mesh,
-        given.facet_tags(plain.tags),
-        given.cell_tags(plain.regions),
-        names,
-        regions,
-        None if marks is None else given.facet_tags(marks),
-    )
-
-
-def _about(subject: str, reason: str) -> str:
-    """Return a message with its subject, if it does not name it."""
-    return reason if subject in reason else f"{subject}: {reason}"
+    return {"names": names, "regions": regions, **spread(comm, plain, rank)}

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh, in_words
+from erc_contact.base.percent import place_words
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.rows import row_numbers
 
@@ -69,7 +70,7 @@ def body_of(mesh: FileMesh) -> Body:
     used = np.unique(np.concatenate([block.corners.ravel() for block in blocks]))
     _check_rows(mesh, used)
     x = _in_body_space(mesh.points, used, dim)
-    same = _merged(x, blocks)
+    same = _merge(x, blocks)
     moved = int((same != np.arange(len(same))).sum())
     if moved:
         notes.append(f"{moved} points in the place of another corner of the same cell")
@@ -111,7 +112,7 @@ def _check_rows(mesh: FileMesh, used: np.ndarray) -> None:
     if len(bad):
         raise InputError(
             f"{len(bad)} points of cells have coordinates that are no numbers, the first is point "
-            f"{bad[0] + 1} at {in_words(mesh.points[bad[0]])}; look how the file was written."
+            f"{bad[0] + 1} at {place_words(mesh.points[bad[0]], 6)}; look how the file was written."
         )
 
 
@@ -140,7 +141,7 @@ def _in_body_space(points: np.ndarray, used: np.ndarray, dim: int) -> np.ndarray
     )
 
 
-def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
+def _merge(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
     """Return for each point the least point of a common cell that is in its place.
 
     Args:
@@ -157,9 +158,7 @@ def _merged(x: np.ndarray, blocks: Sequence[Block]) -> np.ndarray:
         pairs.append(np.column_stack([block.nodes[cell, a], block.nodes[cell, b]]))
     links = np.unique(np.concatenate(pairs), axis=0)
     links = links[links[:, 0] != links[:, 1]]
-    if not len(links):
-        return np.arange(len(x))
-    return components(len(x), links)
+    return components(len(x), links) if len(links) else np.arange(len(x))
 
 
 def edges_of(shape: str) -> np.ndarray:

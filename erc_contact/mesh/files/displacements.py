@@ -8,12 +8,17 @@ the file have there.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
 
 import numpy as np
+from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError
+from erc_contact.base.exceptions import InputError, on_rank
+from erc_contact.base.ranks import from_first
 from erc_contact.mesh.files.cleaning import edges_of
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh
+from erc_contact.mesh.files.reading import read
 from erc_contact.mesh.rows import row_numbers
 
 NAMES = ("disp", "u", "depl")
@@ -54,7 +59,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
     Raises:
         InputError: If the file has none, or several vectors of which none is called so.
     """
-    u = _chosen(mesh)
+    u = _choose_vector(mesh)
     blocks = [block for block in mesh.blocks if block.dim == mesh.dim]
     used = np.unique(np.concatenate([block.corners.ravel() for block in blocks]))
     ends = []
@@ -67,7 +72,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
         quadratic |= second
         split |= block.shape not in ("triangle", "tetrahedron")
         middle = mesh.points[block.corners].mean(axis=1)
-        for a, b, value in _between(mesh, block, u, second=second):
+        for a, b, value in _values_between(mesh, block, u, second=second):
             ends.append(np.column_stack([block.nodes[:, a], block.nodes[:, b]]))
             values.append(value)
             middles.append(middle)
@@ -96,7 +101,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
     )
 
 
-def _chosen(mesh: FileMesh) -> np.ndarray:
+def _choose_vector(mesh: FileMesh) -> np.ndarray:
     """Return the vector that is the displacement [length], shape (n, 3).
 
     Raises:
@@ -115,7 +120,7 @@ def _chosen(mesh: FileMesh) -> np.ndarray:
     )
 
 
-def _between(
+def _values_between(
     mesh: FileMesh, block: Block, u: np.ndarray, *, second: bool
 ) -> list[tuple[int, int, np.ndarray]]:
     """Return pairs of corners of cells, and the displacement in their middles.
@@ -172,3 +177,26 @@ def _edge_nodes(mesh: FileMesh, block: Block) -> dict[tuple[int, int], int]:
     gaps = np.linalg.norm(x[:, count:, None] - middles[:, None], axis=3).mean(axis=0)
     nearest = gaps.argmin(axis=0)
     return {(int(a), int(b)): count + int(nearest[i]) for i, (a, b) in enumerate(ends)}
+
+
+def from_file(comm: MPI.Comm, path: str | Path) -> FileField:
+    """Read the displacement of a file of results; collective.
+
+    Args:
+        comm: Communicator.
+        path: The file.
+
+    Raises:
+        InputError: On all ranks, if the file is missing, unreadable, or has no
+            displacement at its points.
+    """
+
+    def read_field() -> FileField:
+        try:
+            return displacement_of(read(Path(path), numbered=False))
+        except Exception as reason:  # libraries raise errors of any class
+            raise InputError(
+                f"certify: the file {str(path)!r} cannot be used: {reason}"
+            ) from reason
+
+    return cast("FileField", from_first(comm, on_rank(comm, 0, read_field)))

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import SHAPES, Block, in_words
+from erc_contact.base.percent import place_words
+from erc_contact.mesh.files.file_mesh import SHAPES, Block
 from erc_contact.mesh.rows import row_numbers
 
 SLIVER = 0.02
@@ -74,8 +75,8 @@ def faces_of(blocks: Sequence[Block], x: np.ndarray) -> Faces:
         at = x[corners[crowded[0]]].mean(axis=0)
         raise InputError(
             f"{len(np.unique(number[crowded]))} faces belong to three cells or more, one near "
-            f"{in_words(at)}: cells lie over each other. Mesh the body anew, or leave the extra "
-            "cells out."
+            f"{place_words(at, 6)}: cells lie over each other. Mesh the body anew, or leave the "
+            "extra cells out."
         )
     by_second = np.zeros(len(count), dtype=bool)
     if corners.shape[1] == 4:
@@ -113,12 +114,12 @@ def triangles_of(corners: np.ndarray, by_second: np.ndarray) -> np.ndarray:
         corners: Corners of the faces, shape (n, 4).
         by_second: Whether each face is cut by its second diagonal, shape (n,).
     """
-    turned = _turned(corners)
+    turned = _turn(corners)
     is_second = by_second[:, None, None]
     return np.where(is_second, turned[:, [[0, 1, 3], [1, 2, 3]]], turned[:, [[0, 1, 2], [0, 2, 3]]])
 
 
-def _turned(corners: np.ndarray) -> np.ndarray:
+def _turn(corners: np.ndarray) -> np.ndarray:
     """Return the corners of faces (n, 4), of each face the least corner first."""
     start = np.argmin(corners, axis=1)[:, None]
     return np.take_along_axis(corners, (start + np.arange(4)) % 4, axis=1)
@@ -133,7 +134,7 @@ def _with_other_diagonal(x: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """
     result = np.zeros(len(corners), dtype=bool)
     quadrilaterals = np.flatnonzero((np.diff(np.sort(corners, axis=1), axis=1) > 0).all(axis=1))
-    turned = _turned(corners[quadrilaterals])
+    turned = _turn(corners[quadrilaterals])
     first, second = (_area(x, turned[:, half]) for half in ([0, 1, 2], [0, 2, 3]))
     least = np.minimum(first, second)
     poor = np.flatnonzero(least < SLIVER * (first + second))

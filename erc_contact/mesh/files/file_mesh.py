@@ -57,17 +57,25 @@ SHAPES = {
     "pyramid": Shape(3, ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4))),
 }
 """The shapes by name."""
-PLURALS = {"vertex": "vertices", "hexahedron": "hexahedra", "tetrahedron": "tetrahedra"}
+NODES: dict[int, dict[str, tuple[int, ...]]] = {
+    1: {"line": (2, 3)},
+    2: {"triangle": (3, 6), "quadrilateral": (4, 8, 9)},
+    3: {
+        "tetrahedron": (4, 10),
+        "pyramid": (5, 13),
+        "prism": (6, 15),
+        "hexahedron": (8, 20, 27),
+    },
+}
+"""Numbers of nodes of the elements that programs have, by dimension and shape."""
 
 
-def counted(number: int, shape: str) -> str:
-    """Return a number of cells of a shape in words."""
-    return f"{number} {shape}" if number == 1 else f"{number} {PLURALS.get(shape, shape + 's')}"
-
-
-def in_words(x: np.ndarray) -> str:
-    """Return a point in words."""
-    return "(" + ", ".join(f"{value:.6g}" for value in x) + ")"
+def shape_with(dim: int, nodes: int) -> str | None:
+    """Return the shape of a dimension that has a number of nodes, None if none has."""
+    for shape, counts in NODES.get(dim, {}).items():
+        if nodes in counts:
+            return shape
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +188,7 @@ class FileMesh:
         return max((block.dim for block in self.blocks if len(block.nodes)), default=0)
 
 
-def padded(corners: np.ndarray) -> np.ndarray:
+def pad(corners: np.ndarray) -> np.ndarray:
     """Return corners of facets in space with four columns, of edges as they are.
 
     A triangle has its last corner twice.

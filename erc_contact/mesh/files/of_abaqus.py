@@ -7,6 +7,7 @@ no solids are left out and counted.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,31 +23,23 @@ from erc_contact.mesh.files.file_mesh import (
     FacetSet,
     FileMesh,
     NodeSet,
-    padded,
+    pad,
+    shape_with,
 )
 
 SOLIDS = (
-    (
-        re.compile(r"(?:D?C3D|F3D|SC)(\d+)"),
-        {"tetrahedron": (4, 10), "pyramid": (5, 13), "prism": (6, 15), "hexahedron": (8, 20, 27)},
-    ),
-    (
-        re.compile(r"(?:CP[SE]|CPEG|C?G?AX|DC2D|DCAX)(\d+)"),
-        {"triangle": (3, 6), "quadrilateral": (4, 8)},
-    ),
+    (re.compile(r"(?:D?C3D|F3D|SC)(\d+)"), 3),
+    (re.compile(r"(?:CP[SE]|CPEG|C?G?AX|DC2D|DCAX)(\d+)"), 2),
 )
-"""Patterns of the types of solids, and the numbers of nodes of each shape."""
+"""Patterns of the types of solids with their numbers of nodes, and dimensions."""
 SIDES = (
-    (
-        re.compile(r"(?:DS|S|STRI|M3D|SFM3D|R3D)(\d+)"),
-        {"triangle": (3, 6), "quadrilateral": (4, 8, 9)},
-    ),
-    (re.compile(r"(?:T[23]D|R2D)(\d+)"), {"line": (2, 3)}),
-    (re.compile(r"B[23](\d)"), {"line": (1, 2)}),
+    (re.compile(r"(?:DS|S|STRI|M3D|SFM3D|R3D)(\d+)"), 2),
+    (re.compile(r"(?:T[23]D|R2D)(\d+)"), 1),
+    (re.compile(r"B[23](\d)"), 1),
 )
 """The same for types of elements that may lie on the sides of solids.
 
-Programs write facets so. The numbers of beams are numbers of nodes but for B31 and B21.
+Programs write facets so. The numbers of beams are one less than their nodes.
 """
 FACES = {
     "tetrahedron": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
@@ -130,7 +123,7 @@ class _Mesh:
     node_count: int = 0
     element_count: int = 0
     blocks: list[_Elements] = field(default_factory=list)
-    left_out: dict[str, int] = field(default_factory=dict)
+    left_out: Counter[str] = field(default_factory=Counter)
     spaces: list[_Space] = field(default_factory=list)
     surfaces: dict[str, list[tuple[np.ndarray, int | None]]] = field(default_factory=dict)
     node_surfaces: dict[str, list[int]] = field(default_factory=dict)
@@ -214,7 +207,7 @@ def _load(mesh: _Mesh, space: _Space, cards: list[Card], place: list[str]) -> No
 def _add_nodes(mesh: _Mesh, space: _Space, card: Card, place: list[str]) -> None:
     """Add the nodes of a card, put where an instance is."""
     table = numbers_of(card.lines, 4)
-    x = _placed(table[:, 1:], place)
+    x = _place(table[:, 1:], place)
     rows = range(mesh.node_count, mesh.node_count + len(x))
     space.node_rows.update(zip(table[:, 0].astype(np.int64).tolist(), rows, strict=True))
     mesh.points.append(x)
@@ -222,7 +215,7 @@ def _add_nodes(mesh: _Mesh, space: _Space, card: Card, place: list[str]) -> None
     _extend(space, space.node_sets, card.get("NSET"), rows)
 
 
-def _placed(x: np.ndarray, place: list[str]) -> np.ndarray:
+def _place(x: np.ndarray, place: list[str]) -> np.ndarray:
     """Move points by the translation and the rotation about an axis of an instance.
 
     Args:
@@ -255,7 +248,7 @@ def _add_elements(mesh: _Mesh, space: _Space, card: Card) -> None:
     kind = card.get("TYPE").upper()
     shape, width, solid = _shape_of(kind)
     if shape is None:
-        mesh.left_out[kind] = mesh.left_out.get(kind, 0) + len(card.lines)
+        mesh.left_out[kind] += len(card.lines)
         return
     table = integers_of(card.lines, width + 1)
     known = space.node_rows
@@ -271,13 +264,13 @@ def _add_elements(mesh: _Mesh, space: _Space, card: Card) -> None:
 def _shape_of(kind: str) -> tuple[str | None, int, bool]:
     """Return shape and number of nodes of a type, and whether it is a solid."""
     for solid, table in ((True, SOLIDS), (False, SIDES)):
-        for pattern, shapes in table:
+        for pattern, dim in table:
             match = pattern.match(kind)
-            for shape, widths in shapes.items() if match else ():
-                width = int(match.group(1)) if match else 0
-                if width in widths:
-                    beam = kind.startswith("B")
-                    return shape, width + 1 if beam else width, solid
+            if match:
+                width = int(match.group(1)) + kind.startswith("B")
+                shape = shape_with(dim, width)
+                if shape is not None:
+                    return shape, width, solid
     return None, 0, False
 
 
@@ -327,12 +320,12 @@ def _add_surface(mesh: _Mesh, space: _Space, card: Card) -> None:
 def _file_mesh(mesh: _Mesh) -> FileMesh:
     """Return the mesh with all sets, whose rows are now numbers in blocks."""
     dim = max((part.block.dim for part in mesh.blocks if part.solid), default=0)
-    left_out = dict(mesh.left_out)
+    left_out = Counter(mesh.left_out)
     blocks = []
     for part in mesh.blocks:
         fits = part.block.dim == dim - 1 or (part.solid and part.block.dim == dim)
         if not fits:
-            left_out[part.kind] = left_out.get(part.kind, 0) + len(part.block.nodes)
+            left_out[part.kind] += len(part.block.nodes)
         # The numbers of the other blocks stay.
         blocks.append(part.block if fits else Block("vertex", part.block.nodes[:, :1]))
     begins = np.array([part.begin for part in mesh.blocks])
@@ -377,13 +370,13 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
     for space in of_elements:
         for name, rows in space.element_sets.items():
             if name not in space.hidden and not INNER.match(name):
-                called = _called(space, name, several)
+                called = _name_of(space, name, several)
                 weak = name not in space.listed
                 element_sets.append(ElementSet(called, _members(begins, rows), weak=weak))
     for space in of_nodes:
         for name, rows in space.node_sets.items():
             if not INNER.match(name):
-                called = _called(space, name, several)
+                called = _name_of(space, name, several)
                 nodes = np.unique(np.asarray(rows, dtype=np.int64))
                 node_sets.append(NodeSet(called, nodes, weak=name not in space.listed))
     instances = [space for space in instances if space.element_rows]
@@ -398,15 +391,13 @@ def _sets(mesh: _Mesh, begins: np.ndarray) -> tuple[list[ElementSet], list[NodeS
 
 def _names_of_several(spaces: Sequence[_Space]) -> set[str]:
     """Return the names that sets of several instances have."""
-    seen: set[str] = set()
-    several: set[str] = set()
+    counts: Counter[str] = Counter()
     for space in spaces:
-        for name in {*space.element_sets, *space.node_sets}:
-            (several if name in seen else seen).add(name)
-    return several
+        counts.update({*space.element_sets, *space.node_sets})
+    return {name for name, count in counts.items() if count > 1}
 
 
-def _called(space: _Space, name: str, several: set[str]) -> str:
+def _name_of(space: _Space, name: str, several: set[str]) -> str:
     """Return the name of a set, with the name of its instance if several have it."""
     spelled = space.spelling.get(name, name)
     return f"{space.name}.{spelled}" if space.name and name in several else spelled
@@ -418,8 +409,8 @@ def _facets(name: str, block: Block, elements: np.ndarray, face: int | None) -> 
     if face is not None:
         if face >= len(faces):
             return []
-        return [FacetSet(name, padded(block.nodes[elements][:, faces[face]]))]
+        return [FacetSet(name, pad(block.nodes[elements][:, faces[face]]))]
     result = []
     for corners in SHAPES[block.shape].faces:
-        result.append(FacetSet(name, padded(block.nodes[elements][:, corners]), outer=True))
+        result.append(FacetSet(name, pad(block.nodes[elements][:, corners]), outer=True))
     return result

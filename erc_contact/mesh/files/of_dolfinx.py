@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from dolfinx import mesh as dmesh
 
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes, coordinate_map
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.mesh.files.building import Built, built, spread_from
-from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, padded
+from erc_contact.mesh.files.building import Built, build_simplices, spread_from
+from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, pad
+from erc_contact.mesh.sides import connect_facets
 from erc_contact.mesh.tags import NO_TAG, tag_table
 
 TENSOR_ORDER = {
@@ -51,13 +53,13 @@ def simplicial(
 
     def make() -> Built:
         assert parts is not None
-        return built(_file_mesh(mesh, parts), numbered=False)
+        return build_simplices(_file_mesh(mesh, parts), numbered=False)
 
     new = spread_from(comm, 0, make, "The mesh of DOLFINx")
     return (
-        new.mesh,
-        None if facet_tags is None else new.facet_tags,
-        None if cell_tags is None else new.cell_tags,
+        new["mesh"],
+        None if facet_tags is None else new["facet_tags"],
+        None if cell_tags is None else new["cell_tags"],
     )
 
 
@@ -72,20 +74,18 @@ def _tables(
     nodes = mesh.geometry.index_map()
     owned = mesh.topology.index_map(d).size_local
     cells = cell_nodes(mesh.geometry)[:owned]
-    numbers = nodes.local_to_global(cells.ravel()).reshape(cells.shape)
+    numbers = global_numbers(nodes, cells)
     tags = np.full(owned, NO_TAG) if cell_tags is None else tag_table(cell_tags)[:owned]
     width = 2 if d == 2 else 4
     facets = np.empty((0, width), dtype=np.int64)
     values = np.empty(0, dtype=np.int64)
     if facet_tags is not None:
-        mesh.topology.create_connectivity(d - 1, d)
-        mesh.topology.create_connectivity(d, d - 1)
+        connect_facets(mesh)
         mesh.topology.create_connectivity(d - 1, 0)
         here = facet_tags.indices < mesh.topology.index_map(d - 1).size_local
         found = facet_tags.indices[here]
         corners = dmesh.entities_to_geometry(mesh, d - 1, found, False)
-        table = nodes.local_to_global(corners.ravel()).reshape(corners.shape)
-        facets = padded(table[:, :width])
+        facets = pad(global_numbers(nodes, corners)[:, :width])
         values = facet_tags.values[here].astype(np.int64)
     count = nodes.size_local
     given = mesh.geometry.input_global_indices[:count]
@@ -112,7 +112,5 @@ def _file_mesh(mesh: dmesh.Mesh, parts: Sequence[list[np.ndarray]]) -> FileMesh:
     tagged = []
     for tag in np.unique(tags[tags != NO_TAG]):
         tagged.append(ElementSet(str(tag), {0: np.flatnonzero(tags == tag)}, int(tag)))
-    facet_sets = []
-    for tag in np.unique(values):
-        facet_sets.append(FacetSet(str(tag), facets[values == tag], int(tag)))
+    facet_sets = [FacetSet(str(tag), facets[values == tag], int(tag)) for tag in np.unique(values)]
     return FileMesh(points, (block,), tuple(tagged), tuple(facet_sets))

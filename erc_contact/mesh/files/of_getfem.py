@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import Block, ElementSet, FacetSet, FileMesh
+from erc_contact.mesh.files.file_mesh import Block, ElementSet, FacetSet, FileMesh, pad
+from erc_contact.mesh.rows import in_space
 
 FACTOR = re.compile(r"GT_(PK|QK)\((\d+),\s*(\d+)\)")
 """A simplex or a cube of a dimension and a degree, of which cells are products."""
@@ -88,11 +89,9 @@ def mesh_of_getfem(path: Path) -> FileMesh:
             found = {number: np.array(rows) for number, rows in members.items()}
             element_sets.append(ElementSet(name, found, int(name)))
         if facets:
-            table = np.array(facets)
-            pad = [table[:, -1:]] if table.shape[1] == 3 else []
-            facet_sets.append(FacetSet(name, np.hstack([table, *pad]), int(name)))
+            facet_sets.append(FacetSet(name, pad(np.array(facets)), int(name)))
     return FileMesh(
-        np.pad(x, ((0, 0), (0, 3 - x.shape[1]))),
+        in_space(x),
         tuple(blocks),
         tuple(element_sets),
         tuple(facet_sets),

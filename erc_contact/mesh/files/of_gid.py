@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -65,12 +66,12 @@ def mesh_of_gid(path: Path) -> FileMesh:
     blocks: list[Block] = []
     materials: list[np.ndarray] = []
     named: dict[str, dict[int, np.ndarray]] = {}
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     for head, elements in meshes:
         shape = SHAPE_OF_KIND.get(head["kind"].lower())
         width = int(head["nodes"])
         if shape is None or width < SHAPES[shape].corners:
-            left_out[head["kind"]] = left_out.get(head["kind"], 0) + len(elements)
+            left_out[head["kind"]] += len(elements)
             continue
         nodes = [[rows.get(int(word), -1) for word in words[1 : width + 1]] for words in elements]
         blocks.append(Block(shape, np.array(nodes, dtype=np.int64).reshape(-1, width)))
@@ -82,6 +83,5 @@ def mesh_of_gid(path: Path) -> FileMesh:
     sets = [ElementSet(name, members) for name, members in named.items()]
     if len(sets) < len(meshes):
         sets += [found for found in by_tags(tuple(blocks), materials, {}) if found.tag]
-    d = max(len(x) for x in points.values())
-    x = np.array([[*place, *[0.0] * (d - len(place))] for place in points.values()])
-    return FileMesh(np.pad(x, ((0, 0), (0, 3 - d))), tuple(blocks), tuple(sets), left_out=left_out)
+    x = np.array([[*place, *[0.0] * (3 - len(place))] for place in points.values()])
+    return FileMesh(x, tuple(blocks), tuple(sets), left_out=left_out)

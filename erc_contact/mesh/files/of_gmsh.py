@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +17,7 @@ from erc_contact.mesh.files.file_mesh import (
     ElementSet,
     FacetSet,
     FileMesh,
-    padded,
+    pad,
 )
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 
@@ -61,7 +62,7 @@ def mesh_of_model(model: Any) -> FileMesh:
     rows, points = _points(model)
     blocks: dict[str, list[np.ndarray]] = {}
     places: dict[tuple[int, int], list[tuple[str, int, int]]] = {}
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     for d, tag in model.getEntities():
         if d < dim - 1:
             continue
@@ -69,7 +70,7 @@ def mesh_of_model(model: Any) -> FileMesh:
             name, _, _, nodes_each, _, _ = model.mesh.getElementProperties(kind)
             shape = SHAPE_NAMES.get(name.split()[0])
             if shape is None or not nodes_each:
-                left_out[name] = left_out.get(name, 0) + len(elements)
+                left_out[name] += len(elements)
                 continue
             nodes = rows[flat.astype(np.int64)].reshape(-1, nodes_each)
             key = f"{shape} {nodes_each}"
@@ -86,9 +87,7 @@ def mesh_of_model(model: Any) -> FileMesh:
                     members.setdefault(numbers[key], []).append(np.arange(begin, end))
             found = {number: np.concatenate(ranges) for number, ranges in members.items()}
             sets.append(ElementSet(name, found, tag))
-    tables = []
-    for key, parts in blocks.items():
-        tables.append(Block(key.split()[0], np.concatenate(parts)))
+    tables = [Block(key.split()[0], np.concatenate(parts)) for key, parts in blocks.items()]
     return FileMesh(points, tuple(tables), tuple(sets), left_out=left_out)
 
 
@@ -177,5 +176,5 @@ def marked_entities(model: Any, tags: dict[int, int]) -> list[FacetSet]:
         for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
             _, _, _, nodes_each, _, corners_each = model.mesh.getElementProperties(kind)
             corners = rows[flat.astype(np.int64)].reshape(-1, nodes_each)[:, :corners_each]
-            result.append(FacetSet(str(mark), padded(corners), mark))
+            result.append(FacetSet(str(mark), pad(corners), mark))
     return result

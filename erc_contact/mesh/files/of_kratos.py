@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet
+from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet, shape_with
 
 WIDTH = re.compile(r"(\d)D(\d+)(?:N|$)")
 """End of the names of elements: dimension of space and number of nodes."""
@@ -17,33 +18,6 @@ SURFACES = re.compile(r"Shell|Membrane|Plate|Surface|Face|Condition|Quadrilatera
 """Names of elements that are no solids in space."""
 LINES = re.compile(r"Truss|Cable|Beam|Line|Spring")
 """Names of elements along lines."""
-OF_SOLIDS = {
-    (2, 3): "triangle",
-    (2, 6): "triangle",
-    (2, 4): "quadrilateral",
-    (2, 8): "quadrilateral",
-    (2, 9): "quadrilateral",
-    (3, 4): "tetrahedron",
-    (3, 10): "tetrahedron",
-    (3, 5): "pyramid",
-    (3, 13): "pyramid",
-    (3, 6): "prism",
-    (3, 15): "prism",
-    (3, 8): "hexahedron",
-    (3, 20): "hexahedron",
-    (3, 27): "hexahedron",
-}
-"""Shape of solids by the dimension of space and the number of nodes."""
-OF_SIDES = {
-    (2, 2): "line",
-    (2, 3): "line",
-    (3, 3): "triangle",
-    (3, 6): "triangle",
-    (3, 4): "quadrilateral",
-    (3, 8): "quadrilateral",
-    (3, 9): "quadrilateral",
-}
-"""Shape of conditions, which are sides of solids."""
 SETS = ("Nodes", "Elements", "Conditions", "Geometries")
 """What a submodel part or a mesh of an old file lists."""
 
@@ -110,10 +84,10 @@ def _elements(kind: str, lines: list[str], group: str) -> _Elements:
     match = WIDTH.search(kind)
     shape = None
     if match:
-        size = int(match.group(1)), int(match.group(2))
-        in_space = size[0] == 3
-        of_side = group == "Conditions" or (in_space and SURFACES.search(kind))
-        shape = (OF_SIDES if of_side else OF_SOLIDS).get(size)
+        d, nodes = map(int, match.groups())
+        # Conditions are sides of solids.
+        is_side = group == "Conditions" or (d == 3 and SURFACES.search(kind))
+        shape = shape_with(d - 1 if is_side else d, nodes)
         if LINES.search(kind) and group == "Elements":
             shape = None
     rows = [line.split() for line in lines]
@@ -136,13 +110,13 @@ def _file_mesh(
     row_of = np.full(numbers.max() + 1, -1)
     row_of[numbers] = np.arange(len(numbers))
     blocks: list[Block] = []
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     places: dict[str, dict[int, tuple[int, int]]] = {}
     properties: dict[int, dict[int, np.ndarray]] = {}
     for group, members in groups.items():
         for elements in members:
             if elements.shape is None:
-                left_out[elements.kind] = left_out.get(elements.kind, 0) + len(elements.table)
+                left_out[elements.kind] += len(elements.table)
                 continue
             block = len(blocks)
             blocks.append(Block(elements.shape, row_of[elements.table[:, 2:]]))

@@ -9,6 +9,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet
+from erc_contact.mesh.rows import in_space
 
 NAME = 80
 """Letters of the name of a group."""
@@ -59,7 +60,7 @@ def mesh_of_med(path: Path) -> FileMesh:
         node_tags = mesh["NOE"]["FAM"][()] if "FAM" in mesh["NOE"] else None
         values = _displacements(file, len(coordinates))
     return FileMesh(
-        np.pad(coordinates, ((0, 0), (0, 3 - dim))),
+        in_space(coordinates),
         tuple(blocks),
         _element_sets(tags, families.get("ELEME", {})),
         node_sets=_node_sets(node_tags, families.get("NOEUD", {})),
@@ -146,5 +147,5 @@ def _displacements(file: Any, count: int) -> dict[str, np.ndarray]:
         for profile in step["NOE"].values():
             values = profile["CO"][()].reshape(components, -1).T[:, :3] if "CO" in profile else None
             if values is not None and len(values) == count:
-                found[name] = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+                found[name] = in_space(values)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections import Counter
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FileMesh, NodeSet
 from erc_contact.mesh.files.of_vtk import vectors_of
 from erc_contact.mesh.files.tag_fields import tagged_sets
+from erc_contact.mesh.rows import in_space
 
 SHAPE_NAMES = {
     "vertex": "vertex",
@@ -37,12 +39,12 @@ def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
     mesh = _read(path, file_format)
     blocks = []
     kept = []
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     for number, block in enumerate(mesh.cells):
         shape = SHAPE_NAMES.get(block.type.rstrip("0123456789"))
         nodes = np.asarray(block.data)
         if shape is None or nodes.ndim != 2 or nodes.shape[1] < SHAPES[shape].corners:
-            left_out[block.type] = left_out.get(block.type, 0) + len(block)
+            left_out[block.type] += len(block)
             continue
         blocks.append(Block(shape, nodes.astype(np.int64)))
         kept.append(number)
@@ -69,7 +71,7 @@ def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
         node_sets.append(NodeSet(str(name), np.asarray(nodes).astype(np.int64)))
     points = np.asarray(mesh.points, dtype=float)
     return FileMesh(
-        np.pad(points, ((0, 0), (0, 3 - points.shape[1]))),
+        in_space(points),
         tuple(blocks),
         tuple(sets),
         node_sets=tuple(node_sets),

@@ -9,6 +9,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, ElementSet, FileMesh, by_tags
+from erc_contact.mesh.rows import in_space
 
 SHAPE_OF_TYPE = (
     *("vertex", "line", "triangle", "quadrilateral"),
@@ -54,7 +55,7 @@ def mesh_of_mfem(path: Path) -> FileMesh:
         by_number = [found for found in by_tags(blocks, tags, {}) if _dim(found, blocks) == d]
         sets += named or by_number
     notes = ("the cells are curved, and their corners are taken",) if curved else ()
-    return FileMesh(np.pad(x, ((0, 0), (0, 3 - x.shape[1]))), blocks, tuple(sets), notes=notes)
+    return FileMesh(in_space(x), blocks, tuple(sets), notes=notes)
 
 
 def _sections(lines: list[str]) -> dict[str, list[str]]:

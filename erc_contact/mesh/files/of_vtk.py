@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,9 +17,10 @@ from erc_contact.mesh.files.file_mesh import (
     FacetSet,
     FileMesh,
     NodeSet,
-    padded,
+    pad,
 )
 from erc_contact.mesh.files.tag_fields import tagged_sets
+from erc_contact.mesh.rows import in_space
 
 SHAPE_OF_TYPE = {
     1: "vertex",
@@ -82,7 +84,7 @@ def mesh_of_vtk(path: Path) -> FileMesh:
                 f"it is an image of {data.GetNumberOfCells()} voxels; mesh the body that it shows, "
                 "by pyvista's threshold and a mesher, and read that mesh."
             )
-        grid = _unstructured(data)
+        grid = _unstructured_grid(data)
     if grid is None or not grid.GetNumberOfCells():
         raise InputError("VTK found no cells in it; the file is damaged, or of another format.")
     blocks, cells_of, left_out = _blocks(grid)
@@ -114,7 +116,7 @@ def _reader(path: Path) -> Any:
     return vtkXMLGenericDataObjectReader()
 
 
-def _unstructured(data: Any) -> Any:
+def _unstructured_grid(data: Any) -> Any:
     """Return data of VTK as one unstructured grid, None if there is no grid."""
     from vtkmodules.vtkFiltersCore import vtkAppendFilter  # noqa: PLC0415
 
@@ -164,7 +166,7 @@ def vectors_of(point_data: Any) -> dict[str, np.ndarray]:
     for name in point_data:
         values = np.asarray(point_data[name])
         if values.ndim == 2 and values.shape[1] in (2, 3) and values.dtype.kind == "f":
-            found[name] = np.pad(values.astype(float), ((0, 0), (0, 3 - values.shape[1])))
+            found[name] = in_space(values.astype(float))
     return found
 
 
@@ -181,7 +183,7 @@ def _silent() -> Iterator[None]:
         vtkObject.SetGlobalWarningDisplay(before)
 
 
-def _blocks(grid: Any) -> tuple[tuple[Block, ...], list[np.ndarray], dict[str, int]]:
+def _blocks(grid: Any) -> tuple[tuple[Block, ...], list[np.ndarray], Counter[str]]:
     """Return the cells of a grid of VTK.
 
     Returns:
@@ -198,15 +200,14 @@ def _blocks(grid: Any) -> tuple[tuple[Block, ...], list[np.ndarray], dict[str, i
     kinds = np.column_stack([types, sizes])
     blocks = []
     cells_of = []
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     for kind, size in np.unique(kinds, axis=0):
         cells = np.flatnonzero((types == kind) & (sizes == size))
         shape = SHAPE_OF_TYPE.get(int(kind))
         if kind == POLYGON:
             shape = {3: "triangle", 4: "quadrilateral"}.get(int(size))
         if shape is None:
-            name = f"VTK {kind}"
-            left_out[name] = left_out.get(name, 0) + len(cells)
+            left_out[f"VTK {kind}"] += len(cells)
             continue
         nodes = connectivity[offsets[cells][:, None] + np.arange(size)]
         blocks.append(Block(shape, nodes[:, CORNER_ORDER.get(int(kind), slice(None))]))
@@ -248,7 +249,7 @@ def _of_exodus_groups(output: Any) -> FileMesh:
     sets: list[ElementSet] = []
     facet_sets: list[FacetSet] = []
     node_sets: list[NodeSet] = []
-    left_out: dict[str, int] = {}
+    left_out: Counter[str] = Counter()
     values: dict[str, np.ndarray] = {}
     for leaf in leaves:
         rows = np.searchsorted(ids, leaf.global_ids)
@@ -266,12 +267,11 @@ def _of_exodus_groups(output: Any) -> FileMesh:
             blocks += found
             members = {first + i: np.arange(len(block.nodes)) for i, block in enumerate(found)}
             sets.append(ElementSet(leaf.name, members, leaf.tag))
-            for kind, number in out.items():
-                left_out[kind] = left_out.get(kind, 0) + number
+            left_out += out
         elif leaf.group in FACE_SETS:
             for block in found:
                 if block.dim in (1, 2):
-                    facet_sets.append(FacetSet(leaf.name, padded(block.corners), leaf.tag))
+                    facet_sets.append(FacetSet(leaf.name, pad(block.corners), leaf.tag))
     dim = max((block.dim for block in blocks), default=0)
     width = 2 * (dim - 1)
     fitting = tuple(found for found in facet_sets if found.corners.shape[1] == width)
@@ -283,7 +283,7 @@ class _Leaf:
 
     def __init__(self, group: str, words: str, grid: Any) -> None:
         self.group = group
-        self.grid = _unstructured(grid)
+        self.grid = _unstructured_grid(grid)
         self.global_ids = _arrays(self.grid.GetPointData())["GlobalNodeId"]
         head, separator, number = words.rpartition("ID: ")
         digits = number.strip().split()[0] if separator else ""

@@ -17,7 +17,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, by_tags
 from erc_contact.mesh.files.of_vtk import vectors_of
 from erc_contact.mesh.files.tag_fields import tagged_sets
-from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.rows import in_space, row_numbers
 
 SHAPE_NAMES = {
     "polyvertex": "vertex",
@@ -142,7 +142,7 @@ def _points(path: Path, geometry: Any) -> np.ndarray:
         table = np.column_stack([_data(path, item).ravel() for item in items])
     else:
         table = _data(path, items[0]).reshape(-1, 2 if kind == "XY" else 3)
-    return np.pad(table.astype(float), ((0, 0), (0, 3 - table.shape[1])))
+    return in_space(table.astype(float))
 
 
 def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
@@ -150,7 +150,7 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
     kind = topology.get("TopologyType", topology.get("Type", "")).lower()
     table = _data(path, topology.find("DataItem")).astype(np.int64)
     if kind == "mixed":
-        blocks, order = _mixed(table.ravel())
+        blocks, order = _split_mixed(table.ravel())
     else:
         shape = SHAPE_NAMES.get(kind.split("_")[0])
         if shape is None:
@@ -159,15 +159,12 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
         blocks = [Block(shape, table.reshape(count, -1))]
         order = [np.arange(count)]
     fields = {}
-    for attribute in grid.findall("Attribute"):
-        item = attribute.find("DataItem")
-        if attribute.get("Center", "Node").lower() == "cell" and item is not None:
-            flat = _data(path, item)
-            fields[attribute.get("Name", "")] = [flat[rows] for rows in order]
+    for name, flat in _values(path, grid, "cell").items():
+        fields[name] = [flat[rows] for rows in order]
     return _Grid(grid.get("Name", ""), blocks, fields)
 
 
-def _mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
+def _split_mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
     """Take a mixed topology apart: blocks, and the numbers of their elements."""
     found: dict[tuple[str, int], tuple[list[int], list[int]]] = {}
     at = 0
@@ -196,12 +193,18 @@ def _mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
 
 def _node_values(path: Path, grid: Any, count: int) -> dict[str, np.ndarray]:
     """Return the vectors at all points of a grid by name, shape (n, 3) each."""
-    fields = {}
+    vectors = vectors_of(_values(path, grid, "node"))
+    return {name: values for name, values in vectors.items() if len(values) == count}
+
+
+def _values(path: Path, grid: Any, centre: str) -> dict[str, np.ndarray]:
+    """Return the values of a grid at each "cell" or "node" by their names."""
+    found = {}
     for attribute in grid.findall("Attribute"):
         item = attribute.find("DataItem")
-        if attribute.get("Center", "Node").lower() == "node" and item is not None:
-            fields[attribute.get("Name", "")] = _data(path, item)
-    return {name: values for name, values in vectors_of(fields).items() if len(values) == count}
+        if attribute.get("Center", "Node").lower() == centre and item is not None:
+            found[attribute.get("Name", "")] = _data(path, item)
+    return found
 
 
 def _with_tags(grids: list[_Grid]) -> tuple[list[Block], list[ElementSet]]:
@@ -218,9 +221,7 @@ def _with_tags(grids: list[_Grid]) -> tuple[list[Block], list[ElementSet]]:
         first_of_body = [number for number, block in enumerate(blocks) if block.dim == dim]
         if of_body and first_of_body:
             known = blocks[first_of_body[0]]
-            found = []
-            for tagged in _sets_of(grid):
-                found.append(_on_cells(tagged, grid, known, first_of_body[0]))
+            found = [_on_cells(tagged, grid, known, first_of_body[0]) for tagged in _sets_of(grid)]
         else:
             begin = len(blocks)
             blocks += grid.blocks

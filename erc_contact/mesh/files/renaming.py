@@ -14,7 +14,7 @@ Key = tuple[int, int]
 """Dimension and tag of a set."""
 
 
-def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
+def rename_sets(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
     """Give names to the sets of a mesh.
 
     Args:
@@ -31,16 +31,11 @@ def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
         raise InputError(
             f"names is {description(names)}; give names of parts by their tags, e.g. {example}."
         )
-    dim = mesh.dim
     called: dict[Key, str] = {}
-    for found in mesh.element_sets:
-        of_body = _is_of_body(mesh, found)
+    sets: list[ElementSet | FacetSet | NodeSet] = [*mesh.element_sets, *mesh.facet_sets]
+    for found in [*sets, *mesh.node_sets]:
         if found.tag is not None:
-            called[dim if of_body else dim - 1, found.tag] = found.name
-    others: list[FacetSet | NodeSet] = [*mesh.facet_sets, *mesh.node_sets]
-    for sides in others:
-        if sides.tag is not None:
-            called[dim - 1, sides.tag] = sides.name
+            called[_dim_of(mesh, found), found.tag] = found.name
     new = {_key_of(key, list(called)): name for key, name in names.items()}
     called.update(new)
     for (d, tag), name in called.items():
@@ -51,24 +46,23 @@ def renamed(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
                 f"The tags {first} and {second} would have the name {name!r}; take another name."
             )
 
-    def name_of(found: Any, d: int) -> Any:
-        name = found.name if found.tag is None else called.get((d, found.tag), found.name)
+    def rename(found: Any) -> Any:
+        name = called.get((_dim_of(mesh, found), found.tag), found.name)
         return replace(found, name=name)
 
-    elements = []
-    for found in mesh.element_sets:
-        elements.append(name_of(found, dim if _is_of_body(mesh, found) else dim - 1))
     return replace(
         mesh,
-        element_sets=tuple(elements),
-        facet_sets=tuple(name_of(found, dim - 1) for found in mesh.facet_sets),
-        node_sets=tuple(name_of(found, dim - 1) for found in mesh.node_sets),
+        element_sets=tuple(map(rename, mesh.element_sets)),
+        facet_sets=tuple(map(rename, mesh.facet_sets)),
+        node_sets=tuple(map(rename, mesh.node_sets)),
     )
 
 
-def _is_of_body(mesh: FileMesh, found: ElementSet) -> bool:
-    """Tell whether a set has cells of the body."""
-    return any(mesh.blocks[number].dim == mesh.dim for number in found.members)
+def _dim_of(mesh: FileMesh, found: ElementSet | FacetSet | NodeSet) -> int:
+    """Return the dimension of a set of cells of the body, or else of its sides."""
+    blocks = found.members if isinstance(found, ElementSet) else ()
+    of_body = any(mesh.blocks[number].dim == mesh.dim for number in blocks)
+    return mesh.dim if of_body else mesh.dim - 1
 
 
 def _key_of(key: int | Key, keys: list[Key]) -> Key:

@@ -57,10 +57,10 @@ def disjoint(
         name = sets[index].name
         if not len(free):
             if smaller:
-                notes.append(f"{kind} {name!r} is {_listed(smaller)}, and is left out")
+                notes.append(f"{kind} {name!r} is {_list_names(smaller)}, and is left out")
             continue
         if smaller:
-            notes.append(f"{kind} {name!r} is without what is in {_listed(smaller)}")
+            notes.append(f"{kind} {name!r} is without what is in {_list_names(smaller)}")
         owner[free] = index
         kept.append(index)
     tags, names = _tags(sets, sorted(kept))
@@ -73,18 +73,15 @@ def disjoint(
 
 def _one_of_each_name(sets: Sequence[Named]) -> list[Named]:
     """Return sets, of which equal names are put together, without empty sets."""
-    members: dict[str, list[np.ndarray]] = {}
-    tags: dict[str, int | None] = {}
-    weak: dict[str, bool] = {}
+    of_name: dict[str, list[Named]] = {}
     for named in sets:
-        weak[named.name] = weak.get(named.name, True) and named.weak
-        members.setdefault(named.name, []).append(named.members)
-        tags.setdefault(named.name, named.tag)
+        of_name.setdefault(named.name, []).append(named)
     result = []
-    for name, tables in members.items():
-        together = np.unique(np.concatenate(tables))
-        if len(together):
-            result.append(Named(name, tags[name], together, weak[name]))
+    for name, group in of_name.items():
+        members = np.unique(np.concatenate([named.members for named in group]))
+        if len(members):
+            is_weak = all(named.weak for named in group)
+            result.append(Named(name, group[0].tag, members, is_weak))
     return result
 
 
@@ -102,7 +99,7 @@ def _tags(sets: Sequence[Named], kept: Sequence[int]) -> tuple[list[int], dict[s
     return tags, {sets[index].name: tag for index, tag in zip(kept, tags, strict=True)}
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_names(names: Sequence[str]) -> str:
     """Return names in words, not too many."""
     shown = [repr(name) for name in names[:4]]
     if len(names) > 4:

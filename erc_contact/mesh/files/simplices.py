@@ -18,9 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import counted, place_words
 from erc_contact.mesh.files.cleaning import Body
 from erc_contact.mesh.files.faces import Faces, cross
-from erc_contact.mesh.files.file_mesh import Block, counted, in_words
+from erc_contact.mesh.files.file_mesh import Block
+from erc_contact.mesh.simplex import determinants
 
 FLAT_SHARE = 0.02
 """Volume of a part of a cell, by the mean of its parts, below which it is poor [-]."""
@@ -87,8 +89,7 @@ def _of_quadrilaterals(x: np.ndarray, block: Block) -> tuple[np.ndarray, np.ndar
     """
     corners = block.nodes
     options = corners[:, [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]]]
-    edges = x[options[..., 1:]] - x[options[..., :1]]
-    areas = np.linalg.det(edges)
+    areas = determinants(x[options])
     whole = areas.sum(axis=2)
     shares = areas * np.sign(whole)[..., None]
     least = shares.min(axis=2)
@@ -187,22 +188,22 @@ def _check_volumes(simplices: Simplices) -> None:
     """
     corners = simplices.x[simplices.cells]
     d = corners.shape[2]
-    edges = corners[:, 1:] - corners[:, :1]
-    volumes = abs(np.linalg.det(edges))
-    longest = abs(edges).max(axis=(1, 2))
+    volumes = abs(determinants(corners))
+    longest = abs(corners[:, 1:] - corners[:, :1]).max(axis=(1, 2))
     flat = np.flatnonzero(volumes <= NO_VOLUME * longest**d)
     if len(flat):
         parents = np.unique(simplices.parents[flat])
         at = corners[flat[0]].mean(axis=0)
         raise InputError(
             f"{len(parents)} cells have a flat part, without volume, the first near "
-            f"{in_words(at)}: corners lie on a line or in a plane. Mesh there anew, or move one."
+            f"{place_words(at, 6)}: corners lie on a line or in a plane. Mesh there anew, or move "
+            "one."
         )
 
 
 def _refuse(number: int, shape: str, at: np.ndarray, what: str) -> None:
     """Raise an error about cells of a shape."""
     raise InputError(
-        f"cells {what}: {counted(number, shape)}, the first near {in_words(at)}; mesh there anew, "
-        "or move a point."
+        f"cells {what}: {counted(number, shape)}, the first near {place_words(at, 6)}; mesh there "
+        "anew, or move a point."
     )

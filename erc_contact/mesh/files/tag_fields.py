@@ -48,7 +48,7 @@ def tagged_sets(
         fields: Name of each field -> its values for each block.
         names: Pairs (dimension, tag) -> names.
     """
-    tags = _chosen(fields)
+    tags = _choose_field(fields)
     if tags is None:
         return ()
     dim = max((block.dim for block in blocks), default=0)
@@ -61,7 +61,7 @@ def tagged_sets(
     return tuple(named)
 
 
-def _chosen(fields: Mapping[str, list[np.ndarray]]) -> list[np.ndarray] | None:
+def _choose_field(fields: Mapping[str, list[np.ndarray]]) -> list[np.ndarray] | None:
     """Return the tags of a field, None if no field has tags.
 
     Fields that are stored as integers come before fields of whole floats. Of several

@@ -19,11 +19,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import enough
-from erc_contact.mesh.joining.curve import Curve, curves, directed
+from erc_contact.base.percent import enough, place_words
+from erc_contact.mesh.joining.curve import Curve, curves, direct_facets
 from erc_contact.mesh.joining.cutting import cut
 from erc_contact.mesh.joining.thresholds import CLOSE, CORNER, CRUSHED, FACING, SAME
+from erc_contact.mesh.joining.triangles import edge_lengths, shortest_edges
 from erc_contact.mesh.plain import PlainMesh
+from erc_contact.mesh.simplex import determinants
 from erc_contact.mesh.tags import NO_TAG
 
 HEIGHTS = 1.5
@@ -41,17 +43,15 @@ class _Facing:
         points: First and last point, in the direction of the curve, shape (k, 2).
         places: Their places, rising, shape (k, 2).
         apart: Distances of the points from the curve [length], shape (k, 2).
-        lengths: Lengths of the facets [length], shape (k,).
     """
 
     sides: np.ndarray
     points: np.ndarray
     places: np.ndarray
     apart: np.ndarray
-    lengths: np.ndarray
 
 
-def aligned(
+def align(
     plain: PlainMesh, here: int, there: int, apart: float = 0.0, *, keep: bool = False
 ) -> PlainMesh:
     """Return a mesh in the plane whose two sides have common vertices.
@@ -83,60 +83,65 @@ def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float)
     Raises:
         InputError: If some face it and are too far away.
     """
-    start, end = directed(plain.x, plain.cells, sides, left=False)
+    start, end = direct_facets(plain.x, plain.cells, sides, left=False)
     points = np.column_stack([start, end])
     used, rows = np.unique(points, return_inverse=True)
-    place, distance = curve.projected(plain.x[used])
-    places = place[rows.reshape(points.shape)]
-    of_points = distance[rows.reshape(points.shape)]
+    of_used, distance = curve.project(plain.x[used])
+    places = of_used[rows]
+    of_points = distance[rows]
     apart = of_points.max(axis=1)
-    lengths = np.linalg.norm(plain.x[end] - plain.x[start], axis=1)
+    lengths = edge_lengths(plain.x, points)
     step = places[:, 1] - places[:, 0]
     if curve.closed:
         # A facet may go over the vertex where the places begin anew.
         step -= curve.length * np.round(step / curve.length)
         places[:, 1] = places[:, 0] + step
-    middle = places.mean(axis=1)
-    facet = curve.facet_at(middle % curve.length if curve.closed else middle)
+    middles = places.mean(axis=1)
+    facet = curve.facet_at(middles % curve.length if curve.closed else middles)
     shorter = np.minimum(lengths, curve.lengths[facet])
     common = np.minimum(places[:, 1], curve.length) - np.maximum(places[:, 0], 0.0)
     against = step > FACING * lengths
     if not curve.closed:
         against &= common > SAME * shorter
-    near = against & (apart <= _allowed(curve, facet, lengths) + allowance)
+    near = against & (apart <= _allowed_distance(curve, facet, lengths) + allowance)
     beyond = against & ~near & (apart < shorter + allowance)
     if beyond.any():
         worst = np.flatnonzero(beyond)[np.argmax(apart[beyond])]
-        x, y = plain.x[points[worst]].mean(axis=0)
+        middle = place_words(plain.x[points[worst]].mean(axis=0))
         # What is allowed decides which facets face each other, too.
-        excess = apart - _allowed(curve, facet, lengths)
+        excess = apart - _allowed_distance(curve, facet, lengths)
         needed = allowance
         while np.any(beyond):
             needed = float(excess[beyond].max())
             beyond = against & (excess > needed) & (apart < shorter + needed)
         clearance = enough(max(needed, apart[worst]))
         raise InputError(
-            f"joined: the parts are {apart[worst]:.3g} apart near ({x:.4g}, {y:.4g}), where "
+            f"joined: the parts are {apart[worst]:.3g} apart near {middle}, where "
             f"facets have the length {shorter[worst]:.3g}. Give a clearance or an interference by "
             f"apart= ({clearance} is enough), and by gap= of the contact; take smaller facets if "
             "the sides are curved."
         )
-    return _Facing(sides[near], points[near], places[near], of_points[near], lengths[near])
+    return _Facing(sides[near], points[near], places[near], of_points[near])
 
 
-def _allowed(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+def _allowed_distance(curve: Curve, facet: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Return the distance from the curve that facets of side 2 may have [length].
 
     Facets of length h on a curve of radius R are h^2 / (8 R) high. The curve turns by
     h / R at each vertex.
     """
-    turn = abs(curve.turns)
-    turn = np.where(turn < CORNER, turn, 0.0)
+    turn = _bends(curve)
     curve_lengths = curve.lengths[facet]
     curvature = np.maximum(turn[facet], turn[facet + 1]) / curve_lengths
     height = (curve_lengths**2 + lengths**2) * curvature / 8
     shorter = np.minimum(curve_lengths, lengths)
     return np.minimum(SAME * shorter + HEIGHTS * height, NEAR * shorter)
+
+
+def _bends(curve: Curve) -> np.ndarray:
+    """Return the angle by which a curve turns at each vertex, zero at corners."""
+    turns = abs(curve.turns)
+    return np.where(turns < CORNER, turns, 0.0)
 
 
 def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep: bool) -> PlainMesh:
@@ -148,12 +153,12 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
     for close in CLOSE:
         common = _common(plain, curve, facing, close, keep)
         if keep:
-            moved, points = _kept_apart(plain, curve, facing, common)
+            moved, points = _keep_apart(plain, curve, facing, common)
         else:
             moved, points = _in_one_place(plain, common)
         # A cell that is turned over has a negative share of its area.
-        before = _areas(plain.x, plain.cells)
-        after = _areas(moved.x, moved.cells)
+        before = determinants(plain.x[plain.cells])
+        after = determinants(moved.x[moved.cells])
         if np.all(after / before > CRUSHED):
             sides = np.concatenate([common.free_sides, common.alone_sides])
             parts = cut(moved.x, moved.cells, moved.tags, sides, points)
@@ -163,10 +168,10 @@ def _with_common_vertices(plain: PlainMesh, curve: Curve, facing: _Facing, keep:
             if moved.marks is not None:
                 marks = cut(moved.x, moved.cells, moved.marks, sides, points).tags
             return PlainMesh(parts.x, parts.triangles, regions, parts.tags, glued, marks)
-    x, y = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
+    middle = plain.x[plain.cells[np.argmin(after / before)]].mean(axis=0)
     raise InputError(
-        f"joined: the vertices of the second part cannot move to the first one near ({x:.4g}, "
-        f"{y:.4g}), the cells there are too flat. Mesh the parts with similar facets."
+        "joined: the vertices of the second part cannot move to the first one near "
+        f"{place_words(middle)}, the cells there are too flat. Mesh the parts with similar facets."
     )
 
 
@@ -208,9 +213,10 @@ def _common(plain: PlainMesh, curve: Curve, facing: _Facing, close: float, keep:
     place2 = facing.places.ravel()[first]
     if curve.closed:
         place2 %= curve.length
-    size1 = _smallest(points1, curve.points[:-1], curve.points[1:], curve.lengths)
-    size2 = _smallest(points2, facing.points[:, 0], facing.points[:, 1], facing.lengths)
-    fixed = _fixed(plain, curve, facing)
+    facets1 = np.column_stack([curve.points[:-1], curve.points[1:]])
+    size1 = shortest_edges(plain.x, facets1)[points1]
+    size2 = shortest_edges(plain.x, facing.points)[points2]
+    fixed = _find_fixed(plain, curve, facing)
 
     # The nearest vertex of side 1; the end of a closed curve is its beginning.
     after = np.clip(np.searchsorted(curve.places, place2), 1, len(curve.places) - 1)
@@ -253,8 +259,7 @@ def _turns_beside(curve: Curve) -> np.ndarray:
 
     Corners do not count. Shape (k+1,).
     """
-    turns = abs(curve.turns)
-    turns = np.where(turns < CORNER, turns, 0.0)
+    turns = _bends(curve)
     before, after = turns[-2:-1], turns[1:2]
     if not curve.closed:
         before = after = np.zeros(1)
@@ -279,7 +284,7 @@ def _in_one_place(plain: PlainMesh, common: _Common) -> tuple[PlainMesh, np.ndar
     return moved, np.concatenate([common.free, common.alone])
 
 
-def _kept_apart(
+def _keep_apart(
     plain: PlainMesh, curve: Curve, facing: _Facing, common: _Common
 ) -> tuple[PlainMesh, np.ndarray]:
     """Let both sides keep their places, as :func:`_in_one_place` moves side 2."""
@@ -336,17 +341,7 @@ def _facet_over(curve: Curve, facing: _Facing, places: np.ndarray) -> np.ndarray
     return np.where((at >= 0) & (places < high[row]), facet[row], -1)
 
 
-def _smallest(
-    points: np.ndarray, start: np.ndarray, end: np.ndarray, lengths: np.ndarray
-) -> np.ndarray:
-    """Return the length of the smallest facet at each point [length], shape (n,)."""
-    sizes = np.full(max(start.max(), end.max(), points.max()) + 1, np.inf)
-    np.minimum.at(sizes, start, lengths)
-    np.minimum.at(sizes, end, lengths)
-    return sizes[points]
-
-
-def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
+def _find_fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     """Check which points must stay: at corners, at other parts and between regions."""
     fixed = np.zeros(len(plain.x), dtype=bool)
     for region in np.unique(plain.regions):
@@ -361,7 +356,7 @@ def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     if not curve.closed:
         fixed[curve.points[[0, -1]]] = True
     # Side 2 ends where it has one facet only, and has a corner where it turns.
-    start, end = directed(plain.x, plain.cells, plain.sides(other_tag), left=False)
+    start, end = direct_facets(plain.x, plain.cells, plain.sides(other_tag), left=False)
     direction = plain.x[end] - plain.x[start]
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     arriving = np.full((len(plain.x), 2), np.nan)
@@ -372,8 +367,3 @@ def _fixed(plain: PlainMesh, curve: Curve, facing: _Facing) -> np.ndarray:
     ends = np.unique([start, end])
     fixed[ends] |= ~(cosine[ends] > np.cos(CORNER))
     return fixed
-
-
-def _areas(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Compute twice the areas of triangles, with a sign [length^2]."""
-    return np.linalg.det(x[cells[:, 1:]] - x[cells[:, :1]])

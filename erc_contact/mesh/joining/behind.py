@@ -13,8 +13,9 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.graphs import components
 from erc_contact.mesh.joining.cutting import cut
+from erc_contact.mesh.joining.loops import outer_edges
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.rows import look_up
 from erc_contact.mesh.simplex import facet_vertices, measures
 from erc_contact.mesh.tags import NO_TAG
 
@@ -55,8 +56,7 @@ def regions_behind(
             part inside.
     """
     count = len(plain.cells)
-    every = np.argwhere(np.ones((count, 4), dtype=bool))
-    facet = row_numbers(plain.points_of(every))[0].reshape(count, 4)
+    facet = plain.facet_numbers
     order = np.argsort(facet.ravel(), kind="stable")
     double = np.flatnonzero(np.diff(facet.ravel()[order]) == 0)
     beside = np.column_stack([order[double], order[double + 1]]) // 4
@@ -78,19 +78,18 @@ def regions_behind(
             "joined: the facets of the parts do not match, and they belong to the same connected "
             "region. Mesh them with the same facets."
         )
-    first = _region(plain, np.flatnonzero(body == found[0]), facet, between, here)
-    second = _region(plain, np.flatnonzero(body == found[1]), facet, between, there)
+    first = _region(plain, np.flatnonzero(body == found[0]), between, here)
+    second = _region(plain, np.flatnonzero(body == found[1]), between, there)
     return first, second
 
 
-def _region(
-    plain: PlainMesh, cells: np.ndarray, facet: np.ndarray, between: np.ndarray, tag: int
-) -> RemeshedRegion:
+def _region(plain: PlainMesh, cells: np.ndarray, between: np.ndarray, tag: int) -> RemeshedRegion:
     """Return the surface of cells.
 
     Raises:
         InputError: If a part is inside.
     """
+    facet = plain.facet_numbers
     count = np.bincount(facet[cells].ravel(), minlength=len(between))
     inside_cells = count[facet[cells]] == 2
     if np.any(inside_cells & (plain.tags[cells] != NO_TAG)):
@@ -104,11 +103,8 @@ def _region(
     tags = plain.tags[tuple(surface.T)]
     on_side = tags == tag
     side = triangles[on_side]
-    edges = np.concatenate([side[:, [0, 1]], side[:, [1, 2]], side[:, [2, 0]]])
-    numbers = row_numbers(edges)[0]
-    outline = edges[np.bincount(numbers)[numbers] == 1]
-    others = surface[~on_side]
-    inner = between[facet[tuple(others.T)]]
+    inner = between[facet[tuple(surface[~on_side].T)]]
+    outline = outer_edges(side)
     return RemeshedRegion(cells, triangles[~on_side], tags[~on_side], inner, side, tag, outline)
 
 
@@ -192,9 +188,7 @@ def _cut_beside(
     # Side i of a triangle is opposite to its corner i.
     edges = triangles[:, facet_vertices(2)].reshape(-1, 2)
     cut_outline = number[region.outline[inserted[:, 0]]]
-    of_edges, of_outline = row_numbers(edges, cut_outline)
-    order = np.argsort(of_edges)
-    row = order[np.searchsorted(of_edges, of_outline, sorter=order)]
+    row = look_up(edges, np.arange(len(edges)), cut_outline)
     sides = np.column_stack([row // 3, row % 3])
     if region.inner[sides[:, 0]].any():
         raise InputError(
@@ -241,14 +235,11 @@ def with_cells(
             "the contact. Mesh both sides with the same facets."
         )
     facets = cells[:, facet_vertices(3)].reshape(-1, 3)
-    of_facets, of_surface = row_numbers(facets, triangles)
-    table = np.full(max(of_facets.max(), of_surface.max()) + 1, NO_TAG)
-    table[of_surface] = tags
-    cell_tags = table[of_facets].reshape(-1, 4).astype(plain.tags.dtype)
+    cell_tags = look_up(triangles, tags, facets, NO_TAG).reshape(-1, 4)
     regions = np.full(len(cells), plain.regions[old[0]], dtype=plain.regions.dtype)
     return PlainMesh(
         x,
         np.concatenate([plain.cells, cells]),
         np.concatenate([plain.regions, regions]),
-        np.concatenate([plain.tags, cell_tags]),
+        np.concatenate([plain.tags, cell_tags.astype(plain.tags.dtype)]),
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.simplex import outward_normals
 
 CORNER = 0.1
@@ -57,8 +56,7 @@ def _sharpness(plain: PlainMesh) -> np.ndarray:
 
     The mean is over the facets of the boundary at the point; inside it is zero.
     """
-    sides, inverse, count = _facets(plain)
-    outer = sides[count[inverse] == 1]
+    outer = np.argwhere(plain.is_outer)
     corners = plain.x[plain.cells[outer[:, 0]]]
     normals = outward_normals(corners, outer[:, 1])
     points = plain.points_of(outer)
@@ -68,10 +66,3 @@ def _sharpness(plain: PlainMesh) -> np.ndarray:
     number = np.bincount(points.ravel(), minlength=len(plain.x))
     mean = total / np.maximum(number, 1)[:, None, None]
     return np.linalg.eigvalsh(mean)[:, 0]
-
-
-def _facets(plain: PlainMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return all sides (cell, local facet), the facet of each, and sides per facet."""
-    sides = np.argwhere(np.ones(plain.tags.shape, dtype=bool))
-    (numbers,) = row_numbers(plain.points_of(sides))
-    return sides, numbers, np.bincount(numbers)

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.mesh.graphs import order_along_curves
+from erc_contact.mesh.joining.triangles import cross
 
 NEWTON_STEPS = 4
 """Newton steps for the place of a point on a facet; the equation is quadratic."""
@@ -56,6 +57,11 @@ class Curve:
         """Return the lengths of the facets [length], shape (k,)."""
         return np.linalg.norm(np.diff(self.x, axis=0), axis=1)
 
+    @property
+    def _directions(self) -> np.ndarray:
+        """Return the unit vector along each facet, shape (k, 2)."""
+        return np.diff(self.x, axis=0) / self.lengths[:, None]
+
     @cached_property
     def places(self) -> np.ndarray:
         """Return the places of the vertices [length], shape (k+1,)."""
@@ -69,10 +75,9 @@ class Curve:
     @cached_property
     def turns(self) -> np.ndarray:
         """Return the angle by which the curve turns at each vertex, shape (k+1,)."""
-        direction = np.diff(self.x, axis=0) / self.lengths[:, None]
+        direction = self._directions
         before = np.roll(direction, 1, axis=0)
-        sine = before[:, 0] * direction[:, 1] - before[:, 1] * direction[:, 0]
-        angle = np.arctan2(sine, np.einsum("ij,ij->i", before, direction))
+        angle = np.arctan2(cross(before, direction), np.einsum("ij,ij->i", before, direction))
         if not self.closed:
             angle[0] = 0.0
         return np.append(angle, angle[0] if self.closed else 0.0)
@@ -80,14 +85,14 @@ class Curve:
     @cached_property
     def normals(self) -> np.ndarray:
         """Return the unit normals at the vertices, shape (k+1, 2)."""
-        direction = np.diff(self.x, axis=0) / self.lengths[:, None]
+        direction = self._directions
         facet_normal = np.column_stack([direction[:, 1], -direction[:, 0]])
         first = facet_normal[-1] if self.closed else facet_normal[0]
         last = facet_normal[0] if self.closed else facet_normal[-1]
         total = np.vstack([first, facet_normal]) + np.vstack([facet_normal, last])
         return total / np.linalg.norm(total, axis=1)[:, None]
 
-    def projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def project(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points on the curve.
 
         Args:
@@ -97,11 +102,11 @@ class Curve:
             Their places, and the distances from them to the points, shape (n,) each.
         """
         rows = max(1, ROWS_AT_ONCE // len(self.lengths))
-        parts = [self._projected(x[i : i + rows]) for i in range(0, len(x), rows)]
+        parts = [self._project(x[i : i + rows]) for i in range(0, len(x), rows)]
         places, distances = zip(*parts, strict=True)
         return np.concatenate(places), np.concatenate(distances)
 
-    def _projected(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _project(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points on the nearest facet and its neighbours; keep the best."""
         count = len(self.lengths)
         edge = np.diff(self.x, axis=0)
@@ -142,8 +147,8 @@ class Curve:
         for _ in range(NEWTON_STEPS):
             direction = normal + share[..., None] * change
             foot_to_point = offset - share[..., None] * edge
-            value = _cross(foot_to_point, direction)
-            slope = _cross(foot_to_point, change) - _cross(edge, direction)
+            value = cross(foot_to_point, direction)
+            slope = cross(foot_to_point, change) - cross(edge, direction)
             steep = abs(slope) > LEAST_SLOPE * self.lengths[facet]
             share = share - np.where(steep, value / np.where(steep, slope, 1.0), 0.0)
         return share
@@ -160,12 +165,7 @@ class Curve:
         return self.x[facet] + share[:, None] * (self.x[facet + 1] - self.x[facet])
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Compute cross products of vectors in the plane, shape (..., 2) -> (...)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def directed(
+def direct_facets(
     x: np.ndarray, cells: np.ndarray, sides: np.ndarray, *, left: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the first and the last point of facets, with their cells on one hand.
@@ -178,7 +178,7 @@ def directed(
     """
     corner = (sides[:, 1:] + np.arange(3)) % 3
     apex, start, end = np.take_along_axis(cells[sides[:, 0]], corner, axis=1).T
-    on_left = _cross(x[end] - x[start], x[apex] - x[start]) > 0
+    on_left = cross(x[end] - x[start], x[apex] - x[start]) > 0
     turned = on_left != left
     return np.where(turned, end, start), np.where(turned, start, end)
 
@@ -191,7 +191,7 @@ def curves(x: np.ndarray, cells: np.ndarray, sides: np.ndarray) -> list[Curve]:
         cells: Points of the triangles, shape (m, 3).
         sides: Facets (cell, local facet), shape (k, 2).
     """
-    start, end = directed(x, cells, sides, left=True)
+    start, end = direct_facets(x, cells, sides, left=True)
     order = order_along_curves(start, end, x[start])
     start = start[order]
     end = end[order]

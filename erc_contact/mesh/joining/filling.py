@@ -10,9 +10,10 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.gmsh_session import FIELD, has_netgen, session
+from erc_contact.mesh.gmsh_session import FIELD, add_sizes, has_netgen, session
 from erc_contact.mesh.graphs import components
-from erc_contact.mesh.simplex import in_space
+from erc_contact.mesh.joining.triangles import edge_lengths
+from erc_contact.mesh.rows import equal_rows, in_space
 
 MARGIN = 0.3
 """Width of the frame around the edges in a plane, by their extent [-]."""
@@ -60,7 +61,7 @@ class _Unit:
         """Make it of points [length], shape (n, d)."""
         return cls(x.min(axis=0), float(np.ptp(x, axis=0).max()))
 
-    def scaled(self, x: np.ndarray) -> np.ndarray:
+    def scale(self, x: np.ndarray) -> np.ndarray:
         """Return points [length], shape (..., d), without their unit."""
         return np.round((x - self.low) / self.extent, DIGITS)
 
@@ -73,7 +74,7 @@ class _Unit:
         return self.low + self.extent * x
 
 
-def triangulated(
+def triangulate(
     y: np.ndarray,
     edges: np.ndarray,
     sides: list[tuple[np.ndarray, np.ndarray]],
@@ -98,9 +99,8 @@ def triangulated(
         InputError: If gmsh does not keep the edges.
     """
     used, edges = np.unique(edges, return_inverse=True)
-    edges = edges.reshape(-1, 2)
     unit = _Unit.of(y[used])
-    given = unit.scaled(y[used])
+    given = unit.scale(y[used])
     low = -np.full(2, MARGIN)
     high = given.max(axis=0) + MARGIN
     frame = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
@@ -125,12 +125,12 @@ def triangulated(
             near = _near_edges(gmsh, given, edges, lines)
             # The frontal algorithm leaves some loops of short edges without points.
             gmsh.option.setNumber("Mesh.Algorithm", DELAUNAY)
-        _set_sizes(gmsh, [(unit.scaled(x), unit.sizes(h)) for x, h in sides], near)
+        _set_sizes(gmsh, [(unit.scale(x), unit.sizes(h)) for x, h in sides], near)
         gmsh.model.mesh.generate(2)
 
     with session(MPI.COMM_SELF, build, "joined: the plane of the contact") as model:
         x, triangles = _simplices(model, TRIANGLE)
-    new, triangles = _renumbered(x[:, :2], triangles, given, used, len(y))
+    new, triangles = _renumber(x[:, :2], triangles, given, used, len(y))
     return np.concatenate([y, unit.lengths(new)]), triangles
 
 
@@ -158,7 +158,7 @@ def _set_field(gmsh: Any, *, extend: bool) -> None:
 
 def _near_edges(gmsh: Any, x: np.ndarray, edges: np.ndarray, lines: list[int]) -> list[int]:
     """Make fields of sizes that grow from the lengths of edges."""
-    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    length = edge_lengths(x, edges)
     octaves = np.floor(np.log2(length))
     fields = []
     for octave in np.unique(octaves):
@@ -183,12 +183,8 @@ def _set_sizes(
     """Set the size to the least size of meshes of triangles, and of fields."""
     fields = list(fields)
     for corners, sizes in sides:
-        view = gmsh.view.add("sizes")
-        coordinates = in_space(corners.reshape(-1, 2)).reshape(-1, 3, 3).transpose(0, 2, 1)
-        rows = np.hstack([coordinates.reshape(len(corners), -1), sizes])
-        gmsh.view.addListData(view, "ST", len(rows), rows.ravel())
-        field = gmsh.model.mesh.field.add("PostView")
-        gmsh.model.mesh.field.setNumber(field, "ViewTag", view)
+        x = in_space(corners.reshape(-1, 2)).reshape(-1, 3, 3)
+        _, field = add_sizes(gmsh, x, sizes)
         fields.append(field)
     least = gmsh.model.mesh.field.add("Min")
     gmsh.model.mesh.field.setNumbers(least, "FieldsList", fields)
@@ -205,7 +201,7 @@ def _simplices(model: Any, kind: int) -> tuple[np.ndarray, np.ndarray]:
     return x.reshape(-1, 3), place[simplices]
 
 
-def _renumbered(
+def _renumber(
     x: np.ndarray, simplices: np.ndarray, given: np.ndarray, numbers: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Give points of gmsh the numbers of given points, and new points new numbers.
@@ -223,12 +219,8 @@ def _renumbered(
     Raises:
         InputError: If gmsh does not have all of the given points.
     """
-    every = np.concatenate([given, x])
-    order = np.lexsort(every.T)
-    equal = np.all(every[order[1:]] == every[order[:-1]], axis=1)
-    # The sort is stable: a given point comes before gmsh's copy.
-    first = order[:-1][equal]
-    second = order[1:][equal] - len(given)
+    first, second = equal_rows(np.concatenate([given, x]))
+    second = second - len(given)
     if len(first) != len(given) or first.max(initial=-1) >= len(given):
         raise InputError("joined: gmsh moved points of the contact; mesh the parts otherwise.")
     number = np.full(len(x), -1)
@@ -238,7 +230,7 @@ def _renumbered(
     return x[new], number[simplices]
 
 
-def filled(
+def fill(
     x: np.ndarray, triangles: np.ndarray, *, optimize: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill a closed surface with tetrahedra that keep its triangles.
@@ -257,9 +249,8 @@ def filled(
         InputError: If gmsh fails.
     """
     used, triangles = np.unique(triangles, return_inverse=True)
-    triangles = triangles.reshape(-1, 3)
     unit = _Unit.of(x[used])
-    given = unit.scaled(x[used])
+    given = unit.scale(x[used])
     links = np.concatenate([triangles[:, :2], triangles[:, 1:]])
     shell_of_point = components(len(used), links)
     # The outer shell, which gmsh wants first, has the lowest point.
@@ -289,5 +280,5 @@ def filled(
         points, cells = _simplices(model, TETRAHEDRON)
     if not len(cells):
         raise InputError("joined: gmsh cannot fill a body behind the contact; mesh it otherwise.")
-    new, cells = _renumbered(points, cells, given, used, len(x))
+    new, cells = _renumber(points, cells, given, used, len(x))
     return np.concatenate([x, unit.lengths(new)]), cells

@@ -18,8 +18,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.percent import enough
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.joining.behind import RemeshedRegion, regions_behind, surface, with_cells
-from erc_contact.mesh.joining.filling import filled
-from erc_contact.mesh.joining.loops import area_vectors, band, least_angle, loops, outer_edges
+from erc_contact.mesh.joining.filling import fill
+from erc_contact.mesh.joining.loops import band, loops, outer_edges
 from erc_contact.mesh.joining.outlines import cut_edges
 from erc_contact.mesh.joining.side_contact import (
     NO_FIT,
@@ -28,14 +28,20 @@ from erc_contact.mesh.joining.side_contact import (
     Outlines,
     SideContact,
     allowance,
-    oriented,
+    orient,
     outlines_on,
     side_contact,
 )
 from erc_contact.mesh.joining.thresholds import LEAST_ANGLE
+from erc_contact.mesh.joining.triangles import (
+    area_vectors,
+    edges_of,
+    kept_areas,
+    least_angle,
+)
 from erc_contact.mesh.plain import PlainMesh
-from erc_contact.mesh.rows import row_numbers
-from erc_contact.mesh.simplex import measures
+from erc_contact.mesh.rows import look_up, row_numbers
+from erc_contact.mesh.simplex import determinants, measures
 
 BESIDE = (0.6, 0.8, 0.4, 1.0)
 """Least distance of points that remain beside a new outline, by their edges [-].
@@ -80,7 +86,7 @@ def imprint_curved(plain: PlainMesh, here: int, there: int, apart: float = 0.0) 
 
 def _side(plain: PlainMesh, region: RemeshedRegion) -> FacetSide:
     """Return the triangles of the side of a region, oriented."""
-    triangles = oriented(plain, plain.sides(region.side_tag))
+    triangles = orient(plain, plain.sides(region.side_tag))
     return FacetSide(plain.x, triangles, region.outline)
 
 
@@ -99,12 +105,9 @@ def _take_facets(
     region = _move_points(plain, behind, number)
     shell = surface(whole, region, number, outlines.inserted, side)
     _check_closed(shell[0])
-    new_x, cells = filled(x, shell[0], optimize=True)
+    new_x, cells = fill(x, shell[0], optimize=True)
     moved = contact.allowed.max() * measures(x[taken.triangles]).sum()
-    whole = with_cells(whole, region, new_x, cells, shell, moved)
-    keep = np.ones(len(whole.cells), dtype=bool)
-    keep[region.cells] = False
-    return PlainMesh(whole.x, whole.cells[keep], whole.regions[keep], whole.tags[keep])
+    return with_cells(whole, region, new_x, cells, shell, moved).without_cells(region.cells)
 
 
 def _best_bands(
@@ -204,9 +207,8 @@ def _bands(x: np.ndarray, taken: FacetSide, outlines: Outlines, removed: np.ndar
         # The side that is kept is on the left of its loop, as seen from its own body.
         bands.append(band(x, loop, hole[::-1]))
     triangles = np.concatenate(bands)
-    corners = np.sort(triangles, axis=1)
     # Where both outlines run together, there is nothing between them.
-    triangles = triangles[np.all(corners[:, 1:] != corners[:, :-1], axis=1)]
+    triangles = triangles[~_is_collapsed(triangles)]
     normals = taken.point_normals[triangles].sum(axis=1)
     upright = np.einsum("ij,ij->i", area_vectors(x[triangles]), normals)
     if np.any(upright <= 0):
@@ -219,11 +221,9 @@ def _holes(
 ) -> list[np.ndarray]:
     """Return the loops around the triangles that are removed, with merged points."""
     edges = outer_edges(taken.triangles[removed])
-    on_outline, of_outline = row_numbers(edges, taken.outline)
-    row = np.full(max(on_outline.max(initial=0), of_outline.max(initial=0)) + 1, -1)
-    row[on_outline] = np.arange(len(edges))
     inserted = outlines.inserted.copy()
-    inserted[:, 0] = row[of_outline[inserted[:, 0]]]
+    cut_outline = taken.outline[inserted[:, 0]]
+    inserted[:, 0] = look_up(edges, np.arange(len(edges)), cut_outline)
     if np.any(inserted[:, 0] < 0):
         raise InputError(NO_FIT)
     edges = outlines.number[edges]
@@ -239,17 +239,11 @@ def _move_points(plain: PlainMesh, region: RemeshedRegion, number: np.ndarray) -
         InputError: If triangles or cells beside would be crushed.
     """
     x = plain.x
-    before = area_vectors(x[region.triangles])
-    after = area_vectors(x[number[region.triangles]])
-    share = np.einsum("ij,ij->i", before, after) / np.einsum("ij,ij->i", before, before)
-    corners = np.sort(number[region.triangles], axis=1)
-    vanishes = np.any(corners[:, 1:] == corners[:, :-1], axis=1)
-    others = np.ones(len(plain.cells), dtype=bool)
-    others[region.cells] = False
-    cells = plain.cells[others]
-    edges = x[cells[:, 1:]] - x[cells[:, :1]]
-    moved = x[number[cells[:, 1:]]] - x[number[cells[:, :1]]]
-    shares = np.linalg.det(moved) / np.linalg.det(edges)
+    triangles = number[region.triangles]
+    share = kept_areas(x[region.triangles], x[triangles])
+    vanishes = _is_collapsed(triangles)
+    cells = plain.without_cells(region.cells).cells
+    shares = determinants(x[number[cells]]) / determinants(x[cells])
     crushed = np.any(share[~vanishes] < CRUSHED) or np.any(region.inner & vanishes)
     if crushed or np.any(shares < CRUSHED):
         raise InputError(
@@ -266,13 +260,18 @@ def _move_points(plain: PlainMesh, region: RemeshedRegion, number: np.ndarray) -
     )
 
 
+def _is_collapsed(triangles: np.ndarray) -> np.ndarray:
+    """Tell which triangles (n, 3) have a point twice, shape (n,)."""
+    points = np.sort(triangles, axis=1)
+    return np.any(points[:, 1:] == points[:, :-1], axis=1)
+
+
 def _check_closed(triangles: np.ndarray) -> None:
     """Check that a surface is closed.
 
     Raises:
         InputError: If an edge does not have two triangles.
     """
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    counts = np.bincount(row_numbers(edges)[0])
+    counts = np.bincount(row_numbers(edges_of(triangles))[0])
     if np.any(counts != 2):
         raise InputError(NO_FIT)

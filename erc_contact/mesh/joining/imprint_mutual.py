@@ -19,9 +19,10 @@ from itertools import product
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.loops import area_vectors, outer_edges
-from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, oriented
+from erc_contact.mesh.joining.side_contact import FACING, FacetSide, allowance, orient
+from erc_contact.mesh.joining.triangles import area_vectors
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 
@@ -64,11 +65,11 @@ def imprint_mutually(
         error = _near_outlines(plain, here, there, apart) or reason
     for (first, second), beside in product(((here, there), (there, here)), BESIDE):
         try:
-            with_outline = _taken_in_part(take, plain, (first, second), apart, beside)
-            whole = _taken_in_part(take, with_outline, (second, first), apart, 0.0)
+            with_outline = _take_in_part(take, plain, (first, second), apart, beside)
+            whole = _take_in_part(take, with_outline, (second, first), apart, 0.0)
         except InputError:
             continue
-        left_out = _left_out(whole, here, there, apart)
+        left_out = _area_left_out(whole, here, there, apart)
         if left_out <= MOST_LEFT_OUT:
             return whole
         if left_out < CROSSING:
@@ -97,16 +98,16 @@ def _near_outlines(plain: PlainMesh, here: int, there: int, apart: float) -> Inp
     worst = np.argmax(distance / sizes)
     if distance[worst] > NEAR_FACETS * sizes[worst]:
         return None
-    place = ", ".join(f"{coordinate:.4g}" for coordinate in plain.x[points[worst]])
+    at_worst = place_words(plain.x[points[worst]])
     return InputError(
         "joined: each of the curved parts ends amid the other one, and their outlines nearly run "
-        f"together: they are {distance[worst]:.3g} apart near ({place}), where facets have edges "
+        f"together: they are {distance[worst]:.3g} apart near {at_worst}, where facets have edges "
         f"of {sizes[worst]:.3g}. Mesh both parts there with facets of half that distance, or let "
         "the bodies end at the same place."
     )
 
 
-def _taken_in_part(
+def _take_in_part(
     take: Facets, plain: PlainMesh, tags: tuple[int, int], apart: float, beside: float
 ) -> PlainMesh:
     """Give a side the facets of another side that lie on it.
@@ -136,8 +137,7 @@ def _taken_in_part(
 
 def _side(plain: PlainMesh, tag: int) -> FacetSide:
     """Return the triangles of a side, oriented."""
-    triangles = oriented(plain, plain.sides(tag))
-    return FacetSide(plain.x, triangles, outer_edges(triangles))
+    return FacetSide.of(plain.x, orient(plain, plain.sides(tag)))
 
 
 def _lie_on(side: FacetSide, other_side: FacetSide, apart: float, beside: float) -> np.ndarray:
@@ -173,7 +173,7 @@ def _outline_amid(side: FacetSide, other_side: FacetSide, apart: float) -> np.nd
     return side.outline[amid[side.outline].any(axis=1)]
 
 
-def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
+def _area_left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     """Estimate the area on which sides face each other without common facets.
 
     Args:
@@ -188,8 +188,8 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     first, second = (_side(plain, tag) for tag in (here, there))
     number1, number2 = row_numbers(first.triangles, second.triangles)
     is_common = np.isin(number1, number2)
-    uncommon1 = _part(first, ~is_common)
-    uncommon2 = _part(second, ~np.isin(number2, number1))
+    uncommon1 = FacetSide.of(plain.x, first.triangles[~is_common])
+    uncommon2 = FacetSide.of(plain.x, second.triangles[~np.isin(number2, number1)])
     areas = np.linalg.norm(area_vectors(plain.x[first.triangles]), axis=1)
     if is_common.all() or not len(uncommon2.triangles):
         return 0.0
@@ -201,9 +201,3 @@ def _left_out(plain: PlainMesh, here: int, there: int, apart: float) -> float:
     faces = (cosine < -FACING) & (distance <= allowed)
     left = np.bincount(of_point, faces, len(uncommon1.triangles)) / len(PLACES)
     return float(left @ areas[~is_common] / areas[is_common].sum())
-
-
-def _part(side: FacetSide, chosen: np.ndarray) -> FacetSide:
-    """Return some triangles of a side."""
-    triangles = side.triangles[chosen]
-    return FacetSide(side.x, triangles, outer_edges(triangles))

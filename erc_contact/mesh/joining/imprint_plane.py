@@ -25,7 +25,7 @@ from erc_contact.mesh.joining.behind import (
     with_cells,
     with_surface,
 )
-from erc_contact.mesh.joining.filling import filled, triangulated
+from erc_contact.mesh.joining.filling import fill, triangulate
 from erc_contact.mesh.joining.outlines import (
     Alignment,
     common_points,
@@ -35,6 +35,7 @@ from erc_contact.mesh.joining.outlines import (
 )
 from erc_contact.mesh.joining.strips import CutSurface, with_short_edges
 from erc_contact.mesh.joining.thresholds import CLOSE, CRUSHED, LEAST_ANGLE, SAME
+from erc_contact.mesh.joining.triangles import edge_lengths, kept_areas, least_angle, side_lengths
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.simplex import measures, outward_normals
 
@@ -93,7 +94,9 @@ def imprint_plane(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -
         new_x = x.copy()
         moved = np.flatnonzero(np.any(alignment.y[:count] != y, axis=1))
         new_x[moved] = plane.points(alignment.y[moved])
-        if _keep_areas(x, new_x, alignment.number, np.vstack([first.triangles, second.triangles])):
+        triangles = np.vstack([first.triangles, second.triangles])
+        shares = kept_areas(x[triangles], new_x[alignment.number[triangles]])
+        if np.all(shares > CRUSHED):
             break
     else:
         raise InputError(
@@ -127,7 +130,7 @@ def _with_short_edges(
 def _shortest(y: np.ndarray, regions: tuple[RemeshedRegion, RemeshedRegion]) -> float:
     """Return the length of the shortest edge of two outlines [length]."""
     edges = np.concatenate([region.outline for region in regions])
-    return float(np.linalg.norm(y[edges[:, 1]] - y[edges[:, 0]], axis=1).min())
+    return float(edge_lengths(y, edges).min())
 
 
 def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tuple[_Plane, float]:
@@ -141,8 +144,7 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
     shortest = np.inf
     for tag in (here, there):
         corners = plain.x[plain.points_of(plain.sides(tag))]
-        edges = corners - np.roll(corners, 1, axis=1)
-        shortest = min(shortest, np.linalg.norm(edges, axis=2).min())
+        shortest = min(shortest, side_lengths(corners).min())
         points.append(corners.reshape(-1, 3))
         mean.append(_mean_normal(plain, tag))
     if mean[0] @ mean[1] > -OPPOSITE:
@@ -186,18 +188,6 @@ def _mean_normal(plain: PlainMesh, tag: int) -> np.ndarray:
     return np.asarray(areas @ normals / areas.sum())
 
 
-def _keep_areas(
-    x: np.ndarray, new_x: np.ndarray, number: np.ndarray, triangles: np.ndarray
-) -> bool:
-    """Check that no triangle of a surface is crushed where points move."""
-    normals = []
-    for corners in (x[triangles], new_x[number[triangles]]):
-        normals.append(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    before, after = normals
-    kept = np.einsum("ij,ij->i", before, after)
-    return bool(np.all(kept > CRUSHED * np.einsum("ij,ij->i", before, before)))
-
-
 def _with_common_facets(
     plain: PlainMesh,
     regions: tuple[RemeshedRegion, RemeshedRegion],
@@ -225,16 +215,17 @@ def _with_common_facets(
         edges = alignment.number[region.outline]
         outlines.append(cut_edges(alignment.y, edges, points))
         corners = alignment.y[alignment.number[before.side]]
-        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-        sizes.append((corners, np.repeat(lengths.mean(axis=1)[:, None], 3, axis=1)))
+        lengths = side_lengths(corners).mean(axis=1)
+        sizes.append((corners, np.repeat(lengths[:, None], 3, axis=1)))
     edges = np.unique(np.sort(np.concatenate(outlines), axis=1), axis=0)
-    y, triangles = triangulated(alignment.y, edges, sizes, graded=any(is_cut))
+    y, triangles = triangulate(alignment.y, edges, sizes, graded=any(is_cut))
     middles = y[triangles].mean(axis=1)
     within = [inside(y, middles, outline) for outline in outlines]
     in_both = within[0] & within[1]
     if not in_both.any():
         return plain
-    _check_angles(y, triangles[within[0] | within[1]])
+    x = np.concatenate([plain.x, plane.points(y[len(plain.x) :])])
+    _check_angles(plane.points(y)[triangles[within[0] | within[1]]])
     common = triangles[in_both]
     keeps = []
     for i, region in enumerate(regions):
@@ -244,20 +235,17 @@ def _with_common_facets(
     kept = keeps.index(True) if any(keeps) else None
     if kept is not None:
         common = sides[kept]
-    x = np.concatenate([plain.x, plane.points(y[len(plain.x) :])])
     result = replace(plain, x=x)
     for i in range(2):
         if i != kept:
             own_facets = triangles[within[i] & ~in_both]
             side = np.concatenate([common, own_facets])
             closed = surface(result, regions[i], alignment.number, inserted[i], side)
-            x, cells = filled(result.x, closed[0], optimize=is_cut[i])
+            x, cells = fill(result.x, closed[0], optimize=is_cut[i])
             moved = 2 * alignment.tolerance * _area_beside(x, regions[i])
             result = with_cells(result, regions[i], x, cells, closed, moved)
     refilled = [regions[i].cells for i in range(2) if i != kept]
-    keep = np.ones(len(result.cells), dtype=bool)
-    keep[np.concatenate(refilled)] = False
-    return PlainMesh(result.x, result.cells[keep], result.regions[keep], result.tags[keep])
+    return result.without_cells(np.concatenate(refilled))
 
 
 def _area_beside(x: np.ndarray, region: RemeshedRegion) -> float:
@@ -266,23 +254,16 @@ def _area_beside(x: np.ndarray, region: RemeshedRegion) -> float:
     return float(measures(x[region.triangles[beside]]).sum())
 
 
-def _check_angles(y: np.ndarray, triangles: np.ndarray) -> None:
+def _check_angles(corners: np.ndarray) -> None:
     """Check that no triangle of the plane is a splinter.
 
     Raises:
         InputError: If one is, as where two outlines nearly run together.
     """
-    corners = y[triangles]
-    sine = np.inf
-    for i in range(3):
-        a = corners[:, i - 1] - corners[:, i]
-        b = corners[:, i - 2] - corners[:, i]
-        area = abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-        shares = area / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
-        sine = min(sine, shares.min())
-    if sine < np.sin(np.radians(LEAST_ANGLE)):
+    angle = least_angle(corners)
+    if angle < LEAST_ANGLE:
         raise InputError(
             "joined: the outlines of the parts nearly run together, with a least angle of "
-            f"{np.degrees(np.arcsin(sine)):.2g} degrees between them. Mesh curved outlines with "
+            f"{angle:.2g} degrees between them. Mesh curved outlines with "
             "the same vertices, or let the outlines keep away from each other."
         )

@@ -17,18 +17,19 @@ from mpi4py import MPI
 from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.logs import log_of
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.bodies import Bodies
 from erc_contact.mesh.interface_map import Interface, Regions
-from erc_contact.mesh.joining.aligning import aligned
+from erc_contact.mesh.joining.aligning import align
 from erc_contact.mesh.joining.corners import moved_corner
 from erc_contact.mesh.joining.imprint_curved import imprint_curved
 from erc_contact.mesh.joining.imprint_mutual import imprint_mutually
 from erc_contact.mesh.joining.imprint_plane import imprint_plane, plane_sides
-from erc_contact.mesh.joining.matching import matched
+from erc_contact.mesh.joining.matching import match_facets
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
 from erc_contact.mesh.tags import NO_TAG, listed
-from erc_contact.mesh.transfer import gathered_mesh
+from erc_contact.mesh.transfer import gather_mesh
 
 ROUND_OFF = 1e-9
 """Share of a distance that is its round-off [-]."""
@@ -94,11 +95,11 @@ def check_parts(
 
 def last_tag(bodies: Bodies) -> int:
     """Return the greatest tag of the parts and facets of a domain; collective."""
-    glued = bodies if bodies.glued is None else bodies.glued
+    glued = bodies.whole
     used = [*bodies.names.values(), *glued.names.values(), *glued.facet_tags.values]
-    if bodies.interface_map is not None:
+    for interface in bodies.interfaces:
         # Tags of tied joints are on no facet.
-        used += [tag for interface in bodies.interface_map.interfaces for tag in interface.tags]
+        used += interface.tags
     return bodies.comm.allreduce(int(max(used, default=0)), MPI.MAX)
 
 
@@ -120,7 +121,7 @@ def joint(
             not tied.
     """
     comm = glued.comm
-    plain = gathered_mesh(glued)
+    plain = gather_mesh(glued)
     tags = (glued.names[here], glued.names[there])
     error: Exception | None = None
     about = None
@@ -128,7 +129,7 @@ def joint(
         try:
             drawn = plain
             keep = apart > 0 and not tied
-            plain, regions = met(drawn, tags, on, apart, keep=keep)
+            plain, regions = glue_sides(drawn, tags, on, apart, keep=keep)
             if keep and plain.glued is None:
                 log_of(comm).warning(_moved_side_words(here, there, apart))
             if not keep or plain.glued is None:
@@ -168,16 +169,15 @@ def _moved_side_words(here: str, there: str, apart: float) -> str:
 
 def _moved_words(here: str, there: str, corner: np.ndarray, distance: float) -> str:
     """Say that a corner has moved from its place by a distance [length]."""
-    place = ", ".join(f"{coordinate + 0.0:.6g}" for coordinate in corner)
     return (
-        f"joined: the corner ({place}) moved by {distance:.3g}, as {here!r} and {there!r} are that"
-        " near there: the bodies of the mesh are solved and certified. Draw both"
+        f"joined: the corner {place_words(corner, 6)} moved by {distance:.3g}, as {here!r} and "
+        f"{there!r} are that near there: the bodies of the mesh are solved and certified. Draw both"
         " corners in one place, or farther apart than a thousandth of an edge; give a clearance by"
         " gap=."
     )
 
 
-def met(
+def glue_sides(
     plain: PlainMesh, tags: tuple[int, int], on: int, apart: float = 0.0, *, keep: bool = False
 ) -> tuple[PlainMesh, tuple[np.ndarray, np.ndarray]]:
     """Glue the two sides, and give the facets where they meet a new tag.
@@ -196,10 +196,10 @@ def met(
         InputError: If they do not meet.
     """
     if plain.dim == 2:
-        whole = aligned(plain, *tags, apart, keep=keep)
+        whole = align(plain, *tags, apart, keep=keep)
     else:
         # Sides that match keep their cells, plane or curved.
-        whole = matched(plain, *tags, apart, keep=keep) or _imprinted(plain, tags, apart)
+        whole = match_facets(plain, *tags, apart, keep=keep) or _imprint(plain, tags, apart)
     first = whole.sides(tags[0])
     second = whole.sides(tags[1])
     glued = whole.glued_points
@@ -216,7 +216,7 @@ def met(
     return replace(whole, tags=new_tags), regions
 
 
-def _imprinted(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
+def _imprint(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
     """Return a mesh in space of which one side has the facets of the other side.
 
     Raises:
@@ -253,9 +253,9 @@ def _check_regions(regions: tuple[np.ndarray, np.ndarray], names: Mapping[str, i
     in_both = np.intersect1d(*regions)
     if NO_TAG in np.concatenate(regions) or len(in_both):
         called = [repr(name) for name, tag in names.items() if tag in in_both]
-        place = f"the region {', '.join(called)}" if called else "no region of their own"
+        shared = f"the region {', '.join(called)}" if called else "no region of their own"
         raise InputError(
-            f"joined: both parts are in {place}, so nothing tells one side from the other. Give "
+            f"joined: both parts are in {shared}, so nothing tells one side from the other. Give "
             "each body a region: by a physical group of cells in gmsh, by cell_tags= and regions= "
             "of Domain, or mesh them apart and put them together by assembly."
         )
@@ -295,7 +295,7 @@ def interfaces(
     return (joint, *before) if whole else (*before, joint)
 
 
-def tied_alone(
+def tie_alone(
     interfaces: tuple[Interface, ...], ties: Sequence[tuple[str, str]]
 ) -> tuple[Interface, ...]:
     """Return interfaces of which exactly the given pairs are tied.

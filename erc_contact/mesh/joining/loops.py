@@ -1,4 +1,4 @@
-"""Make loops of the outlines of triangles in space, and bands between two loops.
+"""Make loops of the outlines of triangles, and bands of triangles between two loops.
 
 A band is a strip of triangles between two closed loops of points.
 """
@@ -10,42 +10,18 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.graphs import order_along_curves
+from erc_contact.mesh.joining.triangles import edge_lengths, edges_of
+from erc_contact.mesh.rows import row_numbers
 
 PLACES = 2**40
 """Number of places on a loop that are told apart."""
 
 
-def area_vectors(corners: np.ndarray) -> np.ndarray:
-    """Return the normals of triangles, twice as long as their areas [length^2].
-
-    Args:
-        corners: Corners [length], shape (..., 3, 3).
-    """
-    first = corners[..., 1, :] - corners[..., 0, :]
-    second = corners[..., 2, :] - corners[..., 0, :]
-    return np.cross(first, second)
-
-
-def least_angle(corners: np.ndarray) -> float:
-    """Return the least angle of triangles [degrees].
-
-    Args:
-        corners: Corners [length], shape (m, 3, 3).
-    """
-    area = np.linalg.norm(area_vectors(corners), axis=-1)
-    lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
-    # The least angle lies between the two longest edges.
-    sine = area / (lengths[:, 1] * lengths[:, 2])
-    return float(np.degrees(np.arcsin(np.clip(sine, 0.0, 1.0))).min(initial=60.0))
-
-
 def outer_edges(triangles: np.ndarray) -> np.ndarray:
     """Return the edges that one triangle has alone, in its direction, shape (k, 2)."""
-    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    low = edges.min(axis=1).astype(np.int64)
-    keys = low * (edges.max(initial=0) + 1) + edges.max(axis=1)
-    _, number, count = np.unique(keys, return_inverse=True, return_counts=True)
-    return edges[count[number] == 1]
+    edges = edges_of(triangles)
+    (numbers,) = row_numbers(edges)
+    return edges[np.bincount(numbers)[numbers] == 1]
 
 
 def loops(x: np.ndarray, edges: np.ndarray) -> list[np.ndarray]:
@@ -71,7 +47,7 @@ def loops(x: np.ndarray, edges: np.ndarray) -> list[np.ndarray]:
     return np.split(start[order], breaks)
 
 
-def closed(loop: np.ndarray) -> np.ndarray:
+def loop_edges(loop: np.ndarray) -> np.ndarray:
     """Return the edges of a loop of points, shape (k, 2)."""
     return np.column_stack([loop, np.roll(loop, -1)])
 
@@ -90,8 +66,8 @@ def band(x: np.ndarray, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     Raises:
         InputError: If the outer loop does not go once around the inner one.
     """
-    edges = closed(inner)
-    lengths = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    edges = loop_edges(inner)
+    lengths = edge_lengths(x, edges)
     places = np.concatenate([[0.0], np.cumsum(lengths)])
     edge, shares, _ = closest(x[outer], x[edges])
     first = (places[edge] + shares[:, 1] * lengths[edge]) / places[-1]
@@ -113,5 +89,5 @@ def band(x: np.ndarray, inner: np.ndarray, outer: np.ndarray) -> np.ndarray:
     reached = np.searchsorted((around + outer_middles).ravel(), middles, side="left")
     outer_reached = np.searchsorted((around + middles).ravel(), outer_middles, side="right")
     from_inner = np.column_stack([edges, outer[reached % len(outer)]])
-    from_outer = np.column_stack([closed(outer)[:, ::-1], inner[outer_reached % len(inner)]])
+    from_outer = np.column_stack([loop_edges(outer)[:, ::-1], inner[outer_reached % len(inner)]])
     return np.concatenate([from_inner, from_outer])

@@ -11,12 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.joining.side_contact import mean_normals, orient
 from erc_contact.mesh.joining.thresholds import CRUSHED, SAME
+from erc_contact.mesh.joining.triangles import area_vectors, side_lengths
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.simplex import determinants
 
-DIRECTION = np.array([0.5411, 0.6231, 0.5647])
-"""Direction along which points are sorted; few of a mesh have the same place on it."""
 ALONG_NORMAL = 0.5
 """Greatest share of a distance of facing points that is along the side [-]."""
 SAMPLES = np.array([[1, 1, 1], [8, 1, 1], [1, 8, 1], [1, 1, 8]])
@@ -25,7 +26,7 @@ PAIRS_AT_ONCE = 1_000_000
 """Greatest number of pairs (point, facet) that are looked at together."""
 
 
-def matched(
+def match_facets(
     plain: PlainMesh, here: int, there: int, apart: float = 0.0, *, keep: bool = False
 ) -> PlainMesh | None:
     """Return the mesh with common vertices, or None if the facets do not match.
@@ -42,12 +43,8 @@ def matched(
     """
     facets1 = plain.points_of(plain.sides(here))
     facets2 = plain.points_of(plain.sides(there))
-    edges = np.concatenate([facets1, facets2])
-    shortest = min(
-        np.linalg.norm(plain.x[edges[:, i]] - plain.x[edges[:, i - 1]], axis=1).min()
-        for i in range(3)
-    )
-    tolerance = SAME * shortest
+    corners = plain.x[np.concatenate([facets1, facets2])]
+    tolerance = SAME * side_lengths(corners).min()
     points1, points2 = in_one_place(
         plain.x, np.unique(facets1), np.unique(facets2), tolerance + apart
     )
@@ -75,15 +72,8 @@ def matched(
 
 def _normals(plain: PlainMesh, tag: int) -> np.ndarray:
     """Return unit normals of a side in space at its points, zero elsewhere, (n, 3)."""
-    corners = plain.points_of(plain.sides(tag))
-    x = plain.x[corners]
-    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    apex = plain.x[plain.cells[tuple(plain.sides(tag).T)]]
-    normal *= np.sign(((x[:, 0] - apex) * normal).sum(axis=1))[:, None]
-    result = np.zeros(plain.x.shape)
-    np.add.at(result, corners, normal[:, None, :])
-    size = np.linalg.norm(result, axis=1, keepdims=True)
-    return result / np.where(size > 0, size, 1.0)
+    triangles = orient(plain, plain.sides(tag))
+    return mean_normals(plain.x, triangles, area_vectors(plain.x[triangles]))
 
 
 def _facing(
@@ -115,9 +105,8 @@ def _check_cells(plain: PlainMesh, number: np.ndarray) -> None:
     Raises:
         InputError: If a cell is: the distance is as large as the cells.
     """
-    before = np.linalg.det(plain.x[plain.cells[:, 1:]] - plain.x[plain.cells[:, :1]])
-    moved = number[plain.cells]
-    after = np.linalg.det(plain.x[moved[:, 1:]] - plain.x[moved[:, :1]])
+    before = determinants(plain.x[plain.cells])
+    after = determinants(plain.x[number[plain.cells]])
     if np.any(after / before < CRUSHED):
         raise InputError(
             "joined: the second part cannot move to the first one, the distance of the parts is "
@@ -137,18 +126,13 @@ def in_one_place(
         points2: Numbers of the points of the second set.
         tolerance: Distance of points that are in one place [length].
     """
-    direction = DIRECTION[: x.shape[1]]
-    height1 = x[points1] @ direction
-    order = np.argsort(height1)
-    height2 = x[points2] @ direction
-    first = np.searchsorted(height1[order], height2 - tolerance)
-    counts = np.searchsorted(height1[order], height2 + tolerance, side="right") - first
-    starts = np.cumsum(counts) - counts
-    row = np.repeat(first - starts, counts) + np.arange(counts.sum())
-    pairs1 = points1[order[row]]
-    pairs2 = np.repeat(points2, counts)
-    near = np.linalg.norm(x[pairs1] - x[pairs2], axis=1) <= tolerance
-    return pairs1[near], pairs2[near]
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - for joints only
+
+    tree = cKDTree(x[points1])
+    other_tree = cKDTree(x[points2])
+    near = tree.sparse_distance_matrix(other_tree, tolerance, output_type="ndarray")
+    near = near[np.lexsort((near["i"], near["j"]))]
+    return points1[near["i"]], points2[near["j"]]
 
 
 def _overlap(x: np.ndarray, facets: np.ndarray, others: np.ndarray, apart: float) -> bool:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from erc_contact.mesh.joining.triangles import cross, shortest_edges
+
 STRAIGHT = 1e-3
 """Sine of the angle between two edges on one line [-]."""
 
@@ -56,13 +58,8 @@ def common_points(
     """
     y = y.copy()
     number = np.arange(len(y))
-    lengths1 = np.linalg.norm(y[edges1[:, 1]] - y[edges1[:, 0]], axis=1)
-    lengths2 = np.linalg.norm(y[edges2[:, 1]] - y[edges2[:, 0]], axis=1)
     direction = directions(y, np.concatenate([edges1, edges2]), fixed)
-    sizes = np.full(len(y), np.inf)
-    for edges, lengths in ((edges1, lengths1), (edges2, lengths2)):
-        for end in edges.T:
-            np.minimum.at(sizes, end, lengths)
+    sizes = shortest_edges(y, np.concatenate([edges1, edges2]))
 
     _move_to_crossings(y, edges1, edges2, direction, sizes, (close, tolerance))
     _merge(y, number, (edges1, edges2), direction, sizes, (close, tolerance))
@@ -131,11 +128,6 @@ def directions(y: np.ndarray, edges: np.ndarray, fixed: np.ndarray) -> np.ndarra
     return np.where((straight & ~fixed)[:, None], vectors[:, :, 1], 0.0)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Compute cross products of vectors in the plane, shape (..., 2) -> (...)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
 def _crossings(
     y: np.ndarray, edges1: np.ndarray, edges2: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -146,11 +138,11 @@ def _crossings(
     along2 = y[edges2[:, 1]][None] - start2
     length1 = np.linalg.norm(along1, axis=2)
     length2 = np.linalg.norm(along2, axis=2)
-    sine = _cross(along1, along2)
+    sine = cross(along1, along2)
     skew = abs(sine) > STRAIGHT * length1 * length2
     divisor = np.where(skew, sine, 1.0)
-    share1 = _cross(start2 - start1, along2) / divisor
-    share2 = _cross(start2 - start1, along1) / divisor
+    share1 = cross(start2 - start1, along2) / divisor
+    share2 = cross(start2 - start1, along1) / divisor
     amid = skew
     for share, length in ((share1, length1), (share2, length2)):
         amid = amid & (share * length > tolerance) & ((1 - share) * length > tolerance)
@@ -202,7 +194,7 @@ def _merge(
     ways = []
     for point in (points2, partner):
         may_move = direction[point].any(axis=1)
-        ways.append(may_move & (abs(_cross(step, direction[point])) < tolerance))
+        ways.append(may_move & (abs(cross(step, direction[point])) < tolerance))
     second_moves = same | (small & ways[0])
     first_moves = small & ways[1] & ~second_moves
     y[partner[first_moves]] = y[points2[first_moves]]
@@ -220,7 +212,7 @@ def _points_on_edges(
     length = np.linalg.norm(along, axis=1)
     offset = y[points][:, None] - start
     place = np.einsum("pij,ij->pi", offset, along) / length
-    height = abs(_cross(offset, along)) / length
+    height = abs(cross(offset, along)) / length
     amid = (place > 0) & (place < length) & (height < tolerance)
     point, edge = np.nonzero(amid)
     return np.column_stack([edge, points[point]])

@@ -11,10 +11,11 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import enough
+from erc_contact.base.percent import enough, place_words
 from erc_contact.mesh.closest import closest
-from erc_contact.mesh.joining.loops import area_vectors, closed, loops, outer_edges
+from erc_contact.mesh.joining.loops import loop_edges, loops, outer_edges
 from erc_contact.mesh.joining.thresholds import CORNER, FACING, SAME
+from erc_contact.mesh.joining.triangles import area_vectors, side_lengths
 from erc_contact.mesh.plain import PlainMesh
 
 HEIGHTS = 2.0
@@ -46,6 +47,11 @@ class FacetSide:
     triangles: np.ndarray
     outline: np.ndarray
 
+    @classmethod
+    def of(cls, x: np.ndarray, triangles: np.ndarray) -> FacetSide:
+        """Make it of triangles, and find their outline."""
+        return cls(x, triangles, outer_edges(triangles))
+
     @cached_property
     def normals(self) -> np.ndarray:
         """Return the outward unit normals of the triangles, shape (k, 3)."""
@@ -55,16 +61,12 @@ class FacetSide:
     @cached_property
     def point_normals(self) -> np.ndarray:
         """Return the mean normals at all points, zero elsewhere, shape (n, 3)."""
-        result = np.zeros(self.x.shape)
-        np.add.at(result, self.triangles, self.normals[:, None])
-        size = np.linalg.norm(result, axis=1, keepdims=True)
-        return result / np.where(size > 0, size, 1.0)
+        return mean_normals(self.x, self.triangles, self.normals)
 
     @cached_property
     def _lengths(self) -> np.ndarray:
         """Return the lengths of the edges of the triangles [length], shape (k, 3)."""
-        corners = self.x[self.triangles]
-        return np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        return side_lengths(self.x[self.triangles])
 
     @property
     def shortest(self) -> float:
@@ -104,7 +106,24 @@ class FacetSide:
         return result
 
 
-def oriented(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
+def mean_normals(x: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return unit normals at points from normals of triangles, shape (n, 3).
+
+    Args:
+        x: Points [length], shape (n, 3).
+        triangles: The triangles, shape (k, 3).
+        normals: Their normals, as long as they count, shape (k, 3).
+
+    Returns:
+        Zero at points of no triangle.
+    """
+    result = np.zeros(x.shape)
+    np.add.at(result, triangles, normals[:, None])
+    size = np.linalg.norm(result, axis=1, keepdims=True)
+    return result / np.where(size > 0, size, 1.0)
+
+
+def orient(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
     """Return sides (cell, local facet) as triangles that are oriented outwards."""
     triangles = plain.points_of(sides)
     corners = plain.x[triangles]
@@ -162,13 +181,12 @@ def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact
     allowed[points] = apart + allowance(kept, points, taken, facet)
     excess = distance - allowed[points]
     worst = np.argmax(excess)
-    place = ", ".join(f"{coordinate:.4g}" for coordinate in x[points[worst]])
     beyond = float(excess[worst])
     message = (
-        f"joined: the parts are {distance[worst]:.3g} apart near ({place}), and a part is curved. "
-        "Each facet of one of them must lie on the other one: name the parts where the bodies "
-        f"touch, and give a clearance or an interference by apart= ({enough(apart + beyond)} is "
-        "enough), and by gap= of the contact."
+        f"joined: the parts are {distance[worst]:.3g} apart near {place_words(x[points[worst]])}, "
+        "and a part is curved. Each facet of one of them must lie on the other one: name the "
+        "parts where the bodies touch, and give a clearance or an interference by apart= "
+        f"({enough(apart + beyond)} is enough), and by gap= of the contact."
     )
     middles, _, _ = closest(x[kept.triangles].mean(axis=1), corners)
     cosine = np.einsum("ij,ij->i", kept.normals, taken.normals[middles]).max()
@@ -211,7 +229,7 @@ def outlines_on(x: np.ndarray, contact: SideContact) -> Outlines:
     allowed = contact.allowed
     number = np.arange(len(x))
     kept_loops = loops(x, outer_edges(kept.triangles))
-    edges = np.concatenate([NO_EDGES, *[closed(loop) for loop in kept_loops]])
+    edges = np.concatenate([NO_EDGES, *[loop_edges(loop) for loop in kept_loops]])
     outline = taken.outline
     points = edges[:, 0]
     beside, _, distance = closest(x[points], x[outline])

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.mesh.closest import closest
+from erc_contact.mesh.joining.triangles import cross, edge_lengths, shortest_edges
 from erc_contact.mesh.rows import row_numbers
+from erc_contact.mesh.simplex import facet_vertices
 
 NARROW = 0.05
 """Width of a strip below which its edges are cut, by the shorter edge [-]."""
@@ -60,7 +62,7 @@ class _Limits:
     points: np.ndarray
     at_points: np.ndarray
 
-    def allowed(self, ends: np.ndarray, along: np.ndarray) -> np.ndarray:
+    def allowed_lengths(self, ends: np.ndarray, along: np.ndarray) -> np.ndarray:
         """Return the length that pieces of edges may have [length], shape (n,).
 
         It grows with the distance from a corner.
@@ -108,22 +110,19 @@ def _limits(
     y: np.ndarray, edges1: np.ndarray, edges2: np.ndarray, corners: np.ndarray, tolerance: float
 ) -> _Limits:
     """Find how long the edges of two outlines may be."""
-    lengths = []
-    for edges in (edges1, edges2):
-        lengths.append(np.linalg.norm(y[edges[:, 1]] - y[edges[:, 0]], axis=1))
+    lengths = [edge_lengths(y, edges) for edges in (edges1, edges2)]
     width = _widths(y[edges1], y[edges2], tolerance)
     size = np.minimum(lengths[0][:, None], lengths[1])
     spacing = _spacing(width, size)
     points = []
     at_points = []
-    pairs = ((edges1, edges2, *lengths), (edges2, edges1, *lengths[::-1]))
-    for own_edges, other_edges, own_lengths, other_lengths in pairs:
+    for own_edges, other_edges, other_lengths in (
+        (edges1, edges2, lengths[1]),
+        (edges2, edges1, lengths[0]),
+    ):
         every = np.unique(own_edges[corners[own_edges]])
         nearest, _, distance = closest(y[every], y[other_edges])
-        at_ends = np.full(len(y), np.inf)
-        for end in own_edges.T:
-            np.minimum.at(at_ends, end, own_lengths)
-        sizes = np.minimum(at_ends[every], other_lengths[nearest])
+        sizes = np.minimum(shortest_edges(y, own_edges)[every], other_lengths[nearest])
         of_corners = _spacing(np.where(distance > tolerance, distance, np.inf), sizes)
         near = np.isfinite(of_corners)
         points.append(y[every[near]])
@@ -163,7 +162,7 @@ def _widths(ends1: np.ndarray, ends2: np.ndarray, tolerance: float) -> np.ndarra
         step = ends[:, 1] - ends[:, 0]
         length.append(np.linalg.norm(step, axis=1))
         along.append(step / length[-1][:, None])
-    sine = along[0][:, None, 0] * along[1][:, 1] - along[0][:, None, 1] * along[1][:, 0]
+    sine = cross(along[0][:, None], along[1])
     width = np.full(sine.shape, np.inf)
     for end in range(2):
         # Ends of the first edges over the second ones, and the other way round.
@@ -180,7 +179,7 @@ def _height(
 ) -> np.ndarray:
     """Return the height of points over edges, infinite if they are not over them."""
     place = (offset * along).sum(axis=-1)
-    height = abs(offset[..., 0] * along[..., 1] - offset[..., 1] * along[..., 0])
+    height = abs(cross(offset, along))
     return np.where((place > -tolerance) & (place < length + tolerance), height, np.inf)
 
 
@@ -202,7 +201,7 @@ def _bisect(
     while True:
         ends = coordinates(x[pieces.ravel()]).reshape(-1, 2, 2)
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        long = length > limits.allowed(ends, along)
+        long = length > limits.allowed_lengths(ends, along)
         if not long.any():
             return x, CutSurface(triangles, parents, pieces)
         edges, of_triangles, of_pieces = _edges(triangles, pieces)
@@ -227,11 +226,11 @@ def _edges(triangles: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray, ...]:
         Ends of each edge, shape (e, 2); the edges of triangles, the first one opposite
         to the first corner, (m, 3); the edge of each piece of an outline.
     """
-    sides = np.concatenate([triangles[:, [1, 2]], triangles[:, [2, 0]], triangles[:, [0, 1]]])
+    sides = triangles[:, facet_vertices(2)].reshape(-1, 2)
     of_sides, of_pieces = row_numbers(sides, pieces)
     edges = np.zeros((of_sides.max() + 1, 2), dtype=np.int64)
     edges[of_sides] = sides
-    return edges, of_sides.reshape(3, -1).T, of_pieces
+    return edges, of_sides.reshape(-1, 3), of_pieces
 
 
 def _cut_at_once(
@@ -245,7 +244,7 @@ def _cut_at_once(
         of_triangles: The edges of each triangle, shape (m, 3).
         long: The edges that must be cut.
     """
-    length = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    length = edge_lengths(x, edges)
     rank = np.empty(len(edges), dtype=np.int64)
     rank[np.argsort(length, kind="stable")] = np.arange(len(edges))
     longest = np.take_along_axis(
