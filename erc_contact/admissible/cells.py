@@ -16,7 +16,13 @@ from math import factorial
 
 import numpy as np
 
-from erc_contact.mesh.simplex import facet_vertices, from_means, mass, node_between, node_vertices
+from erc_contact.mesh.simplex import (
+    from_means,
+    mass,
+    node_between,
+    node_vertices,
+    of_facets,
+)
 from erc_contact.model.space import Space
 
 
@@ -77,7 +83,7 @@ class CellGeometry:
     def vertices_of_facets(self) -> np.ndarray:
         """Return the nodes of the vertices of each facet, ascending: (facets, d)."""
         cell, i = np.divmod(np.maximum(self.side[0], 0), self.d + 1)
-        return self.vertices[cell[:, None], facet_vertices(self.d)[i]]
+        return of_facets(self.vertices[cell], i)
 
     @property
     def edges(self) -> np.ndarray:

@@ -43,6 +43,7 @@ from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
+from erc_contact.base.percent import place_words
 from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.motions import greatest_of_bodies
@@ -183,10 +184,10 @@ class _Worst:
 
     def __str__(self) -> str:
         """Say what is missing and where."""
-        place = ", ".join(f"{coordinate:.4g}" for coordinate in self.place)
+        where = f"{self.where} near {place_words(self.place)}"
         return (
             f"The reconstructed stress is not in equilibrium, so that it certifies nothing: "
-            f"{self.where} near ({place}) a force of {self.force:.3g} is missing, {self.ratio:.1e} "
+            f"{where} a force of {self.force:.3g} is missing, {self.ratio:.1e} "
             f"of the greatest on a facet of this body ({UNBALANCED:g} is allowed). Look for flat "
             "cells there, and for loads, moduli and lengths that are too far apart for double "
             "precision."

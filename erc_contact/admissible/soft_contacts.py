@@ -20,6 +20,7 @@ from mpi4py import MPI
 from erc_contact.admissible.balance_parts import OtherForces, weights_and_motions
 from erc_contact.admissible.rebalance import Rebalanced
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.base.ranks import box
 from erc_contact.model.model import Model
 from erc_contact.model.motions import block_diagonal
 from erc_contact.model.rigid_shapes import translations_and_rotations
@@ -97,10 +98,7 @@ def _motions_of(model: Model, traction: ContactTraction) -> list[fem.Function]:
     acts = traction.values.any(axis=(1, 2))
     nodes = np.unique(traction.nodes[acts])
     x = model.V.tabulate_dof_coordinates()[nodes, :d]
-    low = np.full(d, np.inf)
-    high = np.full(d, -np.inf)
-    comm.Allreduce(x.min(axis=0, initial=np.inf), low, MPI.MIN)
-    comm.Allreduce(x.max(axis=0, initial=-np.inf), high, MPI.MAX)
+    low, high = box(comm, x)
     if not np.isfinite(low).all():
         return []  # nothing is transmitted
     size = float(np.linalg.norm(high - low))

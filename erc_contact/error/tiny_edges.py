@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
-from erc_contact.base.percent import percent
+from erc_contact.base.percent import percent, place_words
 from erc_contact.base.releases import cell_nodes
 from erc_contact.model.model import Model
 
@@ -43,12 +43,12 @@ def tell_tiny_edges(model: Model, cells_2: np.ndarray, error_2: float, scale_2: 
     if of_graded.any():
         cell = int(np.argmax(of_graded))
         middle = model.cell_corners()[cell].mean(axis=0)
-        place = ", ".join(f"{x:.3g}" for x in middle)
+        place = place_words(middle, 3)
         worst = float(of_graded[cell]), float(shortest[cell]), float(longest[cell]), place
     of_ranks = [of_rank for of_rank in comm.allgather(worst) if of_rank is not None]
     _, least, most, where = max(of_ranks)
     log_of(comm).warning(
-        f"{percent(share, 2)} of e^2 lie at edges from {least:.2g} to {most:.2g} near ({where}): "
+        f"{percent(share, 2)} of e^2 lie at edges from {least:.2g} to {most:.2g} near {where}: "
         "sigma^ is poor where so different edges meet. Leave out so small a detail of the body, "
         "or mesh finer around it."
     )

@@ -10,6 +10,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import place_words
 from erc_contact.base.ranks import of_all
 from erc_contact.model.model import Model
 
@@ -64,16 +65,16 @@ class Maximum:
 
     def __repr__(self) -> str:
         """Return value, place and trend in words."""
-        place = ", ".join(f"{x:.4g}" for x in self.place)
+        at_place = f"{self.value:.6g} at {place_words(self.place)}"
         if not self.values:
-            return f"{self.value:.6g} at ({place})"
+            return at_place
         trend = {
             True: "it grows: no limit is seen",
             False: "no growth is seen",
             None: "too few meshes for a trend",
         }
         values = ", ".join(f"{value:.4g}" for value in self.values)
-        return f"{self.value:.6g} at ({place}); on the meshes {values}: {trend[self.grows]}"
+        return f"{at_place}; on the meshes {values}: {trend[self.grows]}"
 
     @property
     def grows(self) -> bool | None:

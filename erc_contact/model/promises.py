@@ -14,7 +14,6 @@ checks are numerical, at samples. They have the same result on all ranks.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from typing import Any
 
@@ -22,6 +21,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.percent import place_words
 from erc_contact.base.ranks import greatest
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import rule
@@ -265,17 +265,12 @@ def _check_normal(model: Model, contact: ContactOnMesh) -> None:
     if least < LEAST_COSINE or total <= 0.0:
         raise InputError(
             f"Contact({contact.name!r}): the normal must point from the body into"
-            f" {foundation}. At ({_three_digits(place)}) it is"
-            f" ({_three_digits(direction)}), and the cosine of its angle with the outward normal"
+            f" {foundation}. At {place_words(place, 3)} it is"
+            f" {place_words(direction, 3)}, and the cosine of its angle with the outward normal"
             f" of the body is {least:.2g}, its mean over the part {total / whole:.2g}. Change the"
             " sign of the normal (or of the gap that gives it), or leave facets that look away"
             f" from {foundation} out of the part."
         )
-
-
-def _three_digits(vector: Sequence[float]) -> str:
-    """Write the components of a vector with three digits."""
-    return ", ".join(f"{component:.3g}" for component in vector)
 
 
 def _check_supports_in_gap(model: Model) -> None:

@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.ranks import global_numbers
 from erc_contact.base.releases import cell_nodes
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.bodies import Bodies
@@ -192,8 +193,7 @@ class Space:
 
     def global_numbers(self, nodes: np.ndarray) -> np.ndarray:
         """Return the global numbers of nodes of this rank, in the same shape."""
-        local = nodes.ravel().astype(np.int32)
-        return self.V.dofmap.index_map.local_to_global(local).reshape(nodes.shape)
+        return global_numbers(self.V.dofmap.index_map, nodes)
 
     def local_nodes(self, numbers: np.ndarray) -> np.ndarray:
         """Return local numbers of nodes by global numbers, -1 off this rank, (n,)."""
@@ -328,13 +328,12 @@ class Space:
         Args:
             names: Names of its parts, which are glued.
         """
-        assert self.domain.interface_map is not None
         assert self.domain.cell_tags is not None
         tags = self.domain.cell_tags
         sides = []
         for name in names:
             of_side = np.zeros(len(tags.values), dtype=bool)
-            for interface in self.domain.interface_map.interfaces:
+            for interface in self.domain.interfaces:
                 if name in interface.names:
                     regions = interface.regions[interface.names.index(name)]
                     of_side |= np.isin(tags.values, regions)

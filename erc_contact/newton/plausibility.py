@@ -201,8 +201,7 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
     between = {frozenset(contact.sides) for contact in contacts}
     rigid = [contact for contact in contacts if contact.against is None and not contact.bilateral]
     on_foundation = {contact.facets for contact in rigid}
-    interfaces = () if model.domain.interface_map is None else model.domain.interface_map.interfaces
-    for interface in interfaces:
+    for interface in model.domain.interfaces:
         here, there = interface.names
         if interface.tied or frozenset(interface.names) in between:
             continue

@@ -31,6 +31,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import together
+from erc_contact.base.percent import place_words
 from erc_contact.base.ranks import from_first, gathered
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
@@ -140,14 +141,14 @@ def _describe(model: Model, motion: np.ndarray, work: float) -> str:
     rate = np.linalg.norm(skew) / np.sqrt(2.0)
     length = float(np.linalg.norm(displacements[0]))
     if rate * model.domain.extent <= SLIDES * length:
-        middle = ", ".join(f"{x:.3g}" for x in points.mean(axis=0))
-        along = ", ".join(f"{x:.2g}" for x in displacements[0] / length)
-        return f"move the body at ({middle}) along ({along}) with {work / length:.3g} too much"
+        middle = place_words(points.mean(axis=0), 3)
+        along = place_words(displacements[0] / length, 2)
+        return f"move the body at {middle} along {along} with {work / length:.3g} too much"
     # The point nearest to the corner at which u = skew (x - place) is at rest.
     place = points[0] - np.linalg.lstsq(skew, displacements[0], rcond=1e-9)[0]
     place[abs(place) < SAME_PLACE * model.domain.extent] = 0.0
-    about = ", ".join(f"{x:.3g}" for x in place)
-    return f"turn a body about ({about}) with a moment of {work / float(rate):.3g} too much"
+    moment = work / float(rate)
+    return f"turn a body about {place_words(place, 3)} with a moment of {moment:.3g} too much"
 
 
 def programme(

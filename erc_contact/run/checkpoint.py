@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, raise_together
+from erc_contact.base.exceptions import InputError, on_rank, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain, Geometry
@@ -87,18 +87,8 @@ class Checkpoint:
         self.every = every
         self.folder = Folder(Path(path))
         self._written = 0
-        error: Exception | None = None
-        good: list[int] = []
-        # rank 0 alone reads; whatever it meets is raised on all ranks
-        if comm.rank == 0:
-            try:
-                self._open()
-                good = self._good_levels()
-            except Exception as reason:
-                self.folder.close()
-                error = reason
-        raise_together(comm, error)
-        self.numbers: list[int] = comm.bcast(good)
+        # Rank 0 alone reads.
+        self.numbers: list[int] = comm.bcast(on_rank(comm, 0, self._good_levels))
         self._written = max(self.numbers, default=0)
 
     def read(self, number: int, before: Restored | None = None) -> Restored:
@@ -108,14 +98,15 @@ class Checkpoint:
             number: Its number.
             before: Another level, read already, that may have the same mesh.
         """
-        level = None
-        error = None
-        if self.comm.rank == 0:
+
+        def read_level() -> Level:
             try:
-                level = self.folder.read(number)
+                return self.folder.read(number)
             except Damaged as reason:
-                error = InputError(f"{self.folder.file(number)} was good, and now {reason}.")
-        raise_together(self.comm, error)
+                file = self.folder.file(number)
+                raise InputError(f"{file} was good, and now {reason}.") from reason
+
+        level = on_rank(self.comm, 0, read_level)
         about = self.comm.bcast(level.about if level else None)
         return Restored(self.comm, level or Level(about, {}), before, self.shape)
 
@@ -214,7 +205,16 @@ class Checkpoint:
             ) from reason
 
     def _good_levels(self) -> list[int]:
-        """Return the numbers of the good levels, on rank 0."""
+        """Open the folder and return the numbers of its good levels, on rank 0."""
+        try:
+            self._open()
+            return self._read_good_levels()
+        except Exception:
+            self.folder.close()
+            raise
+
+    def _read_good_levels(self) -> list[int]:
+        """Return the numbers of the good levels of the open folder, on rank 0."""
         good = []
         for number in self.folder.numbers():
             try:
@@ -267,7 +267,7 @@ def keep_run(
     if not isinstance(folder, str | Path):
         raise InputError(f"checkpoint is {folder!r}; give the name of a folder, or None.")
     describe_shape(domain.geometry)
-    shape = (domain.glued or domain).geometry
+    shape = domain.whole.geometry
     store = Checkpoint(domain.comm, folder, identity(), accuracy, every, shape)
     try:
         yield store

@@ -138,7 +138,7 @@ def _of_mesh(domain: Domain) -> Fingerprint:
     words = [f"{domain.cells} cells in {domain.dim}D, {domain.vertices} vertices {digest}"]
     for kind, name, count in sorted(counts):
         words.append(f"{kind} {name!r} of {comm.allreduce(count, MPI.SUM)}")
-    for interface in domain.interface_map.interfaces if domain.interface_map else ():
+    for interface in domain.interfaces:
         names = " and ".join(map(repr, interface.names))
         words.append(f"{names} at the regions of tags {interface.regions}")
     words.append(f"true shape {type(domain.geometry).__name__}")

@@ -112,13 +112,11 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "dim": domain.dim,
         "degree": model.degree,
         # the names of a split domain follow from its glued one and the interfaces
-        "names": dict((domain.glued or domain).names),
+        "names": dict(domain.whole.names),
         "regions": dict(domain.regions),
         "geometry": geometry,
         "tags": sorted(tags),
-        "interfaces": [asdict(interface) for interface in domain.interface_map.interfaces]
-        if domain.interface_map
-        else [],
+        "interfaces": [asdict(interface) for interface in domain.interfaces],
         "multipliers": len(solution.multipliers),
         ABOUT: ABOUT in at_nodes,
         "method": repr(solution.method),
