@@ -11,11 +11,10 @@ import numpy as np
 import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
-from ufl.classes import Division, Product, Sum, Variable, Zero
+from ufl.classes import Division, Product, Sum
 from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.base.runtime.communicators import lasting
-from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers, stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
@@ -172,28 +171,31 @@ def _takes_arrays(law: Law, pressure: np.ndarray, values: Mapping[str, np.ndarra
 def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
     """Tell how a friction bound, UFL of the pressure, depends on the pressure.
 
-    The derivative alone does not tell: ``sign(p)``, or a conditional between two
-    numbers, has a derivative that is symbolically zero, although the bound jumps. So a
-    bound is CONSTANT only if the pressure is no operand of it, and PROPORTIONAL only if
-    sums, products and quotients alone join the pressure to the bound. All else counts
-    as CONCAVE, of which nothing is claimed that needs more.
+    A bound is CONSTANT only if the pressure is no operand of it, and PROPORTIONAL only
+    if its form says so. A derivative would not tell: ``sign(p)``, or a conditional
+    between two numbers, has a derivative that is symbolically zero, although the bound
+    jumps. All else counts as CONCAVE, of which nothing is claimed that needs more.
     """
     # Not a Constant: a law of functions of numpy would take its number, and be wrong.
     pressure = ufl.variable(ufl.SpatialCoordinate(mesh)[0])
     expression = ufl.as_ufl(bound(pressure))
-    nodes = unique_pre_traversal(expression)
-    dependent = [node for node in nodes if _contains(node, pressure)]
-    if not dependent:
+    if not _contains(expression, pressure):
         return CONSTANT
-    if not all(isinstance(node, Variable | Sum | Product | Division) for node in dependent):
-        return CONCAVE
-    with method_caches_off():
-        slope = ufl.algorithms.apply_derivatives.apply_derivatives(ufl.diff(expression, pressure))
-    if _contains(slope, pressure):
-        return CONCAVE
-    # A bound with a constant slope is proportional only if it is zero at p = 0.
-    through_zero = isinstance(bound(ufl.as_ufl(0.0)), Zero)
-    return PROPORTIONAL if through_zero else CONCAVE
+    return PROPORTIONAL if _is_multiple(expression, pressure) else CONCAVE
+
+
+def _is_multiple(expression: Ufl, pressure: Ufl) -> bool:
+    """Tell whether sums, products and quotients make an expression a multiple."""
+    if expression == pressure:
+        return True
+    operands = expression.ufl_operands
+    if isinstance(expression, Sum):
+        return all(_is_multiple(operand, pressure) for operand in operands)
+    if not isinstance(expression, Product | Division):
+        return False
+    dependent = [operand for operand in operands if _contains(operand, pressure)]
+    is_divisor = isinstance(expression, Division) and _contains(operands[1], pressure)
+    return len(dependent) == 1 and not is_divisor and _is_multiple(dependent[0], pressure)
 
 
 def _contains(expression: Ufl, part: Ufl) -> bool:

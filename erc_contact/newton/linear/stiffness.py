@@ -329,8 +329,8 @@ class Stiffness(Elastic):
         matrix = self.reduce(count)[0].copy()
         a = self.contact_size
         assert self.glued_by is not None
-        glue = self.glued_by.tocoo()
-        matrix[:a, :a][glue.coords] -= glue.data
+        rows = np.repeat(np.arange(a), np.diff(self.glued_by.indptr))
+        matrix[:a, :a][rows, self.glued_by.indices] -= self.glued_by.data
         if self.motions:
             kernel = self.kernel(count)
             matrix -= kernel @ (kernel.T @ matrix)
