@@ -62,7 +62,10 @@ class Bounds:
         return f"{value}, between {low} and {high} ({kind})"
 
     def narrowed(self, second: Bounds) -> Bounds:
-        """Return what both intervals hold; the narrower one if one alone is proved."""
+        """Return what both intervals hold.
+
+        It is the narrower interval if only one is proved, or if they do not meet.
+        """
         low = max(self.low, second.low)
         high = min(self.high, second.high)
         if self.guaranteed != second.guaranteed or low > high:

@@ -111,7 +111,11 @@ def _margins(axes: Any, size: np.ndarray, renderer: Any) -> np.ndarray:
 
 
 def _row(panels: Any, sizes: np.ndarray, renderer: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Place panels side by side, centred on a line; boxes and margins (n, 4)."""
+    """Place panels side by side with their middles on a line.
+
+    Returns:
+        Box (left, bottom, width, height) and margins of each panel, shape (n, 4) each.
+    """
     boxes = []
     margins = []
     right = 0.0

@@ -200,7 +200,8 @@ class GoalController:
     def _below_change(self, t: float) -> float:
         """Return t, or a smaller t that should not change the contact set much.
 
-        What does so all at once depends on the scene, and little on the mesh.
+        The smaller t is between a t that kept the contact set and the least t that
+        changed it all at once. Both depend on the scene, and little on the mesh.
         """
         if "t that changes" not in self._carried:
             return t
