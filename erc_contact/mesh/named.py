@@ -92,7 +92,7 @@ class NamedMesh:
     def region_tags(self) -> np.ndarray:
         """Return the tag of the region of each cell, shape (cells,).
 
-        It is :data:`erc_contact.mesh.tags.NO_TAG` where there is none.
+        It is ``NO_TAG`` of ``erc_contact.mesh.tags`` where there is none.
         """
         if self.cell_tags is not None:
             return tag_table(self.cell_tags)
