@@ -27,9 +27,10 @@ the solver finds under the nodal forces b, faces at rest,
 
     u = u_0 + (W + R) q,    S q = R . (b - K u_0).
 
-S is small, and positive definite as far as the body is held. The inverse of the matrix
-without q is ``A^-1 + W S^-1 W^T``, and the Schur complement S_L on some unknowns L,
-made with faces at rest, becomes with loose faces
+S is the Schur complement on the motions, small, and positive definite as far as the
+body is held. The inverse of the matrix without q is ``A^-1 + W S^-1 W^T``, and the
+Schur complement S_L on some unknowns L, made with faces at rest, becomes with loose
+faces
 
     S_L - S_L W_L H^-1 W_L^T S_L,    H = S + W_L^T S_L W_L,
 
