@@ -55,8 +55,9 @@ def box(comm: MPI.Comm, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         Corners, shape (d,) each; infinite if no rank has a point.
     """
-    low, high = boxes(comm, points, np.zeros(len(points), dtype=np.int64), 1)
-    return low[0], high[0]
+    low = points.min(axis=0, initial=np.inf)
+    high = points.max(axis=0, initial=-np.inf)
+    return _extend_over_ranks(comm, low, high)
 
 
 def greatest(comm: MPI.Comm, values: np.ndarray) -> float:
@@ -82,6 +83,13 @@ def boxes(
     high = -low
     np.minimum.at(low, group, x)
     np.maximum.at(high, group, x)
+    return _extend_over_ranks(comm, low, high)
+
+
+def _extend_over_ranks(
+    comm: MPI.Comm, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return corners of boxes around the boxes of all ranks; they are overwritten."""
     comm.Allreduce(MPI.IN_PLACE, low, MPI.MIN)
     comm.Allreduce(MPI.IN_PLACE, high, MPI.MAX)
     return low, high

@@ -12,7 +12,7 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.classes import Division, Product, Sum
-from ufl.corealg.traversal import unique_pre_traversal
+from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
@@ -179,25 +179,32 @@ def _dependence(mesh: dmesh.Mesh, bound: Callable[[Ufl], Ufl]) -> str:
     # Not a Constant: a law of functions of numpy would take its number, and be wrong.
     pressure = ufl.variable(ufl.SpatialCoordinate(mesh)[0])
     expression = ufl.as_ufl(bound(pressure))
-    if not _contains(expression, pressure):
+    dependent, multiples = {pressure}, {pressure}
+    # Operands come before what is made of them, each once, however often it is used:
+    # a law that is made in a loop may use a term a thousand times.
+    for node in unique_post_traversal(expression):
+        joined = [operand for operand in node.ufl_operands if operand in dependent]
+        if not joined:
+            continue
+        dependent.add(node)
+        if multiples.issuperset(joined) and _keeps_multiples(node, joined):
+            multiples.add(node)
+    if expression not in dependent:
         return CONSTANT
-    return PROPORTIONAL if _is_multiple(expression, pressure) else CONCAVE
+    return PROPORTIONAL if expression in multiples else CONCAVE
 
 
-def _is_multiple(expression: Ufl, pressure: Ufl) -> bool:
-    """Tell whether sums, products and quotients make an expression a multiple."""
-    if expression == pressure:
-        return True
-    operands = expression.ufl_operands
-    if isinstance(expression, Sum):
-        return all(_is_multiple(operand, pressure) for operand in operands)
-    if not isinstance(expression, Product | Division):
-        return False
-    dependent = [operand for operand in operands if _contains(operand, pressure)]
-    is_divisor = isinstance(expression, Division) and _contains(operands[1], pressure)
-    return len(dependent) == 1 and not is_divisor and _is_multiple(dependent[0], pressure)
+def _keeps_multiples(node: Ufl, dependent: list[Ufl]) -> bool:
+    """Tell whether a node makes a multiple of the pressure from multiples of it.
 
-
-def _contains(expression: Ufl, part: Ufl) -> bool:
-    """Tell whether a UFL expression has a given operand, at any depth."""
-    return any(node == part for node in unique_pre_traversal(expression))
+    Args:
+        node: A UFL expression.
+        dependent: Its operands that depend on the pressure.
+    """
+    operands = node.ufl_operands
+    if isinstance(node, Sum):
+        return len(dependent) == len(operands)
+    # Beside a multiple there may be a factor or a divisor that does not depend on it.
+    is_multiplied = isinstance(node, Product) and len(dependent) == 1
+    is_divided = isinstance(node, Division) and operands[1] not in dependent
+    return is_multiplied or is_divided

@@ -31,6 +31,13 @@ class LawOf:
         return self.function(pressure, limit)
 
 
+def doubled(pressure, times):
+    """A multiple of the pressure in which each term is used twice by the next one."""
+    for _ in range(times):
+        pressure = pressure + 0.5 * pressure
+    return pressure
+
+
 KINDS = {
     "given": (lambda p, s: s, CONSTANT),
     "a number": (lambda p, s: 0.1, CONSTANT),
@@ -39,6 +46,7 @@ KINDS = {
     "Coulomb": (lambda p, s: s * p, PROPORTIONAL),
     "quotient": (lambda p, s: p * s / 2, PROPORTIONAL),
     "sum": (lambda p, s: s * p + 0.1 * p, PROPORTIONAL),
+    "in a loop": (lambda p, s: s * doubled(p, 60), PROPORTIONAL),
     "component": (lambda p, s: ufl.as_vector([p, s])[0] * s, PROPORTIONAL),
     "cohesion": (lambda p, s: s + 0.1 * p, CONCAVE),
     "root": (lambda p, s: s * ufl.sqrt(p), CONCAVE),

@@ -269,7 +269,7 @@ def spread_from(
         subject: Subject of messages.
 
     Returns:
-        The arguments of a domain: "names", "regions", and those of
+        The arguments of a domain: "names", "regions", and what comes from
         :func:`erc_contact.mesh.transfer.spread`.
 
     Raises:
