@@ -49,6 +49,7 @@ def look_up(
     Returns:
         Shape (m,).
     """
+    # The numbers are as few as there are rows, so that a table of values is small.
     numbers, of_wanted = row_numbers(rows, wanted)
     count = 1 + max(numbers.max(initial=-1), of_wanted.max(initial=-1))
     table = np.full(count, missing)

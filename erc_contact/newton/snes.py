@@ -239,6 +239,7 @@ def solve_in_turn(step: Attempt, solve: Callable[[Shares], tuple[Outcome, float]
         if outcome.converged:
             pull = shares.springs * moved
             friction = shares.friction
+        # By the pull the sequence tells whether softer springs still change the state.
         try:
             shares = problems.send(pull)
         except StopIteration:

@@ -329,6 +329,7 @@ class Stiffness(Elastic):
         matrix = self.reduce(count)[0].copy()
         a = self.contact_size
         assert self.glued_by is not None
+        # Each entry stands once in D_A, as a subtraction in place needs it.
         rows = np.repeat(np.arange(a), np.diff(self.glued_by.indptr))
         matrix[:a, :a][rows, self.glued_by.indices] -= self.glued_by.data
         if self.motions:
