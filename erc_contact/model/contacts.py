@@ -27,7 +27,13 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import Friction, bind_friction
 from erc_contact.model.last_step import LastStep, lost_on_facets
-from erc_contact.model.normals import gap_vectors, normal_field, normals_of_side, turns
+from erc_contact.model.normals import (
+    SAME_NORMAL,
+    gap_vectors,
+    normal_field,
+    normals_of_side,
+    turns,
+)
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import sum_of
 from erc_contact.model.trace import Side, Trace
@@ -69,7 +75,8 @@ def bind_contact(
         values = evaluate(gaps[0], space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
-    normal, direction, of_corners, given_normal = _normal(space, contact, here, surface, sign)
+    sides = Trace(here, space.outward_normals(facets), there=there)
+    normal, direction, of_corners, given_normal = _normal(space, contact, sides, surface, sign)
     of_gap = None
     if of_corners is not None:
         normal = normal / ufl.sqrt(ufl.dot(normal, normal))
@@ -139,17 +146,23 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
-    sums = []
-    for side in (here, there):
-        sums.append([side.owned_areas @ side.modulus, side.owned_areas.sum()])
-    sums_of_all = space.comm.allreduce(np.array(sums), MPI.SUM)
-    of_here, of_there = sums_of_all[:, 0] / sums_of_all[:, 1]
+    of_here, of_there = _mean_moduli(space, here, there)
     is_later = contact.against > contact.facets
     if abs(of_here - of_there) > SAME_MODULUS * of_there:
         is_later = of_here > of_there
     if is_later:
         return contact.against, there, here
     return contact.facets, here, there
+
+
+def _mean_moduli(space: Space, here: Side, there: Side) -> np.ndarray:
+    """Return the mean modulus along two sides [force/area], (2,); collective."""
+    sums = []
+    for side in (here, there):
+        sums.append([side.owned_areas @ side.modulus, side.owned_areas.sum()])
+    sums_of_all = space.comm.allreduce(np.array(sums), MPI.SUM)
+    means: np.ndarray = sums_of_all[:, 0] / sums_of_all[:, 1]
+    return means
 
 
 def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | None:
@@ -185,14 +198,14 @@ def _true_surface(space: Space, contact: Contact) -> Ufl:
 
 
 def _normal(
-    space: Space, contact: Contact, here: Side, surface: Ufl, sign: float
+    space: Space, contact: Contact, sides: Trace, surface: Ufl, sign: float
 ) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
-    """Find the normal of the foundation or of the other body; collective.
+    """Find the normal of a foundation, or the common normal of bodies; collective.
 
     Args:
         space: The mesh.
         contact: What the scene declares.
-        here: This side.
+        sides: Both sides, with the outward normals of the facets.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
 
@@ -202,13 +215,13 @@ def _normal(
         (f, d, d), None where they do not turn along any facet; and the normal as the
         scene gives it, of any length, UFL, None where it does not vary.
     """
-    facets = here.facets
+    facets = sides.here.facets
     if contact.normal is None and contact.against is None:
         direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):
         direction = sign * np.array(contact.normal)
     else:
-        return _varying_normal(space, contact, here, surface, sign)
+        return _varying_normal(space, contact, sides, surface, sign)
     on_facets = np.broadcast_to(direction, (len(facets), space.d))
     return compiled.constant(space.mesh, direction), on_facets, None, None
 
@@ -236,16 +249,15 @@ def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarr
 
 
 def _varying_normal(
-    space: Space, contact: Contact, here: Side, surface: Ufl, sign: float
+    space: Space, contact: Contact, sides: Trace, surface: Ufl, sign: float
 ) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
     """Find a normal that varies, as :func:`_normal` returns it; collective."""
-    facets = here.facets
+    facets = sides.here.facets
     given = None
     if contact.normal is None:
-        # The facets of two bodies face each other.
-        of_corners = normals_of_side(space, facets, here.corners)
-        if not turns(space.comm, of_corners):
-            return space.n, space.outward_normals(facets), None, None
+        of_corners = _common_normals(space, contact, sides)
+        if greatest(space.comm, of_corners - sides.normals_at_vertices) <= SAME_NORMAL:
+            return space.n, sides.direction, None, None
     else:
         given = _given_normal(space, contact, surface, sign)
         of_corners = _at_vertices(space, contact, facets, given)
@@ -255,6 +267,32 @@ def _varying_normal(
     if not turns(space.comm, of_corners):
         return normal, middle, None, given
     return normal, middle, of_corners, given
+
+
+def _common_normals(space: Space, contact: Contact, sides: Trace) -> np.ndarray:
+    """Find the unit normals that bodies share at vertices, (f, d, d); collective.
+
+    Where both sides are in one place they are normals of this side. Round bodies that
+    are apart have other normals at facing points, until they are pressed onto each
+    other: the softer one takes the slope of the stiffer one, and equal bodies meet in
+    the middle. So both outward normals count as the moduli of their bodies do: ``N =
+    E_here n_here - E_there n_there``. Mirror images have the normal of the mirror, and
+    a rigid body keeps its normal, as a foundation does.
+    """
+    here = sides.here
+    there = sides.there
+    assert there is not None
+    of_here = normals_of_side(space, here.facets, here.corners)
+    if space.domain.distance(contact.facets, contact.against) == 0:
+        return of_here
+    # Normals of ghosts come from their owners: an owned facet may face a ghost.
+    _, of_there = normal_field(
+        space, there.facets, normals_of_side(space, there.facets, there.corners)
+    )
+    modulus_here, modulus_there = _mean_moduli(space, here, there)
+    total = modulus_here * of_here - modulus_there * sides.at_partners(of_there)
+    common: np.ndarray = total / np.linalg.norm(total, axis=2, keepdims=True)
+    return common
 
 
 def _given_normal(space: Space, contact: Contact, surface: Ufl, sign: float) -> Ufl:

@@ -412,9 +412,16 @@ class Trace:
         They are zero where both sides are in one place [length].
         """
         assert self.there is not None
-        d = self.here.d
-        facing = np.argsort(self._order_there, axis=1)[:, :d, None]
-        return np.take_along_axis(self.there.corners, facing, axis=1) - self.here.corners
+        return self.at_partners(self.there.corners) - self.here.corners
+
+    def at_partners(self, of_vertices: np.ndarray) -> np.ndarray:
+        """Return values at vertices of the other side in the order of this side.
+
+        Args:
+            of_vertices: Values at the vertices of its facets, shape (f, d, ...).
+        """
+        facing = np.argsort(self._order_there, axis=1)[:, : self.here.d, None]
+        return np.take_along_axis(of_vertices, facing, axis=1)
 
     @cached_property
     def _order_there(self) -> np.ndarray:

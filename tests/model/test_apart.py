@@ -6,6 +6,8 @@
   sides of their own body; refined, remeshed, assembled and read back, too.
 - The gap is the distance of the bodies: a contact without ``gap=`` is the same as one
   of bodies in one place with it.
+- Bodies apart have a common normal: mirror images have no shear, a stiff body keeps its
+  normal, and the order of the sides changes nothing.
 - What cannot be kept apart is told.
 """
 
@@ -13,6 +15,7 @@ import json
 
 import numpy as np
 import pytest
+from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from test_bad_input import refused
 from test_domain import assert_closed, near
@@ -68,6 +71,90 @@ def assert_on_circle(domain, part, radius):
     """The vertices of a part are at a distance from the axis z."""
     r = np.linalg.norm(facet_corners(domain, domain.facets(part))[..., :2], axis=2)
     assert abs(r - radius).max(initial=0.0) < 1e-9
+
+
+NOSE_RADIUS = 4.0
+
+
+def nose(d, name, cells):
+    """A block whose end, at y = 0 (z = 0) on the axis, is round; "lower" lies below it."""
+    half = 0.0 if d == "ring" else -1.0
+    dim = 3 if d == 3 else 2
+    low = [half] * (dim - 1) + [0.0]
+    make = dmesh.create_box if dim == 3 else dmesh.create_rectangle
+    mesh = make(COMM, [low, [1.0] * dim], cells)
+    x = mesh.geometry.x
+    height = x[:, dim - 1].copy()
+    sag = (x[:, : dim - 1] ** 2).sum(axis=1) / (2 * NOSE_RADIUS)
+    side = 1.0 if name == "upper" else -1.0
+    # Mirror images of each other, cell by cell.
+    x[:, dim - 1] = side * (sag + (1.0 - sag) * height)
+
+    def is_nose(points):
+        r2 = (points[: dim - 1] ** 2).sum(axis=0)
+        return np.isclose(points[dim - 1], side * r2 / (2 * NOSE_RADIUS))
+
+    def is_flat(points):
+        return np.isclose(points[dim - 1], side)
+
+    return ec.Domain(mesh).named({"nose": is_nose, "flat": is_flat})
+
+
+def noses(d, cells, *, order=("upper", "lower")):
+    """Two blocks whose round ends face each other."""
+    bodies = {name: nose(d, name, cells[name]) for name in ("upper", "lower")}
+    first, second = (f"{name} nose" for name in order)
+    return ec.assembly(bodies).joined(first, second, apart=0.26 if d != 3 else 0.51)
+
+
+def pressed_noses(d, domain, *, stiff=1.0, push=0.0, friction=0.2, method=METHODS[-1], **options):
+    """The upper one is pressed on the lower one, which is so many times as stiff."""
+    dim = 3 if d == 3 else 2
+    hypothesis = "axisymmetric" if d == "ring" else "plane strain"
+    material = ec.Elastic({"upper": 1.0, "lower": stiff}, 0.3, hypothesis=hypothesis)
+    across = [push] + [0.0] * (dim - 2)
+    held = [
+        ec.Displacement("upper flat", (*across, -0.02)),
+        ec.Displacement("lower flat", (*[0.0] * (dim - 1), 0.02)),
+    ]
+    contact = ec.Contact("upper nose", against="lower nose", friction=friction)
+    scene = ec.Scene(material, held, contacts=contact)
+    return certified(scene, domain, method=method, **options)
+
+
+@pytest.mark.on_ranks("ring-2", "3-1")
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), ("ring", 1), ("ring", 2), (3, 1)])
+def test_mirror_images_have_no_shear(d, degree):
+    """Both sides turn, the common normal does not: to round-off, whatever the mesh."""
+    n = (4, 4, 2) if d == 3 else (9, 4)
+    error = pressed_noses(d, noses(d, {"upper": n, "lower": n}), degree=degree)
+    profile = error.profile("upper nose")
+    assert profile["pressure"].max() > 0.01
+    assert abs(profile["shear"]).max() < 1e-12 * profile["pressure"].max()
+
+
+@pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
+def test_a_stiff_body_keeps_its_normal(method):
+    """Without friction its force on the soft body is along the normals of the stiff one."""
+    cells = {"upper": (10, 4), "lower": (7, 3)}
+    error = pressed_noses(2, noses(2, cells), stiff=1e4, method=method)
+    trace = error.solution.model.contacts[0].trace
+    x = trace.here.corners[..., 0]
+    normal = trace.normals_at_vertices
+    # Out of the upper body. Its own nose would have the slope +x/R, the mean of both none.
+    slope = normal[..., 0] / abs(normal[..., 1])
+    assert abs(slope + x / NOSE_RADIUS).max(initial=0.0) < 0.04
+
+
+def test_the_order_of_sides_changes_nothing():
+    """Equal bodies on meshes that do not match: forces agree within e."""
+    forces = []
+    for order in (("upper", "lower"), ("lower", "upper")):
+        domain = noses(2, {"upper": (14, 6), "lower": (11, 5)}, order=order)
+        error = pressed_noses(2, domain, degree=2, push=0.002)
+        assert error.relative < 0.12
+        forces.append(error.force("upper nose").force)
+    assert np.linalg.norm(forces[0] - forces[1]) < 0.03 * np.linalg.norm(forces[0])
 
 
 # -- patches

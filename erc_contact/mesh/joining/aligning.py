@@ -6,8 +6,9 @@ them lie on the facets of side 1, so side 2 of a curved contact moves by the hei
 the facets over each other.
 
 Across a clearance or an interference each side keeps its own place. Vertices that would
-be one are then pairs of vertices, of which the normal of side 1 goes through both: the
-second one moves along the facets of side 2, and new ones lie on them.
+be one are then pairs of vertices along the mean of the normals of both sides, so that
+mirror images face each other: the second vertex moves along the facets of side 2, and
+new ones lie on them.
 
 Symbols: 1 and 2 the sides. Lengths along the contact are places on a curve of side 1.
 """
@@ -30,6 +31,11 @@ from erc_contact.mesh.tags import NO_TAG
 
 HEIGHTS = 1.5
 """Allowed distance of curved sides, by the height of their facets [-]."""
+MEAN_ROUNDS = 3
+"""Number of times that the normal of side 2 is taken at the facing point.
+
+Each time the facing point is nearer to its place by about distance over radius.
+"""
 NEAR = 0.2
 """Greatest distance of sides, by the shorter facet [-]."""
 
@@ -71,10 +77,41 @@ def align(
     for number in range(count):
         # Cells have other numbers once the curve before was cut.
         curve = curves(plain.x, plain.cells, plain.sides(here))[number]
+        if keep:
+            curve = _with_mean_normals(plain, curve, there, apart)
         facing = _facing(plain, curve, plain.sides(there), apart)
         if len(facing.sides):
             plain = _with_common_vertices(plain, curve, facing, keep)
     return plain
+
+
+def _with_mean_normals(plain: PlainMesh, curve: Curve, there: int, apart: float) -> Curve:
+    """Let a curve project along the mean of its normals and the normals of side 2.
+
+    Beyond the ends of side 2 its normals there count, and in a hole of side 2 only the
+    normals of the curve.
+    """
+    sides = plain.sides(there)
+    normals2 = np.zeros(plain.x.shape)
+    for facing_curve in curves(plain.x, plain.cells, sides):
+        normals2[facing_curve.points] = facing_curve.normals
+    mean = curve
+    for _ in range(MEAN_ROUNDS):
+        facing = _facing(plain, mean, sides, apart)
+        if not len(facing.sides):
+            break
+        places = curve.places
+        if not curve.closed:
+            last = np.nextafter(facing.places.max(), -np.inf)
+            places = np.clip(places, facing.places.min(), last)
+        row = _facet_over(mean, facing, places)
+        share = _shares(plain, mean, facing, np.arange(len(places)), row)
+        start, end = np.moveaxis(normals2[facing.points[row]], 1, 0)
+        of_second = start + share[:, None] * (end - start)
+        total = curve.normals - of_second / np.linalg.norm(of_second, axis=1)[:, None]
+        total /= np.linalg.norm(total, axis=1)[:, None]
+        mean = replace(curve, given=np.where(row[:, None] < 0, curve.normals, total))
+    return mean
 
 
 def _facing(plain: PlainMesh, curve: Curve, sides: np.ndarray, allowance: float) -> _Facing:
@@ -305,7 +342,7 @@ def _keep_apart(
 def _facing_points(
     plain: PlainMesh, curve: Curve, facing: _Facing, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Find where the normals at vertices of side 1 meet side 2.
+    """Find where the directions of projection at vertices of side 1 meet side 2.
 
     Args:
         plain: The mesh.
@@ -321,12 +358,31 @@ def _facing_points(
     order = np.argsort(points)
     at = order[np.searchsorted(points, vertices, sorter=order)]
     row = _facet_over(curve, facing, curve.places[at])
+    share = _shares(plain, curve, facing, at, row)
     start, end = np.moveaxis(plain.x[facing.points[row]], 1, 0)
-    normal = curve.normals[at]
-    across = np.column_stack([-normal[:, 1], normal[:, 0]])
-    height = ((curve.x[at] - start) * across).sum(axis=1)
-    share = np.clip(height / ((end - start) * across).sum(axis=1), 0.0, 1.0)
     return start + share[:, None] * (end - start), row >= 0
+
+
+def _shares(
+    plain: PlainMesh, curve: Curve, facing: _Facing, at: np.ndarray, row: np.ndarray
+) -> np.ndarray:
+    """Find where the directions of projection at vertices meet facets of side 2.
+
+    Args:
+        plain: The mesh.
+        curve: Side 1.
+        facing: Side 2.
+        at: Places of the vertices in the curve, shape (n,).
+        row: The facets of side 2, shape (n,).
+
+    Returns:
+        The share of each facet before that point, between 0 and 1, shape (n,).
+    """
+    start, end = np.moveaxis(plain.x[facing.points[row]], 1, 0)
+    direction = curve.across[at]
+    level = np.column_stack([-direction[:, 1], direction[:, 0]])
+    height = ((curve.x[at] - start) * level).sum(axis=1)
+    return np.clip(height / ((end - start) * level).sum(axis=1), 0.0, 1.0)
 
 
 def _facet_over(curve: Curve, facing: _Facing, places: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Project points on a curve of facets in the plane, along its interpolated normals.
+"""Project points on a curve of facets in the plane, along interpolated directions.
+
+The directions are normals at the vertices, or directions that are given there.
 
 The place of a point on a curve is the length from the curve's first vertex. Beyond the
 ends of an open curve its first and last facet are continued.
@@ -33,6 +35,8 @@ class Curve:
             ends with its first vertex.
         x: Positions of the vertices [length], shape (k+1, 2).
         sides: Side (cell, local facet) of each facet, shape (k, 2).
+        given: Unit vectors at the vertices along which points are projected, shape
+            (k+1, 2); None takes the normals.
 
     Example:
         >>> x = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
@@ -46,6 +50,7 @@ class Curve:
     points: np.ndarray
     x: np.ndarray
     sides: np.ndarray
+    given: np.ndarray | None = None
 
     @property
     def closed(self) -> bool:
@@ -92,6 +97,11 @@ class Curve:
         total = np.vstack([first, facet_normal]) + np.vstack([facet_normal, last])
         return total / np.linalg.norm(total, axis=1)[:, None]
 
+    @property
+    def across(self) -> np.ndarray:
+        """Return the directions of projection at the vertices [-], shape (k+1, 2)."""
+        return self.normals if self.given is None else self.given
+
     def project(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points on the curve.
 
@@ -132,7 +142,7 @@ class Curve:
         return place, apart[best]
 
     def _shares(self, offset: np.ndarray, share: np.ndarray, facet: np.ndarray) -> np.ndarray:
-        """Return where along facets the interpolated normal goes through points.
+        """Return where along facets the interpolated direction goes through points.
 
         Args:
             offset: Vectors from the first vertices of facets to points [length], shape
@@ -141,11 +151,11 @@ class Curve:
             facet: The facets, shape (n, m).
         """
         edge = np.diff(self.x, axis=0)[facet]
-        normal = self.normals[:-1][facet]
-        change = np.diff(self.normals, axis=0)[facet]
-        # The vector from the foot to the point has the direction of the normal there.
+        first = self.across[:-1][facet]
+        change = np.diff(self.across, axis=0)[facet]
+        # The vector from the foot to the point has the direction of the foot.
         for _ in range(NEWTON_STEPS):
-            direction = normal + share[..., None] * change
+            direction = first + share[..., None] * change
             foot_to_point = offset - share[..., None] * edge
             value = cross(foot_to_point, direction)
             slope = cross(foot_to_point, change) - cross(edge, direction)

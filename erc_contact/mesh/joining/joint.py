@@ -163,7 +163,7 @@ def _moved_side_words(here: str, there: str, apart: float) -> str:
     return (
         f"joined: the facets of {here!r} and {there!r} do not match, and in space one body takes "
         f"facets of the other one: its side moved there, by {apart:g} at most. Give the distance "
-        "by gap= of the contact."
+        "by gap= of the contact, and with friction on round sides the common normal by normal=."
     )
 
 
