@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
@@ -16,6 +16,8 @@ from erc_contact.scene.potential import Remembering, Shapes
 class StateField(Protocol):
     """Describe the state of a body, see :class:`.law_state.LawState`."""
 
+    space: Any
+    values: Any
     size: int
     varies_in_cells: bool
     moved: float
@@ -23,11 +25,11 @@ class StateField(Protocol):
     def at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the entries at points of cells, shape (n, q, size)."""
 
+    def ranges(self, corners: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bound the entries in pieces of cells, shape (n, size) each."""
+
     def ufl(self, shapes: Shapes) -> dict[str, Ufl]:
         """Return the entries by their names, UFL."""
-
-    def on(self, space: Any) -> Self:
-        """Return the state on another mesh of the body; collective."""
 
 
 def size_of(shapes: Shapes) -> int:

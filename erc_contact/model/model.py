@@ -15,6 +15,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
+from erc_contact.model.carrying import state_of
 from erc_contact.model.connections import Connections
 from erc_contact.model.constitution import Constitution
 from erc_contact.model.contact_values import at_nodes, friction_parameters, gap_at_nodes
@@ -25,7 +26,6 @@ from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.held_motions import held_products, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
-from erc_contact.model.law_state import state_of
 from erc_contact.model.loads import bind_loads
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions import bodies_of_nodes, body_motions, motions_not_held

@@ -35,7 +35,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
-from erc_contact.model.law_state import carry_displacement
+from erc_contact.model.carrying import carry_displacement
 from erc_contact.model.model import Model
 from erc_contact.model.potential import StrainOf
 from erc_contact.model.values import DATA_DEGREE
@@ -94,7 +94,7 @@ def solution_of_law(
     about = model.linearised.u.copy()
     holds = not model.linearised.at_rest
     if start is not None and not holds:
-        before = carry_displacement(start.u, model)
+        before = carry_displacement(start.u, start.model, model)
         if before is not None:
             about = before
             model.linearised.move(about)

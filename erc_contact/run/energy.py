@@ -74,6 +74,7 @@ from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, spring_energy, strain_energy
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
+from erc_contact.model.carrying import carry_state
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.law_entries import place_of
 from erc_contact.model.law_state import ValuesAt
@@ -397,7 +398,7 @@ def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float,
     stress = model.linearised.stress_at_end(solution.u)
     old_stress = None
     if last is not None and last.model.linearised is not None:
-        old_stress = last.model.linearised.stress_at_end(last.u).on(model)
+        old_stress = carry_state(last.model.linearised.stress_at_end(last.u), model)
     strain_at = StrainOf(model, solution.u)
     in_space = model.linearised.law.in_space
     place = place_of(shapes, PLASTIC_STRAIN)

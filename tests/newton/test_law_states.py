@@ -18,7 +18,8 @@ from test_bad_input import refused
 import erc_contact as ec
 from erc_contact.error import fenchel
 from erc_contact.error.load_work import assemble_number
-from erc_contact.model.law_state import LawState, carry_displacement
+from erc_contact.model.carrying import carry_displacement, carry_state
+from erc_contact.model.law_state import LawState
 from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD
@@ -109,7 +110,7 @@ def test_the_error_of_the_displacement_is_bounded():
         elastic = dataclasses.replace(fine.scene, material=ec.Elastic(1.0, 0.3))
         if isinstance(material, Hencky):
             elastic = dataclasses.replace(fine.scene, material=Quadratic(*material.elastic))
-        difference = carry_displacement(error.admissible.displacement, model)
+        difference = carry_displacement(error.admissible.displacement, error.solution.model, model)
         assert difference is not None
         difference.x.array[:] -= fine.u.x.array
         norm = ec.solve(elastic, fine.domain).model
@@ -126,7 +127,7 @@ def test_cells_that_yield_in_part_are_integrated(degree, monkeypatch):
     pair = ec.equilibrate(solution)
     gap = fenchel.fenchel_error(pair).gap
     monkeypatch.setattr(
-        fenchel, "_is_linear", lambda beyond, near, pair: np.zeros(len(pair.stress), bool)
+        fenchel, "_is_linear", lambda beyond, law, near, pair: np.zeros(len(pair.stress), bool)
     )
     adapted = fenchel.fenchel_error(pair).gap
     share = ec.results.plastic_share(pair)
@@ -182,7 +183,7 @@ def test_a_state_on_a_refined_mesh_in_any_unit(unit):
     """Children inherit it, however small the body is."""
     coarse, fine = (Model(pressed(STEEL), scaled(unit, n), 1) for n in (2, 8))
     field = LawState.of(coarse, 1, lambda x, cells: (x @ [[3.0], [7.0]]) / unit)
-    carried_over = field.on(fine)
+    carried_over = carry_state(field, fine)
     middles = fine.cell_corners()[fine.owned_cells].mean(axis=1)
     columns, rows = (np.floor(2 * middles[:, axis] / unit) for axis in (0, 1))
     # A cell of the coarse mesh is left or right of the diagonal of its square.
@@ -194,6 +195,31 @@ def test_a_state_on_a_refined_mesh_in_any_unit(unit):
     for number in np.unique(key):
         assert np.ptp(values[key == number]) == 0.0
     assert len(np.unique(values)) == 8
+
+
+def test_bodies_that_overlap_keep_their_states():
+    """Drawn with an interference; the upper body yields. Its cells lie over those of the lower."""
+    bodies = {
+        "upper": ec.rectangle((0.0, 0.9), (1.0, 1.9), cells=(4, 4)),
+        "lower": ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)),
+    }
+    domain = ec.assembly(bodies).joined("upper bottom", "lower top", apart=0.2)
+    material = ec.Plastic(1.0, 0.3, {"upper": 0.01, "lower": 1e6}, 0.05)
+    held = [
+        ec.Displacement("upper top", (0.0, 0.05)),
+        ec.Displacement("lower bottom", (0.0, 0.0)),
+    ]
+    contact = ec.Contact("upper bottom", against="lower top")
+    first = ec.solve(ec.Scene(material, held, contacts=contact), domain)
+    fine = domain.refined()
+    state = ec.solve(first.scene, fine, after=first).model.linearised.law.state
+    cells = np.arange(fine.owned_cells)
+    accumulated = state.in_cells(cells)[..., -1].max(axis=1)
+    tags = fine.cell_tags
+    lower = np.isin(cells, tags.find(fine.regions["lower"]))
+    assert COMM.allreduce(accumulated[~lower].max(initial=0.0), MPI.MAX) > 0.01
+    assert accumulated[lower].max(initial=0.0) == 0.0
+    assert state.moved < 1e-12
 
 
 def test_a_start_on_another_body():

@@ -23,6 +23,7 @@ from test_potential import INNER, OUTER, quarter_tube, tube_displacement
 import erc_contact as ec
 from erc_contact.error.load_work import load_work
 from erc_contact.error.works import friction_work, stress_work
+from erc_contact.model.carrying import carry_state
 from erc_contact.model.model import Model
 from erc_contact.model.point_law import Search
 from erc_contact.newton.after import last_step
@@ -157,12 +158,12 @@ def test_children_have_the_state_of_their_parents(degree):
     after = solution.model.linearised.state_at_end(solution.u)
     marked = np.arange(0, solution.domain.owned_cells, 3)
     fine = Model(scene_at(2.0), solution.domain.refined(marked), degree)
-    children = after.on(fine)
+    children = carry_state(after, fine)
     assert children.moved < 1e-14
     assert fine.domain.cells > solution.domain.cells
     # Integrals of polynomials over both meshes, by the nodes of a linear function.
     assert _moments(after, solution.model) == pytest.approx(_moments(children, fine), rel=1e-12)
-    assert after.on(solution.model) is after
+    assert carry_state(after, solution.model) is after
 
 
 def _moments(state, model):
@@ -228,7 +229,7 @@ def test_ranks_move_a_state_alike(degree):
         solution = ec.solve(scene, layer(comm), degree=degree)
         after = solution.model.linearised.state_at_end(solution.u)
         other = Model(scene, layer(comm, (5, 3)), degree)
-        state = after.on(other)
+        state = carry_state(after, other)
         assert 1e-3 < state.moved < 1.0
         moved.append([state.moved, *_moments(state, other)])
     assert moved[1] == pytest.approx(moved[0], rel=1e-8, abs=1e-12)
