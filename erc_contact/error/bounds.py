@@ -66,6 +66,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.error.bolts import work_on_jumps
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.fenchel import UNKNOWN_SHARE
 from erc_contact.error.lifting import lifting
@@ -154,7 +155,8 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
 
     With loads only (supports and gaps zero) the strain energy ``a(u, u)/2`` is -J(u);
     with supports only (no loads, no gap, no friction) it is J(u). With given strains
-    the strain energy in J is the energy of the elastic strain.
+    the strain energy in J is the energy of the elastic strain. A preload with a given
+    force F adds ``- F q`` of its shift q, as loads add their work.
 
     Args:
         error: The error of an admissible pair, or a history, whose error is taken.
@@ -174,7 +176,7 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     u = pair.displacement
     # It is small beside the interval.
     stored = strain_energy(pair, u, UNKNOWN_SHARE * error.absolute**2 / 2)
-    J = stored - load_work(model, u)
+    J = stored - load_work(model, u) - work_on_jumps(pair)
     for traction in pair.tractions:
         J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
         J += foundation_energy(model, traction, u, 2 * ROUND_OFF * stored.value)

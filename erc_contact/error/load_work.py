@@ -20,6 +20,7 @@ from erc_contact.mesh.simplex import coefficients, lattice
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.loads import bind_loads
 from erc_contact.model.model import Model
+from erc_contact.model.preload import PreloadOnMesh
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.scene.load import Load
 
@@ -50,6 +51,28 @@ def load_work(model: Model, v: fem.Function, part: str | None = None) -> Bounded
         local = float(model.face_forces.x.array @ v.x.array)
         total += BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
     return total
+
+
+def load_work_on_jump(model: Model, preload: PreloadOnMesh) -> BoundedNumber:
+    """Compute the work of the loads on psi [force length]; collective.
+
+    It is not resolved where loads that vary in space act on the cells of psi.
+    """
+    middle = model.domain.function("DG", 0, (model.d,))
+    middle.x.array[:] = model.cell_corners().mean(axis=1).ravel()
+    value = model.domain.function("DG", 0)
+    value.x.array[:] = preload.weights.mean(axis=1)
+    chi = value + ufl.dot(preload.gradient, model.x - middle)
+    axis = compiled.constant(model.mesh, preload.axis)
+    # psi is zero in all other cells.
+    inside = model.domain.function("DG", 0)
+    inside.x.array[:] = np.where(preload.weights.any(axis=1), 1.0, 0.0)
+    works = []
+    for form in (model.loads(inside * chi * axis, varying=False), model.loads(inside * chi * axis)):
+        works.append(0.0 if form is None else assemble_number(model, form))
+    constant, every = works
+    size = abs(constant) + abs(every)
+    return BoundedNumber(every, resolved=abs(every - constant) <= 1e-14 * size)
 
 
 def work_of_load(model: Model, load: Load, v: fem.Function) -> BoundedNumber:

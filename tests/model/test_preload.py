@@ -226,6 +226,23 @@ def test_error_is_a_bound_for_shift_and_force(degree, friction):
 
 
 @pytest.mark.serial
+@pytest.mark.serial
+def test_energies_of_a_given_force_meet():
+    """Each mesh has another shift, of one problem: J has the work of the force."""
+    plates = bolted_plates(2, 0.5)
+    intervals = []
+    shifts = []
+    for degree, domain in ((1, plates), (2, plates), (2, plates.refined())):
+        error = certified(joint(2, friction=0.0, force=FORCE), domain, degree=degree)
+        intervals.append(ec.potential_energy(error))
+        shifts.append(error.solution.shortening(SIDES[0]))
+    assert max(shifts) > 1.01 * min(shifts)
+    assert all(bounds.guaranteed for bounds in intervals)
+    assert max(bounds.low for bounds in intervals) <= min(bounds.high for bounds in intervals)
+    # Pressed together from rest, J is half of the work -F q.
+    assert intervals[-1].low <= -FORCE * shifts[-1] / 2 * (1 - 1e-9) <= intervals[-1].high
+
+
 def test_a_force_that_cannot_be_kept_is_left_out(monkeypatch):
     """sigma^ then has another force in the bolt, and is in equilibrium all the same."""
     solution = ec.solve(joint(2, force=FORCE), bolted_plates(2, 2.0))

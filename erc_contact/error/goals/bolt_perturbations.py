@@ -15,16 +15,13 @@ from dataclasses import replace
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
+from erc_contact.error.bolts import has_forces
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.tags import listed
-from erc_contact.results.forces import force as force_of
 from erc_contact.scene.goal import BoltForce, GoalOfBolt
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
-
-SAME_FORCE = 1e-9
-"""Difference of the force of sigma^ from the given one that is round-off [-]."""
 
 
 def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Perturbation:
@@ -66,22 +63,9 @@ def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Pe
     def tightened(t: float) -> Scene:
         return _with(loose, replace(preload, force=force + t, shortening=None))
 
-    shift = BoundedNumber(float(preload.shortening), resolved=_has_forces(pair))
+    shift = BoundedNumber(float(preload.shortening), resolved=has_forces(pair))
     step = base.e * base.norm / base.length
     return Perturbation(tightened, no_load, 1.0, shift, step)
-
-
-def _has_forces(pair: Admissible) -> bool:
-    """Tell whether sigma^ has the given forces of all bolts; collective."""
-    axes = {preload.name: preload.axis for preload in pair.model.preloads}
-    given = []
-    missing = []
-    for tie in pair.model.scene.ties:
-        if isinstance(tie, Preload) and tie.force is not None:
-            given.append(abs(tie.force))
-            of_stress = force_of(pair, tie.facets).force @ axes[tie.facets]
-            missing.append(abs(of_stress - tie.force))
-    return max(missing) <= SAME_FORCE * max(given)
 
 
 def _with(scene: Scene, preload: Preload) -> Scene:

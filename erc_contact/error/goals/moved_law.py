@@ -11,16 +11,14 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import ufl
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.runtime import compiled
 from erc_contact.error.goals.singular_strain import SingularStrain
-from erc_contact.error.load_work import assemble_number
+from erc_contact.error.load_work import load_work_on_jump
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.works import strain_energy
 from erc_contact.model.model import Model
-from erc_contact.model.preload import PreloadOnMesh, shifts_of
+from erc_contact.model.preload import shifts_of
 from erc_contact.newton.preload import with_shifts
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
@@ -92,7 +90,7 @@ class MovedLaw:
         for preload in model.preloads:
             p = self.shifts.get(preload.name, 0.0)
             if p != 0.0:
-                total += p * _load_work(model, preload)
+                total += p * load_work_on_jump(model, preload)
         for tie in model.scene.ties:
             if isinstance(tie, Preload) and tie.force is not None:
                 total += BoundedNumber(tie.force * self.shifts.get(tie.facets, 0.0))
@@ -108,25 +106,3 @@ def _singular(scene: Scene) -> SingularStrain | None:
         if isinstance(strain, SingularStrain):
             return strain
     return None
-
-
-def _load_work(model: Model, preload: PreloadOnMesh) -> BoundedNumber:
-    """Compute the work of the loads on psi [force length]; collective.
-
-    It is not resolved where loads that vary in space act on the cells of psi.
-    """
-    middle = model.domain.function("DG", 0, (model.d,))
-    middle.x.array[:] = model.cell_corners().mean(axis=1).ravel()
-    value = model.domain.function("DG", 0)
-    value.x.array[:] = preload.weights.mean(axis=1)
-    chi = value + ufl.dot(preload.gradient, model.x - middle)
-    axis = compiled.constant(model.mesh, preload.axis)
-    # psi is zero in all other cells.
-    inside = model.domain.function("DG", 0)
-    inside.x.array[:] = np.where(preload.weights.any(axis=1), 1.0, 0.0)
-    works = []
-    for form in (model.loads(inside * chi * axis, varying=False), model.loads(inside * chi * axis)):
-        works.append(0.0 if form is None else assemble_number(model, form))
-    constant, every = works
-    size = abs(constant) + abs(every)
-    return BoundedNumber(every, resolved=abs(every - constant) <= 1e-14 * size)
