@@ -12,7 +12,7 @@ is zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from mpi4py import MPI
@@ -20,9 +20,11 @@ from mpi4py import MPI
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
+from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.laws import LawError
 from erc_contact.mesh.quadrature import INSET, cell_pieces, integrate
 from erc_contact.mesh.simplex import barycentric, nodes
+from erc_contact.model.point_law import PointLaw
 from erc_contact.model.potential import ConvexConstitution
 from erc_contact.model.space import circumferences
 
@@ -60,19 +62,22 @@ def fenchel_error(admissible: Admissible) -> LawError:
     is_constant = k == 1 and not model.axisymmetric and not law.varies_in_cells
 
     def beyond(
-        cell: np.ndarray, sigma: np.ndarray, places: np.ndarray, x: np.ndarray
+        law: PointLaw, cell: np.ndarray, sigma: np.ndarray, places: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
         eps = near.strain_of(cell) if is_constant else strain.at(cell, places, x)
         out_of_plane = near.out_of_plane(cell, sigma)
-        of_law = constitution.fenchel(eps, sigma, out_of_plane, x, of_cells[cell])
+        of_law = constitution.fenchel(law, eps, sigma, out_of_plane, x, of_cells[cell])
         of_law[..., 1] -= 4 * near.work_at_rest(cell, sigma)
         return of_law - near.squares(cell, eps, sigma) if near.taken else of_law
 
-    def difference(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+    def of_law(law: PointLaw, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         sigma = macro_values(admissible.stress, k, cell, places)
         if model.hoop_load is not None:
             sigma[..., -1] += model.hoop_load(x, of_cells[cell])
-        return beyond(cell, sigma, places, x)
+        return beyond(law, cell, sigma, places, x)
+
+    def difference(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return of_law(law, cell, places, x)
 
     of_linear = near.integrals(volume)
     # The round-off of both energies is known, and need not be resolved.
@@ -82,30 +87,48 @@ def fenchel_error(admissible: Admissible) -> LawError:
     pieces = cell_pieces(model.d)
     left = volume
     if near.taken:
-        left = np.where(_is_linear(beyond, near, admissible), 0.0, volume)
-    total = integrate(comm, difference, corners, left, pieces, share=UNKNOWN_SHARE, floor=floor)
+        left = np.where(_is_linear(beyond, law, near, admissible), 0.0, volume)
+    total = integrate(
+        comm,
+        difference,
+        corners,
+        left,
+        pieces,
+        share=UNKNOWN_SHARE,
+        floor=floor,
+        hidden=hidden_by_data(law, of_cells, of_law),
+    )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)
     return LawError(value[:, 0] + total.bound[:, 0], value[:, 1], unknown)
 
 
 def _is_linear(
-    beyond: Callable[..., np.ndarray], near: _LinearLaws, admissible: Admissible
+    beyond: Callable[..., np.ndarray],
+    law: PointLaw,
+    near: _LinearLaws,
+    admissible: Admissible,
 ) -> np.ndarray:
     """Tell in which owned cells the law is its linear law, for all coefficients.
 
     So it is in elastic cells of plastic bodies: stresses below the yield stress are a
-    convex set. A polynomial stays in the convex hull of its Bernstein coefficients, and
-    a strain, of less degree, in the hull of its values at the nodes.
+    convex set, of stresses and yield stresses together. A polynomial stays in the
+    convex hull of its Bernstein coefficients, a strain, of less degree, in the hull of
+    its values at the nodes, and a number of the law that varies in its range. Where a
+    range is not known, no cell is linear.
 
     Args:
-        beyond: Gets cells, stresses, places and points, and returns the gaps of the law
-            less the gaps of the linear law.
+        beyond: Gets a law, cells, stresses, places and points, and returns the gaps of
+            the law less the gaps of the linear law.
+        law: The law.
         near: The linear laws.
         admissible: The pair.
     """
     cells, stress = admissible.cell_geometry, admissible.stress
+    of_cells = admissible.model.owned_cells
     d = cells.d
+    if law.varies_in_cells and not law.knows_ranges:
+        return np.zeros(len(stress), dtype=bool)
     of_piece = barycentric(nodes(d, cells.degree))
     # They do not lie on the boundary, as data may jump there.
     of_piece = (1 - INSET) * of_piece + INSET / (d + 1)
@@ -116,9 +139,35 @@ def _is_linear(
         for number, piece in enumerate(cell_pieces(d)):
             places = np.broadcast_to(of_piece @ piece, (len(cell), *of_piece.shape))
             x = np.matmul(places, cells.corners[cell])
-            left = abs(beyond(cell, stress[cell, number], places, x)).max(axis=(1, 2))
-            result[cell] &= left <= allowed
+            for changed in _laws_in_range(
+                law, np.matmul(piece, cells.corners[cell]), x, of_cells[cell]
+            ):
+                left = abs(beyond(changed, cell, stress[cell, number], places, x)).max(axis=(1, 2))
+                result[cell] &= left <= allowed
     return result
+
+
+def _laws_in_range(
+    law: PointLaw, corners: np.ndarray, x: np.ndarray, cells: np.ndarray
+) -> Iterator[PointLaw]:
+    """Yield a law, and with each of its numbers at the ends of its range in pieces.
+
+    Args:
+        law: The law.
+        corners: Vertices of the pieces [length], shape (n, d+1, d).
+        x: Points of the pieces [length], shape (n, q, d).
+        cells: Their cells, shape (n,).
+    """
+    yield law
+    if not law.varies_in_cells:
+        return
+    ranges = law.data_ranges(corners, cells)
+    data = law.data_at(x, cells)
+    for number in np.flatnonzero((ranges[0] < ranges[1]).any(axis=0)):
+        for end in ranges:
+            changed = data.copy()
+            changed[..., number] = end[:, None, number]
+            yield law.with_data(changed)
 
 
 class _LinearLaws:

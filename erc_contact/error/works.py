@@ -18,14 +18,16 @@ from erc_contact.admissible.springs import spring_work
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.foundations import Sliding, foundation_energies
+from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
-from erc_contact.mesh.quadrature import Integral, Integrand, cell_pieces, integrate
+from erc_contact.mesh.quadrature import Hidden, Integral, Integrand, cell_pieces, integrate
 from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import ContactData
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from erc_contact.model.point_law import PointLaw
 from erc_contact.model.space import circumferences
 from erc_contact.model.trace import split
 
@@ -110,15 +112,21 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
         law = model.linearised.law
         strain = CellStrains.of(model, pair.cell_geometry, u)
 
-        def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        def of_law(
+            law: PointLaw, entity: np.ndarray, places: np.ndarray, x: np.ndarray
+        ) -> np.ndarray:
             eps = strain.at(entity, places, x)
             energy = law.energy(eps, x, of_cells[entity])[..., None]
             return energy * circumferences(x)[..., None] if model.axisymmetric else energy
 
+        def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+            return of_law(law, entity, places, x)
+
         def once(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             return np.ones((*x.shape[:2], 1))
 
-        return _over_cells(pair, energy_at, once, floor) + 0.5 * _spring_work(model, u, u)
+        hidden = hidden_by_data(law, of_cells, of_law)
+        return _over_cells(pair, energy_at, once, floor, hidden) + 0.5 * _spring_work(model, u, u)
     energy = 0.5 * elastic_work(pair, u, u)
     given = model.strains
     if given is None:
@@ -135,7 +143,11 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
 
 
 def _over_cells(
-    pair: Admissible, stress_at: Integrand, strain_at: Integrand, floor: float = 0.0
+    pair: Admissible,
+    stress_at: Integrand,
+    strain_at: Integrand,
+    floor: float = 0.0,
+    hidden: Hidden | None = None,
 ) -> BoundedNumber:
     """Integrate the work of a stress on a strain over all cells; collective.
 
@@ -158,7 +170,7 @@ def _over_cells(
     size = model.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
     pieces = cell_pieces(model.d)
     floor = max(ROUND_OFF * size, floor)
-    integral = integrate(model.comm, density, corners, volume, pieces, floor=floor)
+    integral = integrate(model.comm, density, corners, volume, pieces, floor=floor, hidden=hidden)
     return BoundedNumber.summed(model.comm, integral)
 
 

@@ -7,9 +7,10 @@ where the integrand is smooth, and many at a kink or a jump. The result tells wh
 the integrand is resolved. If it is, the distances from the polynomials bound the error;
 otherwise they estimate it.
 
-Only the values at the points are known. Before any bisection there are 72 points on a
-facet in 2D and 352 in 3D, and 66 points in a cell in 2D and 136 in 3D. A feature that
-changes no value at these points is missed.
+Only the values at the points are known, unless the caller bounds what integrands do
+between them (:data:`Hidden`). Before any bisection there are 72 points on a facet in 2D
+and 352 in 3D, and 66 points in a cell in 2D and 136 in 3D. A feature that changes no
+value at these points is missed without such a bound.
 
 Symbols: d' dimension of the simplices, v = d'+1 number of their vertices, n pieces, q
 points, i integrands.
@@ -69,6 +70,11 @@ q, i). It gets the number of the simplex of each piece, shape (n,), and the poin
 barycentric coordinates, shape (n, q, v), and in true coordinates [length], shape (n, q,
 d).
 """
+Hidden = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""A function that bounds what integrands may do between the points of pieces, as a mean
+over each piece, shape (n, i). It gets what an :data:`Integrand` gets, after the corners
+of the pieces in true coordinates [length], shape (n, v, d), as second argument.
+"""
 SAME_PLACE = 1e-9
 """Difference of places on a segment that counts as none, over its length [-]."""
 
@@ -100,6 +106,7 @@ def integrate(
     share: float | np.ndarray = UNKNOWN_SHARE,
     floor: float | np.ndarray = 0.0,
     cuts: Cuts | None = None,
+    hidden: Hidden | None = None,
 ) -> Integral:
     """Integrate over simplices, with bisections where needed; collective.
 
@@ -118,6 +125,7 @@ def integrate(
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
         cuts: Kinks of the integrands that are known, on segments; None without.
+        hidden: What integrands may do between the points; it is unknown, too.
 
     Example:
         >>> kink = lambda simplex, places, x: abs(x - 0.3)
@@ -136,7 +144,9 @@ def integrate(
     value = unknown = allowed = np.zeros((len(vertices), 0))
     excess: list[float] = []
     for turn in range(BISECTION_ROUNDS[size] + 1):
-        piece_value, piece_unknown = _on_pieces(f, vertices, simplex, corners, piece_measure)
+        piece_value, piece_unknown = _on_pieces(
+            f, vertices, simplex, corners, piece_measure, hidden
+        )
         if turn == 0:
             # The first evaluation tells the number of integrands, and their size.
             integrands = piece_value.shape[1]
@@ -193,6 +203,7 @@ def _on_pieces(
     simplex: np.ndarray,
     corners: np.ndarray,
     piece_measure: np.ndarray,
+    hidden: Hidden | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute integrals over pieces and what is unknown of them, each (n, i).
 
@@ -207,9 +218,13 @@ def _on_pieces(
     for start in range(0, max(len(simplex), 1), CHUNK_PIECES):
         chunk = slice(start, start + CHUNK_PIECES)
         places = np.matmul(points, corners[chunk])
-        values = f(simplex[chunk], places, np.matmul(places, vertices[simplex[chunk]]))
+        of_simplex = vertices[simplex[chunk]]
+        x = np.matmul(places, of_simplex)
+        values = f(simplex[chunk], places, x)
         mean = np.tensordot(values, weights, axes=(1, 0))
         unknown = 2 * abs(np.matmul(residual, values)).mean(axis=1)
+        if hidden is not None:
+            unknown += hidden(simplex[chunk], np.matmul(corners[chunk], of_simplex), places, x)
         chunks.append(np.stack([mean, unknown]) * piece_measure[chunk, None])
     value, unknown = np.concatenate(chunks, axis=1)
     return value, unknown

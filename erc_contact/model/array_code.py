@@ -102,7 +102,7 @@ class ArrayCode:
                 self._plain[place] = _plain(node)
             else:
                 operands = [places[o] for o in node.ufl_operands if o in places]
-                self._calls.append((place, _call(node), operands))
+                self._calls.append((place, self._call_of(node), operands))
 
     def __call__(self, fields: Mapping[Ufl, np.ndarray], count: int) -> np.ndarray:
         """Evaluate the expression at points.
@@ -129,6 +129,20 @@ class ArrayCode:
                     values[place] = call(*[values[operand] for operand in operands])
                 result[..., chunk] = values[-1]
         return np.moveaxis(result, -1, 0)
+
+    def _call_of(self, node: Ufl) -> Callable[..., Any]:
+        """Return the function of the operands that a node of an expression is.
+
+        Raises:
+            UnknownOperatorError: If there is none here.
+        """
+        if type(node) in POINTWISE:
+            return POINTWISE[type(node)]
+        if isinstance(node, SAME):
+            return lambda value: value
+        if type(node) in WITH_INDICES:
+            return WITH_INDICES[type(node)](node)
+        raise UnknownOperatorError(str(node))
 
 
 def array_code(expression: Ufl) -> ArrayCode | None:
@@ -166,21 +180,6 @@ def _plain(node: Ufl) -> np.ndarray:
         return np.eye(node.ufl_shape[0])[..., None]
     if isinstance(node, classes.RealValue):
         return np.full(1, float(node))
-    raise UnknownOperatorError(str(node))
-
-
-def _call(node: Ufl) -> Callable[..., np.ndarray]:
-    """Return the function of the operands that a node of an expression is.
-
-    Raises:
-        UnknownOperatorError: If there is none here.
-    """
-    if type(node) in POINTWISE:
-        return POINTWISE[type(node)]
-    if isinstance(node, SAME):
-        return lambda value: value
-    if type(node) in WITH_INDICES:
-        return WITH_INDICES[type(node)](node)
     raise UnknownOperatorError(str(node))
 
 

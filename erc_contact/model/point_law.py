@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from copy import copy
 from functools import cached_property
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
 from erc_contact.model.law_entries import StateField, entries, size_of, state_after
+from erc_contact.model.ranges import Ranges, ranges_of
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
@@ -248,6 +250,10 @@ class PointLaw:
         self.varies_in_cells = any(varies_in_cells(value) for value in parameters.values())
         if state is not None:
             self.varies_in_cells |= state.varies_in_cells
+        self._given_data: np.ndarray | None = None
+        self._ranges: list[Ranges | None] = []
+        if self.varies_in_cells:
+            self._ranges = [ranges_of(value, space.mesh) for value in parameters.values()]
         self._convexity = None
         if tells_convexity(potential):
             share = ufl.as_ufl(potential.convexity(**parameters))
@@ -259,6 +265,49 @@ class PointLaw:
     def has_convexity(self) -> bool:
         """Tell whether the law tells how convex it is."""
         return self._convexity is not None
+
+    # -- data: the parameters and the state
+
+    def data_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the parameters and the state at points, shape (n, q, m)."""
+        if self._given_data is not None:
+            return self._given_data
+        data = np.zeros((*x.shape[:2], self._code.row.ufl_shape[0] - 6))
+        for i, value in enumerate(self._parameters):
+            data[..., i] = value(x, cells)
+        if self.state is not None:
+            data[..., len(self._parameters) :] = self.state.at(x, cells)
+        return data
+
+    @property
+    def knows_ranges(self) -> bool:
+        """Tell whether data vary in cells, and :meth:`data_ranges` bounds them."""
+        return self.varies_in_cells and None not in self._ranges
+
+    def data_ranges(self, corners: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Bound the data in pieces of cells.
+
+        Args:
+            corners: Vertices of the pieces [length], shape (n, d+1, d).
+            cells: The cells in which they lie, shape (n,).
+
+        Returns:
+            The least and the greatest data, shape (n, m) each.
+        """
+        bounds = []
+        for of_parameter in self._ranges:
+            assert of_parameter is not None
+            bounds.append(np.stack(of_parameter(corners, cells))[..., None])
+        if self.state is not None:
+            bounds.append(np.stack(self.state.ranges(corners, cells)))
+        low, high = np.concatenate(bounds, axis=2)
+        return low, high
+
+    def with_data(self, data: np.ndarray) -> PointLaw:
+        """Return the law with other data at the points, shape (n, q, m)."""
+        result = copy(self)
+        result._given_data = data
+        return result
 
     # -- values
 
@@ -475,10 +524,7 @@ class PointLaw:
         n, q = tensor.shape[:2]
         numbers = np.zeros((n, q, self._code.row.ufl_shape[0]))
         numbers[..., self.rows] = tensor
-        for i, value in enumerate(self._parameters):
-            numbers[..., 6 + i] = value(x, cells)
-        if self.state is not None:
-            numbers[..., self._code.place_of_state :] = self.state.at(x, cells)
+        numbers[..., 6:] = self.data_at(x, cells)
         return numbers.reshape(n * q, numbers.shape[-1])
 
 

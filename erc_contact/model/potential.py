@@ -253,6 +253,7 @@ class ConvexConstitution(Constitution):
 
     def fenchel(
         self,
+        law: PointLaw,
         strain: np.ndarray,
         stress: np.ndarray,
         out_of_plane: np.ndarray,
@@ -262,6 +263,7 @@ class ConvexConstitution(Constitution):
         """Return twice Fenchel's gap, and the same with plus.
 
         Args:
+            law: The law, perhaps with other data.
             strain: Strains, shape (n, q, s), or (n, 1, s) where neither strain nor law
                 vary in the cells.
             stress: Stresses, shape (n, q, s), on rings times the circumference.
@@ -273,7 +275,6 @@ class ConvexConstitution(Constitution):
             ``2 (psi + psi* -+ sigma : eps)`` [force/area], shape (n, q, 2), on rings
             times the circumference.
         """
-        law = self._linearised.law
         factor = circumferences(x)[..., None] if self.stiffness.on_rings else 1.0
         sigma = stress / factor
         psi = law.energy(strain, x[:, : strain.shape[1]], cells)
