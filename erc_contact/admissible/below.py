@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.mesh.peaks import upper_bounds
 from erc_contact.mesh.quadrature import facet_pieces, polynomials
-from erc_contact.mesh.simplex import node_vertices
+from erc_contact.mesh.simplex import node_vertices, times_linear
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
@@ -67,7 +67,10 @@ def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> n
     """Bound the excess of ``w.n`` over the gap on each facet [length]; collective.
 
     Where normals turn along a facet, ``w.n`` is no polynomial, and may exceed the gap
-    between nodes at which it does not.
+    between nodes at which it does not. But ``w.N`` is one, of the normals N that are
+    linear on the facet, and so is the gap between two bodies times |N|. The greatest
+    Bernstein coefficient of their difference bounds the excess. A gap that the scene
+    gives is searched for peaks.
 
     Args:
         model: The scene on a mesh.
@@ -78,18 +81,43 @@ def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> n
         The bounds, shape (f,), not below zero.
     """
     trace = contact.trace
-    gap = None if contact.gap is None else Everywhere(contact.gap, model.mesh)
+    round_off = POLYNOMIAL * abs(of_w).max(axis=(1, 2), initial=0.0)
+    if contact.given_gap is None:
+        beyond = of_w
+        if contact.between is not None:
+            # The vectors between the bodies are linear, their coefficients are values.
+            ends = node_vertices(model.d - 1, model.degree)
+            beyond = of_w - contact.between[:, ends].mean(axis=2)
+        corners = trace.normals_at_vertices
+        weights = times_linear(model.d - 1, model.degree)
+        products = np.einsum("mnv,fni,fvi->fm", weights, beyond, corners, optimize=True)
+        highest = products.max(axis=1) / _least_length(corners)
+        return np.where(highest > 2 * round_off, highest, 0.0)
+    gap = Everywhere(contact.gap, model.mesh)
 
     def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         w = np.matmul(polynomials(model.degree, places), of_w[facet])
         w_n = (w * trace.normals_at_places(places, facet)).sum(axis=-1)
-        return w_n if gap is None else w_n - gap(x, contact.facets[facet])
+        return w_n - gap(x, contact.facets[facet])
 
-    round_off = POLYNOMIAL * abs(of_w).max(axis=(1, 2), initial=0.0)
-    kinks = kinks_on_facets(model, [contact.gap], contact.facets) if gap is not None else None
+    kinks = kinks_on_facets(model, [contact.gap], contact.facets)
     pieces = facet_pieces(model.d - 1)
     highest = upper_bounds(above, trace.here.corners, pieces, round_off, kinks)
     return np.where(highest > 2 * round_off, highest, 0.0)
+
+
+def _least_length(normals: np.ndarray) -> np.ndarray:
+    """Bound the length of N on each facet from below [-], shape (f,).
+
+    ``|sum l_i N_i|^2 >= c + (1 - c) sum l_i^2`` with the least cosine c of two normals.
+
+    Args:
+        normals: Unit normals at the vertices, shape (f, d, d).
+    """
+    cosines = np.einsum("fid,fjd->fij", normals, normals)
+    least = np.clip(cosines.min(axis=(1, 2), initial=1.0), 0.0, 1.0)
+    shares: np.ndarray = np.sqrt(least + (1 - least) / normals.shape[1])
+    return shares
 
 
 def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:

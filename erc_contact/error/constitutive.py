@@ -180,7 +180,9 @@ class ConstitutiveError:
         See :class:`erc_contact.Bounds`.
         """
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
-        return exact and not self.pressure_dependent
+        # Normals that turn are interpolated: each mesh has the contact problem of its own.
+        of_mesh = any(contact.normals_are_of_mesh for contact in self.model.contacts)
+        return exact and not of_mesh and not self.pressure_dependent
 
     @property
     def solution(self) -> Solution:

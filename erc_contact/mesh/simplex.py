@@ -15,6 +15,7 @@ are tables of dimension d-1.
 from __future__ import annotations
 
 from functools import cache
+from itertools import combinations_with_replacement
 from math import factorial
 
 import basix
@@ -137,6 +138,44 @@ def at_nodes(d: int, k: int) -> np.ndarray:
 def coefficients(d: int, k: int) -> np.ndarray:
     """Return the matrix (N, N) from values at the nodes to Bernstein coefficients."""
     return np.linalg.inv(at_nodes(d, k))
+
+
+@cache
+def times_linear(d: int, k: int) -> np.ndarray:
+    """Return the weights (M, N, d+1) of a product of polynomials of degrees k and 1.
+
+    Each Bernstein coefficient of the product is the sum of them times a coefficient of
+    the first factor and one of the second.
+
+    Example:
+        >>> times_linear(1, 1)[2]  # of the edge, between the products at its ends
+        array([[0. , 0.5],
+               [0.5, 0. ]])
+    """
+    count = d + 1
+    powers = np.zeros((len(nodes(d, k)), count), dtype=int)
+    for vertex in node_vertices(d, k).T[:k]:
+        powers[np.arange(len(powers)), vertex] += 1
+    number = {tuple(power): node for node, power in enumerate(powers.tolist())}
+    # Coefficients of degree k+1: the vertices first, as everywhere.
+    of_product = (k + 1) * np.eye(count, dtype=int)
+    others = [power for power in _powers(count, k + 1) if max(power) <= k]
+    of_product = np.vstack([of_product, np.array(others, dtype=int).reshape(-1, count)])
+    weights = np.zeros((len(of_product), len(powers), count))
+    for row, power in enumerate(of_product):
+        for vertex in np.flatnonzero(power):
+            less = power.copy()
+            less[vertex] -= 1
+            weights[row, number[tuple(less.tolist())], vertex] = power[vertex] / (k + 1)
+    return weights
+
+
+def _powers(count: int, degree: int) -> list[tuple[int, ...]]:
+    """Return the powers of barycentric coordinates whose sum is a degree."""
+    powers = []
+    for vertices in combinations_with_replacement(range(count), degree):
+        powers.append(tuple(vertices.count(vertex) for vertex in range(count)))
+    return powers
 
 
 def lagrange(d: int, k: int, points: np.ndarray) -> np.ndarray:

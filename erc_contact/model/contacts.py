@@ -83,6 +83,7 @@ def bind_contact(
         if gaps and contact.normal is None:
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
+    given_gaps = gaps.copy()
     trace = Trace(here, direction, None, there, of_corners)
     between = None
     if space.domain.distance(contact.facets, contact.against) > 0:
@@ -94,6 +95,7 @@ def bind_contact(
     if contact.motion is not None:
         motion = components(space, contact.motion, f"{what}: motion")
         gaps.append(ufl.dot(motion, normal))
+        given_gaps.append(gaps[-1])
     friction = _friction(space, contact, facets)
     stiffnesses = {}
     for name in ("normal", "tangential"):
@@ -121,6 +123,7 @@ def bind_contact(
         given_normal=given_normal,
         friction=friction,
         gap=sum_of(gaps),
+        given_gap=sum_of(given_gaps),
         gap_varies=callable(contact.gap) or motion is not None or between is not None,
         bilateral=contact.bilateral,
         stiffness=stiffnesses.get("normal"),

@@ -45,6 +45,8 @@ class ContactOnMesh:
         friction: Friction law, or None without friction.
         gap: Gap [length], UFL; None where it is zero. On facets of two bodies along
             which normals turn it is ``g |M|``, see ``erc_contact.model.normals``.
+        given_gap: The part of the gap that the scene gives, and the motion of a
+            foundation, UFL; None without. What is left is the distance of two bodies.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
         stiffness: Stiffness k_n of a compliant foundation along the normal
@@ -80,6 +82,7 @@ class ContactOnMesh:
     given_normal: Ufl | None = None
     friction: Friction | None = None
     gap: Ufl | None = None
+    given_gap: Ufl | None = None
     gap_varies: bool = False
     stiffness: Ufl | None = None
     tangential_stiffness: Ufl | None = None
@@ -169,6 +172,11 @@ class ContactOnMesh:
         if self.is_exchanged and self.between is not None:
             corners = corners + self.between
         return corners
+
+    @property
+    def normals_are_of_mesh(self) -> bool:
+        """Tell whether normals turn and are found by the mesh: another has others."""
+        return self.trace.corner_normals is not None and self.given_normal is None
 
     @property
     def sampled(self) -> bool:

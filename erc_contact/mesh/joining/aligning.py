@@ -31,11 +31,13 @@ from erc_contact.mesh.tags import NO_TAG
 
 HEIGHTS = 1.5
 """Allowed distance of curved sides, by the height of their facets [-]."""
-MEAN_ROUNDS = 3
-"""Number of times that the normal of side 2 is taken at the facing point.
+MEAN_ROUNDS = 30
+"""Most times that the normal of side 2 is taken at the facing point.
 
 Each time the facing point is nearer to its place by about distance over radius.
 """
+SAME_DIRECTION = 1e-12
+"""Change of the mean normals that ends these rounds [-]."""
 NEAR = 0.2
 """Greatest distance of sides, by the shorter facet [-]."""
 
@@ -110,7 +112,11 @@ def _with_mean_normals(plain: PlainMesh, curve: Curve, there: int, apart: float)
         of_second = start + share[:, None] * (end - start)
         total = curve.normals - of_second / np.linalg.norm(of_second, axis=1)[:, None]
         total /= np.linalg.norm(total, axis=1)[:, None]
-        mean = replace(curve, given=np.where(row[:, None] < 0, curve.normals, total))
+        total = np.where(row[:, None] < 0, curve.normals, total)
+        change = abs(total - mean.across).max()
+        mean = replace(curve, given=total)
+        if change < SAME_DIRECTION:
+            break
     return mean
 
 
@@ -264,8 +270,10 @@ def _common(plain: PlainMesh, curve: Curve, facing: _Facing, close: float, keep:
     size = np.minimum(size1[nearest % len(points1)], size2)
     same = SAME * size
     if keep:
-        # What faces a corner is known as well as the normal there: to a turn of facets.
-        blur = _turns_beside(curve)[nearest] * facing.apart.ravel()[first]
+        # What faces a corner is known as well as the normal there: to a turn of facets,
+        # and to the angle between both sides.
+        tilt = 2 * np.linalg.norm(curve.across - curve.normals, axis=1)
+        blur = (_turns_beside(curve) + tilt)[nearest] * facing.apart.ravel()[first]
         same = np.minimum(same + blur, close * size)
     may_move = ~(fixed[partner] & fixed[points2])
     merged = distance < np.where(may_move, close * size, same)
