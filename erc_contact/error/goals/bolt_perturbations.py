@@ -49,7 +49,7 @@ def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Pe
         q = float(preload.shortening)
 
         def shifted(t: float) -> Scene:
-            return _with(scene, replace(preload, shortening=q + t))
+            return _with(scene, preload.found(q + t, locked=preload.locked))
 
         return Perturbation(shifted, no_load, -1.0, BoundedNumber(0.0), base.step_of(1.0))
     if preload.force is None:
