@@ -166,6 +166,19 @@ def test_springs_and_foundations():
         assert energy == pytest.approx(-0.5 * np.pi * (1 / stiffness + 1 / E), rel=1e-9)
 
 
+@pytest.mark.serial
+def test_a_table_may_begin_at_the_axis():
+    """The gap of a table of two points is a line; its first kink is on the axis."""
+    domain = ec.rectangle((0.0, 0.0), (1.5, 1.0), cells=(4, 3))
+    support = ec.Displacement("top", (None, -0.02))
+    found = []
+    for gap in (ec.table([0.0, 1.5], [0.0, 0.03]), lambda x: 0.02 * x[0]):
+        bed = ec.Foundation(300.0, tangential=100.0)
+        contact = ec.Contact("bottom", friction=0.3, gap=gap, foundation=bed)
+        found.append(certified(ec.Scene(RINGS, support, contacts=contact), domain).absolute)
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
 def test_springs_at_the_axis_take_one_solve(monkeypatch):
     """What springs pull at the axis is in the forces of the solver, and not in sigma^."""
     solves = []
