@@ -87,13 +87,15 @@ def stress_intensity(
         return replace(scene, strains=(*scene.strains, replace(unit, amount=t)))
 
     # S has 1/E' as its first entry.
-    size = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
+    norm = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
 
     def psi(u: fem.Function) -> BoundedNumber:
-        return strain_work(MovedLaw(singular=unit).move(pair, 1.0), u, UNKNOWN * base.e * size)
+        return strain_work(MovedLaw(singular=unit).move(pair, 1.0), u, UNKNOWN * base.e * norm)
 
     constant = _work_on_faces(error, frame)
-    return Perturbation(scene_at, psi, 1.0, constant, base.e / size)
+    # A unit displacement across the radius has a factor of this size.
+    size = 1.0 / float(S[0, 0] * np.sqrt(goal.radius))
+    return Perturbation(scene_at, psi, 1.0, constant, base.e / norm, size=size)
 
 
 class _Frame:
