@@ -116,7 +116,7 @@ class Preload(Tied):
         return preload
 
     def _check_told(self) -> None:
-        """Check that a single argument tells the shift: a second would be passed over."""
+        """Check that a single argument tells the shift."""
         told = {
             "force": self.force is not None,
             "shortening": self.shortening is not None,

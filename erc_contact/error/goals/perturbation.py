@@ -57,7 +57,7 @@ class Perturbation:
         constant: What is added to it.
         step: A first t.
         varies: Whether the moved load varies in space: a mesh may not carry it.
-        size: Size of psi, its value for a unit displacement; 0 if psi is zero.
+        size: Size of psi, its value for a unit displacement; 0 if no load moves.
         least: What the number is at least.
     """
 
