@@ -26,7 +26,7 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.after import check_after
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.plausibility import DoubtsOfRun
+from erc_contact.newton.plausibility import DoubtsOfRun, in_short
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.checkpoint import Checkpoint
@@ -259,7 +259,7 @@ class Walk:
         outcome = self.outcome or f"All {count} steps to t = {self.time:g} are done."
         if missed:
             outcome += f" {missed} of {count} steps are above {percent(self.plan.accuracy)}."
-        outcome = outcome.rstrip()
+        outcome = outcome.rstrip() + in_short(self.doubts.ever)
         self.log.log(logging.INFO if reached else logging.WARNING, outcome)
         settings = {"times": self.times, **self.in_time.arguments()}
         return Evolution(
