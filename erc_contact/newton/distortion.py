@@ -17,7 +17,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.mesh.simplex import node_between
+from erc_contact.mesh.simplex import measures, node_between
 from erc_contact.model.model import Model
 from erc_contact.model.preload import shifts_of
 
@@ -48,44 +48,73 @@ class Distortion:
     inverted: np.ndarray
 
 
-def measure(model: Model, u: fem.Function) -> Distortion:
-    """Measure how far a displacement distorts the bodies; collective."""
+@dataclass(frozen=True, eq=False)
+class Gradients:
+    """Hold gradients of u in the n owned cells.
+
+    Attributes:
+        corners: Vertices of the cells [length], shape (n, d+1, d).
+        bodies: Body of each cell, shape (n,).
+        elastic: Mean of G without the jumps of preloads, whose strain is given [-],
+            shape (n, d, d).
+        whole: Mean of G [-], likewise.
+        hoop: Hoop strain of rings [-], shape (n,).
+        left: Least volume over the volume before [-], shape (n,).
+    """
+
+    corners: np.ndarray
+    bodies: np.ndarray
+    elastic: np.ndarray
+    whole: np.ndarray
+    hoop: np.ndarray
+    left: np.ndarray
+
+
+def gradients_of(model: Model, u: fem.Function) -> Gradients:
+    """Compute the gradients of a displacement in the cells."""
     d = model.d
-    body, count = model.bodies
+    body, _ = model.bodies
     cells = slice(0, model.domain.owned_cells)
     corners = model.cell_corners()[cells]
     nodes = model.nodes[cells]
-    of_cell = body[nodes[:, 0]]
     nodal = u.x.array.reshape(-1, d)
-    jumps = _gradients_of_jumps(model)
     hoop = np.zeros(len(nodes))
     if model.axisymmetric:
-        radius = corners[..., 0].mean(axis=1)
-        hoop = nodal[nodes[:, : d + 1], 0].mean(axis=1) / radius
+        hoop = nodal[nodes[:, : d + 1], 0].mean(axis=1) / corners[..., 0].mean(axis=1)
+    jumps = _gradients_of_jumps(model)
     # The gradient of degree 2 is linear in a cell: its vertices have the extremes.
-    count_of_samples = 1 if model.degree == 1 else d + 1
-    gradient = np.zeros((len(nodes), d, d))
-    least = np.full(len(nodes), np.inf)
-    for vertex in range(count_of_samples):
+    samples = 1 if model.degree == 1 else d + 1
+    elastic = np.zeros((len(nodes), d, d))
+    left = np.full(len(nodes), np.inf)
+    for vertex in range(samples):
         edges, along = _along_edges(corners, nodal, nodes, vertex, model.degree)
+        volume, cofactors = _cofactors(edges)
+        here = np.einsum("njk,njl->nkl", cofactors, along)
+        elastic += here / (samples * volume[:, None, None])
         if jumps is not None:
             along = along + np.matmul(edges, jumps)
-        determinant, cofactors = _cofactors(edges)
-        here = np.einsum("njk,njl->nkl", cofactors, along)
-        gradient += here / (count_of_samples * determinant[:, None, None])
-        moved, _ = _cofactors(edges + along)
-        least = np.minimum(least, moved / determinant * (1.0 + hoop))
-    skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
+        volume_after, _ = _cofactors(edges + along)
+        left = np.minimum(left, volume_after / volume * (1.0 + hoop))
+    whole = elastic if jumps is None else elastic + jumps
+    return Gradients(corners, body[nodes[:, 0]], elastic, whole, hoop, left)
+
+
+def measure(model: Model, u: fem.Function) -> Distortion:
+    """Measure how far a displacement distorts the bodies; collective."""
+    _, count = model.bodies
+    found = gradients_of(model, u)
+    skew = 0.5 * (found.whole - found.whole.transpose(0, 2, 1))
     rotation = np.sqrt(0.5 * np.einsum("nij,nij->n", skew, skew))
-    strain = _above(gradient - skew, hoop)
-    volume = abs(determinant)
+    strain = _above(found.whole - skew, found.hoop)
+    volume = measures(found.corners)
+    everywhere = np.ones(len(volume))
+    marks = (everywhere, rotation > ROTATION, strain > STRAIN, found.left <= FLAT)
     sums = np.zeros((4, count))
-    marks = (np.ones(len(nodes)), rotation > ROTATION, strain > STRAIN, least <= FLAT)
     for number, mark in enumerate(marks):
-        sums[number] = np.bincount(of_cell, volume * mark, minlength=count)
+        sums[number] = np.bincount(found.bodies, volume * mark, minlength=count)
     greatest = np.zeros((2, count))
-    np.maximum.at(greatest[0], of_cell, rotation)
-    np.maximum.at(greatest[1], of_cell, strain)
+    np.maximum.at(greatest[0], found.bodies, rotation)
+    np.maximum.at(greatest[1], found.bodies, strain)
     sums = model.comm.allreduce(sums, MPI.SUM)
     greatest = np.max(model.comm.allgather(greatest), axis=0)
     rotated, strained, inverted = sums[1:] / sums[0]

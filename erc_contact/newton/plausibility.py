@@ -7,6 +7,8 @@ load in the wrong unit, show here, too.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from mpi4py import MPI
 
@@ -21,6 +23,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
+from erc_contact.newton.displaced import MISSING
 from erc_contact.newton.distortion import ROTATION, STRAIN, Distortion
 from erc_contact.newton.solution import Solution
 
@@ -54,9 +57,31 @@ UNTOUCHED = "untouched"
 
 A later mesh or step may touch it.
 """
+STATICS = "statics"
+"""Kind of the doubt whether a body stands.
+
+A mesh that is too coarse for its contacts does not know it: it is told at the end.
+"""
 
 Doubts = dict[tuple[str, str], str]
 """Doubts: kind and part of the boundary -> words."""
+
+
+@dataclass(frozen=True)
+class LimitOfTheory:
+    """Hold what is not small in a solution.
+
+    Attributes:
+        fact: What it is, with its number.
+        advice: What it means, and what to do.
+    """
+
+    fact: str
+    advice: str
+
+    def __str__(self) -> str:
+        """Write both."""
+        return f"{self.fact[:1].upper()}{self.fact[1:]}: {self.advice}"
 
 
 def doubts(solution: Solution) -> Doubts:
@@ -65,7 +90,7 @@ def doubts(solution: Solution) -> Doubts:
     if solution.at_rest:
         return {}
     moved = greatest(model.comm, solution.u.x.array)
-    found = {(kind, ""): words for kind, words in beyond_theory(solution).items()}
+    found = {(kind, ""): str(limit) for kind, limit in beyond_theory(solution).items()}
     if model.unheld.functions:
         found["unheld", ""] = _of_unheld(model)
     lying = lying_words(model, *model.bodies)
@@ -76,30 +101,28 @@ def doubts(solution: Solution) -> Doubts:
     return found | _of_pairs(model, solution, moved)
 
 
-def beyond_theory(solution: Solution) -> dict[str, str]:
-    """Say where displacements are not small, by the kind of the doubt; collective.
-
-    The first clause of the words, up to a colon, tells the number.
-    """
+def beyond_theory(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find where displacements are not small, by the kind of the doubt; collective."""
     if solution.at_rest:
         return {}
     model = solution.model
-    found: dict[str, str] = {}
+    found: dict[str, LimitOfTheory] = {}
     moved = greatest(model.comm, solution.u.x.array)
     least_side = float(model.domain.sides.min())
     if moved > least_side:
-        found["displacement"] = (
-            f"The body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
-            f"({least_side:.3g}): the gap belongs to the body as it was, so a displacement must "
-            "be small beside it. Look at the units of loads, moduli and displacements."
+        found["displacement"] = LimitOfTheory(
+            f"the body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
+            f"({least_side:.3g})",
+            "the gap belongs to the body as it was, so a displacement must be small beside it. "
+            "Look at the units of loads, moduli and displacements.",
         )
-    return found | _of_distortion(solution)
+    return found | _of_distortion(solution) | _of_statics(solution)
 
 
-def in_short(beyond: dict[str, str]) -> str:
+def in_short(beyond: dict[str, LimitOfTheory]) -> str:
     """Write what :func:`beyond_theory` found as the end of an outcome, or nothing."""
-    clauses = [words.partition(":")[0] for words in beyond.values()]
-    return f" Displacements are not small: {'; '.join(clauses)}." if clauses else ""
+    facts = [limit.fact for limit in beyond.values()]
+    return f" Displacements are not small: {'; '.join(facts)}." if facts else ""
 
 
 def tell(comm: MPI.Comm, found: Doubts) -> None:
@@ -116,16 +139,17 @@ class DoubtsOfRun:
 
     Args:
         comm: Communicator of the run.
+        refines: Whether each solution is of the same scene as the last one, on a finer
+            mesh, as in :func:`erc_contact.adapt`: the last one counts.
 
     Attributes:
-        beyond: Where displacements of the last solution are not small, by kind.
-        ever: Where displacements of any solution were not.
+        beyond: Where displacements are not small, by kind.
     """
 
-    def __init__(self, comm: MPI.Comm) -> None:
+    def __init__(self, comm: MPI.Comm, *, refines: bool) -> None:
         self.comm = comm
-        self.beyond: dict[str, str] = {}
-        self.ever: dict[str, str] = {}
+        self.beyond: dict[str, LimitOfTheory] = {}
+        self._refines = refines
         self._told: set[tuple[str, str]] = set()
         self._untouched: Doubts | None = None
 
@@ -133,15 +157,15 @@ class DoubtsOfRun:
         """Tell what is new in a solution."""
         if solution.at_rest:
             return
-        self.beyond = beyond_theory(solution)
-        self.ever |= self.beyond
+        found = beyond_theory(solution)
+        self.beyond = found if self._refines else self.beyond | found
         untouched: Doubts = {}
         new: Doubts = {}
         for key, words in doubts(solution).items():
             kind, _ = key
             if kind == UNTOUCHED:
                 untouched[key] = words
-            elif key not in self._told:
+            elif key not in self._told and kind != STATICS:
                 new[key] = words
         self._told.update(new)
         tell(self.comm, new)
@@ -152,8 +176,10 @@ class DoubtsOfRun:
         self._untouched = untouched
 
     def end(self) -> None:
-        """Tell which contacts nothing has touched."""
+        """Tell which contacts nothing has touched, and what may not stand."""
         tell(self.comm, self._untouched or {})
+        if STATICS in self.beyond:
+            tell(self.comm, {(STATICS, ""): str(self.beyond[STATICS])})
 
 
 def _of_unheld(model: Model) -> str:
@@ -171,27 +197,55 @@ def _of_unheld(model: Model) -> str:
     return words
 
 
-def _of_distortion(solution: Solution) -> dict[str, str]:
-    """Say which bodies turn or strain much, by the kind of the doubt; collective."""
-    found: dict[str, str] = {}
+def _of_distortion(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find bodies that turn or strain much; collective."""
+    found: dict[str, LimitOfTheory] = {}
     distortion = solution.distortion
     body, share = _worst_body(solution.model, distortion.rotated)
     if share > MANY:
-        found["rotation"] = (
+        found["rotation"] = LimitOfTheory(
             f"{percent(share, 2)} of {body} rotates by more than {ROTATION:g} rad, up to "
-            f"{distortion.rotation.max():.2g} rad (skew part of grad u): strains are right for "
-            "small rotations, and the error does not contain what this costs. Look at the units, "
-            "or take a code for large displacements."
+            f"{distortion.rotation.max():.2g} rad (skew part of grad u)",
+            "strains are right for small rotations, and the error does not contain what this "
+            "costs. Look at the units, or take a code for large displacements.",
         )
     body, share = _worst_body(solution.model, distortion.strained)
     if share > MANY:
-        found["strain"] = (
+        found["strain"] = LimitOfTheory(
             f"{percent(share, 2)} of {body} strains by more than {percent(STRAIN)}, up to "
-            f"{percent(distortion.strain.max(), 2)}{_inside_out(distortion)}: strains count as "
-            "small, and the error does not contain what this costs. Look at the units of loads, "
-            "moduli, gaps and displacements, or take a code for large strains."
+            f"{percent(distortion.strain.max(), 2)}{_inside_out(distortion)}",
+            "strains count as small, and the error does not contain what this costs. Look at the "
+            "units of loads, moduli, gaps and displacements, or take a code for large strains.",
         )
     return found
+
+
+def _of_statics(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find bodies that may not stand in the displaced place; collective."""
+    model = solution.model
+    bodies, count = model.bodies
+    facts = []
+    for missing in solution.missing_moments:
+        if missing.doubt <= MISSING:
+            continue
+        body = "the body"
+        if count > 1:
+            body = f"the body with {boundary_parts(model, bodies == missing.body)}"
+        facts.append(
+            f"{percent(missing.share, 2)} of the moment is missing on {body}, "
+            f"{missing.of_contacts:.2g} times what its contacts can take up"
+        )
+    if not facts:
+        return {}
+    return {
+        STATICS: LimitOfTheory(
+            f"statics of the displaced bodies: {'; '.join(facts)}; this model cannot say whether "
+            "it stands",
+            "loads and contact forces balance where the bodies were drawn. At x + u they do not, "
+            "and eps does not see it. Hold the body, give it more friction or a wider base, or "
+            "take a code for large displacements.",
+        )
+    }
 
 
 def check_upright(solution: Solution) -> None:

@@ -47,7 +47,7 @@ def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
         *_of_the_data(error),
         *_of_the_steps_before(error),
         *_of_other_solutions(error),
-        *[(NOT_KNOWN, words) for words in beyond_theory(error.solution).values()],
+        *[(NOT_KNOWN, str(limit)) for limit in beyond_theory(error.solution).values()],
         _of_points(error),
     ]
 

@@ -151,7 +151,7 @@ class Loop:
         self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
         self.steps: list[Step] = []
         self.meshes: list[tuple[Domain, np.ndarray]] = []
-        self.doubts = DoubtsOfRun(comm)
+        self.doubts = DoubtsOfRun(comm, refines=True)
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
