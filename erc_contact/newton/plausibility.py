@@ -23,7 +23,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
-from erc_contact.newton.displaced import MISSING
+from erc_contact.newton.displaced import MISSING, missing_moments
 from erc_contact.newton.distortion import ROTATION, STRAIN, Distortion
 from erc_contact.newton.solution import Solution
 
@@ -58,10 +58,7 @@ UNTOUCHED = "untouched"
 A later mesh or step may touch it.
 """
 STATICS = "statics"
-"""Kind of the doubt whether a body stands.
-
-A mesh that is too coarse for its contacts does not know it: it is told at the end.
-"""
+"""Kind of the doubt whether a body stands."""
 
 Doubts = dict[tuple[str, str], str]
 """Doubts: kind and part of the boundary -> words."""
@@ -80,17 +77,27 @@ class LimitOfTheory:
     advice: str
 
     def __str__(self) -> str:
-        """Write both."""
+        """Write the fact and the advice."""
         return f"{self.fact[:1].upper()}{self.fact[1:]}: {self.advice}"
 
 
 def doubts(solution: Solution) -> Doubts:
     """Find what is doubtful in a solution; collective."""
-    model = solution.model
     if solution.at_rest:
         return {}
+    return _told(beyond_theory(solution)) | _other_doubts(solution)
+
+
+def _told(limits: dict[str, LimitOfTheory]) -> Doubts:
+    """Return limits of the theory as doubts."""
+    return {(kind, ""): str(limit) for kind, limit in limits.items()}
+
+
+def _other_doubts(solution: Solution) -> Doubts:
+    """Find what is doubtful though displacements are small; collective."""
+    model = solution.model
     moved = greatest(model.comm, solution.u.x.array)
-    found = {(kind, ""): str(limit) for kind, limit in beyond_theory(solution).items()}
+    found: Doubts = {}
     if model.unheld.functions:
         found["unheld", ""] = _of_unheld(model)
     lying = lying_words(model, *model.bodies)
@@ -105,24 +112,23 @@ def beyond_theory(solution: Solution) -> dict[str, LimitOfTheory]:
     """Find where displacements are not small, by the kind of the doubt; collective."""
     if solution.at_rest:
         return {}
-    model = solution.model
-    found: dict[str, LimitOfTheory] = {}
-    moved = greatest(model.comm, solution.u.x.array)
-    least_side = float(model.domain.sides.min())
-    if moved > least_side:
-        found["displacement"] = LimitOfTheory(
-            f"the body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
-            f"({least_side:.3g})",
-            "the gap belongs to the body as it was, so a displacement must be small beside it. "
-            "Look at the units of loads, moduli and displacements.",
-        )
-    return found | _of_distortion(solution) | _of_statics(solution)
+    return _of_size(solution) | _of_distortion(solution) | _of_statics(solution)
 
 
-def in_short(beyond: dict[str, LimitOfTheory]) -> str:
-    """Write what :func:`beyond_theory` found as the end of an outcome, or nothing."""
-    facts = [limit.fact for limit in beyond.values()]
-    return f" Displacements are not small: {'; '.join(facts)}." if facts else ""
+def _of_size(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find a displacement that is larger than the body; collective."""
+    domain = solution.domain
+    moved = greatest(domain.comm, solution.u.x.array)
+    least_side = float(domain.sides.min())
+    if moved <= least_side:
+        return {}
+    limit = LimitOfTheory(
+        f"the body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
+        f"({least_side:.3g})",
+        "the gap belongs to the body as it was, so a displacement must be small beside it. Look "
+        "at the units of loads, moduli and displacements.",
+    )
+    return {"displacement": limit}
 
 
 def tell(comm: MPI.Comm, found: Doubts) -> None:
@@ -141,45 +147,57 @@ class DoubtsOfRun:
         comm: Communicator of the run.
         refines: Whether each solution is of the same scene as the last one, on a finer
             mesh, as in :func:`erc_contact.adapt`: the last one counts.
-
-    Attributes:
-        beyond: Where displacements are not small, by kind.
     """
 
     def __init__(self, comm: MPI.Comm, *, refines: bool) -> None:
         self.comm = comm
-        self.beyond: dict[str, LimitOfTheory] = {}
         self._refines = refines
+        self._last: Solution | None = None
+        self._limits: dict[str, LimitOfTheory] = {}
         self._told: set[tuple[str, str]] = set()
         self._untouched: Doubts | None = None
 
     def see(self, solution: Solution) -> None:
-        """Tell what is new in a solution."""
+        """Tell what is new in a solution, but for what is told at the end."""
         if solution.at_rest:
             return
-        found = beyond_theory(solution)
-        self.beyond = found if self._refines else self.beyond | found
+        self._last = solution
+        limits = _of_size(solution) | _of_distortion(solution)
         untouched: Doubts = {}
         new: Doubts = {}
-        for key, words in doubts(solution).items():
+        for key, words in (_told(limits) | _other_doubts(solution)).items():
             kind, _ = key
             if kind == UNTOUCHED:
                 untouched[key] = words
-            elif key not in self._told and kind != STATICS:
+            elif key not in self._told:
                 new[key] = words
         self._told.update(new)
         tell(self.comm, new)
+        if self._refines:
+            self._limits = limits
+        else:
+            self._limits |= limits | _of_statics(solution)
         # Only what nothing has touched so far is still untouched.
         if self._untouched is not None:
             for key in untouched.keys() - self._untouched.keys():
                 del untouched[key]
         self._untouched = untouched
 
-    def end(self) -> None:
-        """Tell which contacts nothing has touched, and what may not stand."""
+    def end(self) -> str:
+        """Tell which contacts nothing has touched, and which bodies may not stand.
+
+        A mesh that is too coarse for its contacts does not know the latter.
+
+        Returns:
+            Where displacements are not small, as the end of an outcome, or nothing.
+        """
         tell(self.comm, self._untouched or {})
-        if STATICS in self.beyond:
-            tell(self.comm, {(STATICS, ""): str(self.beyond[STATICS])})
+        if self._refines and self._last is not None:
+            self._limits |= _of_statics(self._last)
+        if STATICS in self._limits:
+            tell(self.comm, {(STATICS, ""): str(self._limits[STATICS])})
+        facts = [limit.fact for limit in self._limits.values()]
+        return f" Displacements are not small: {'; '.join(facts)}." if facts else ""
 
 
 def _of_unheld(model: Model) -> str:
@@ -225,7 +243,7 @@ def _of_statics(solution: Solution) -> dict[str, LimitOfTheory]:
     model = solution.model
     bodies, count = model.bodies
     facts = []
-    for missing in solution.missing_moments:
+    for missing in missing_moments(model, solution.u, solution.traction):
         if missing.doubt <= MISSING:
             continue
         body = "the body"

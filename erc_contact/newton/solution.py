@@ -36,7 +36,6 @@ from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
-from erc_contact.newton.displaced import Imbalance, missing_moments
 from erc_contact.newton.distortion import Distortion, measure
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
@@ -183,11 +182,6 @@ class Solution:
     def distortion(self) -> Distortion:
         """Return how far u strains, turns and inverts the bodies; collective."""
         return measure(self.model, self.u)
-
-    @cached_property
-    def missing_moments(self) -> list[Imbalance]:
-        """Return what is out of balance on displaced bodies; collective."""
-        return missing_moments(self.model, self.u, self.traction)
 
     def force(self, part: str) -> Force:
         """Return the force and the moment on a boundary part; collective.

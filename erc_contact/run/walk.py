@@ -26,7 +26,7 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.after import check_after
 from erc_contact.newton.ladder import NODAL
-from erc_contact.newton.plausibility import DoubtsOfRun, in_short
+from erc_contact.newton.plausibility import DoubtsOfRun
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.checkpoint import Checkpoint
@@ -252,14 +252,13 @@ class Walk:
 
     def _evolution(self) -> Evolution:
         """Make the history, and log its outcome; collective."""
-        self.doubts.end()
         count = len(self.rows)
         missed = sum(not row.reached for row in self.rows)
         reached = not self.outcome and not missed
         outcome = self.outcome or f"All {count} steps to t = {self.time:g} are done."
         if missed:
             outcome += f" {missed} of {count} steps are above {percent(self.plan.accuracy)}."
-        outcome = outcome.rstrip() + in_short(self.doubts.beyond)
+        outcome = outcome.rstrip() + self.doubts.end()
         self.log.log(logging.INFO if reached else logging.WARNING, outcome)
         settings = {"times": self.times, **self.in_time.arguments()}
         return Evolution(
