@@ -21,7 +21,7 @@ def percent(ratio: float, digits: int = 4) -> str:
             round-off has two less.
     """
     size = 100.0 * ratio
-    if size >= 100 and size < 1e6:
+    if size < 1e6 and float(f"{size:.{digits}g}") >= 100:
         return f"{size:.0f}%"
     if size == 0 or 0.01 <= size < 100:
         return f"{size:.{digits}g}%"

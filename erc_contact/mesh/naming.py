@@ -209,8 +209,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
 
 def _at_points(mesh: NamedMesh, rule: where, points: np.ndarray) -> np.ndarray:
     """Return at which of some points (n, 3) a rule about places holds; collective."""
-    extents = np.append(mesh.sides, [0.0] * (3 - mesh.dim))
-    return together(mesh.comm, rule.at_points, points.T, extents)
+    return together(mesh.comm, rule.at_points, points.T, mesh.sides)
 
 
 def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:

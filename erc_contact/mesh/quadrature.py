@@ -365,17 +365,17 @@ def first_pieces(simplices: np.ndarray, pieces: np.ndarray, cuts: Cuts | None) -
         corners = np.tile(pieces, (len(simplices), 1, 1))
         return Pieces(simplex, corners, np.full(len(simplex), 1 / len(pieces)))
     ends = np.unique(pieces[:, :, 1])
+    # A kink at a vertex cuts nothing.
     inside = np.isin(cuts.simplex, simplices)
+    inside &= (cuts.place > SAME_PLACE) & (cuts.place < 1.0 - SAME_PLACE)
     simplex = np.concatenate([np.repeat(simplices, len(ends)), cuts.simplex[inside]])
     place = np.concatenate([np.tile(ends, len(simplices)), cuts.place[inside]])
     order = np.lexsort((place, simplex))
     simplex = simplex[order]
     place = place[order]
     # Between two neighbours of the same segment is a piece, unless they are one place.
-    # The ends of a segment stay: they are the first and the last of it.
     follows = np.zeros(len(simplex), dtype=bool)
     follows[1:] = (simplex[1:] == simplex[:-1]) & (np.diff(place) < SAME_PLACE)
-    follows &= place < 1.0
     simplex = simplex[~follows]
     place = place[~follows]
     has_next = simplex[1:] == simplex[:-1]

@@ -101,10 +101,17 @@ class where:
 
         Args:
             x: Points [length], shape (3, n).
-            extents: Extents of the body along the axes [length], shape (3,).
+            extents: Extents of the body along its axes [length], shape (d,).
+
+        Raises:
+            InputError: If z is given, and the body is in the plane.
         """
+        if self.z is not None and len(extents) == 2:
+            raise InputError(
+                f"where: z is {self.z!r}, and the mesh is in the plane; give x= and y= only."
+            )
         holds = np.ones(x.shape[1], dtype=bool)
-        for axis, name in enumerate("xyz"):
+        for axis, name in enumerate("xyz"[: len(extents)]):
             low, high = _ends(getattr(self, name))
             near = NEAR * extents[axis]
             holds &= (x[axis] >= low - near) & (x[axis] <= high + near)

@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import sum_products
+from erc_contact.model.motions import kernel, sum_products
 from erc_contact.model.rigid_faces import RigidFace
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
@@ -47,6 +47,30 @@ def resisted_by_all(
     for contact in contacts:
         by_all += _by_contact(space, body, count, motions, contact)
     return by_all
+
+
+def loose_motions(
+    space: Space,
+    bodies: tuple[np.ndarray, int],
+    motions: np.ndarray,
+    held: np.ndarray,
+    contacts: Sequence[ContactOnMesh],
+) -> list[np.ndarray]:
+    """Return the motions of each body that contacts alone hold, one way; collective.
+
+    The arguments are the arguments of :func:`resisted_by_all`. Contacts that cannot
+    open hold bodies as supports do.
+
+    Returns:
+        Combinations of the m motions of each body, shape (m, K).
+    """
+    _, count = bodies
+    every = np.arange(count)
+    m = motions.shape[2]
+    bilateral = [contact for contact in contacts if contact.bilateral]
+    by_all = resisted_by_all(space, bodies, motions, held, bilateral)
+    of_bodies = by_all.reshape(count, m, count, m)[every, :, every]
+    return [kernel(products) for products in of_bodies]
 
 
 def held_products(

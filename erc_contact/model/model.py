@@ -23,7 +23,7 @@ from erc_contact.model.contacts import bind_contact
 from erc_contact.model.dimension import check_dimension, check_half_plane
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.held_motions import held_products, resisted_by_all
+from erc_contact.model.held_motions import held_products, loose_motions, resisted_by_all
 from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.loads import bind_loads
@@ -90,6 +90,10 @@ class Model(Space):
         bodies: Number of the body of each node of this rank, and number of bodies.
         unheld: The motions that nothing holds, and their anchors.
         relief: What takes up a small resultant of loads on these; None without any.
+        centres: Centre of each body [length], shape (bodies, d).
+        body_sizes: Size of each body [length], shape (bodies,).
+        loose: Motions of each body that neither supports nor bilateral contacts hold,
+            in shares of the motions about its centre, shape (m, K) each.
         free_motions: Rigid motions that neither supports nor anchors hold, Functions of
             V, see :func:`motions_not_held`.
         is_later_step: Whether the scene is a step of a history after another one.
@@ -158,6 +162,9 @@ class Model(Space):
             fixed = self.held_or_anchored
             held = held_products(self, self.bodies, motions.values, fixed, *resisting)
         self.free_motions = motions_not_held(self, self.bodies[0], motions.values, held)
+        self.centres = motions.centres
+        self.body_sizes = motions.sizes
+        self.loose = loose_motions(self, self.bodies, motions.values, held, self.contacts)
 
     def bind_supports_and_loads(self, scene: Scene) -> None:
         """Put the supports and loads of a scene on the mesh; collective."""

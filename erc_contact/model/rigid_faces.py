@@ -8,6 +8,8 @@ are not given are unknowns, and their resultants Q_j are known:
 with the shapes R_j: unit translations, and unit rotations about a point of the face.
 Such a face is called *loose*. Other supports and contacts may share nodes with it where
 no R_j moves what they hold; so no force that they exchange at a node changes a Q_j.
+Of a ring the only R is the translation along the axis. If u_r is not given there, the
+face is a roller along r.
 """
 
 from __future__ import annotations
@@ -139,13 +141,13 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
         raise InputError(
             f"Rigid({rigid.facets!r}): about has {len(about)} numbers, but the mesh is {d}D."
         )
-    if space.axisymmetric and (rigid.motions[0], rigid.motions[2]) != (0.0, 0.0):
-        raise InputError(
-            f"Rigid({rigid.facets!r}): a rigid face of an axisymmetric body moves along the axis "
-            "only; give displacement=(0.0, ...) and rotation=0.0."
-        )
     x = space.V.tabulate_dof_coordinates()[nodes, :d]
-    free = np.array([motion is None for motion in rigid.motions])
+    shapes = motions_about_axes(x - about)
+    given = zip(rigid.motions, rigid.resultants, strict=True)
+    free = np.array([motion is None and resultant is not None for motion, resultant in given])
+    if space.axisymmetric:
+        # A ring moves along the axis only; what u_r is on the face is no motion of it.
+        shapes[:, :, [0, 2]] = 0.0
     sizes = np.ones(len(free))
     sizes[d:] = space.domain.extent
     return RigidFace(
@@ -154,7 +156,7 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
         nodes=nodes,
         owned=nodes < space.V.dofmap.index_map.size_local,
         about=about,
-        shapes=motions_about_axes(x - about),
+        shapes=shapes,
         free=free,
         resultants=np.array([resultant or 0.0 for resultant in rigid.resultants]),
         sizes=sizes,

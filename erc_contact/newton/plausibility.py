@@ -7,27 +7,36 @@ load in the wrong unit, show here, too.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from mpi4py import MPI
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import percent
 from erc_contact.base.ranks import greatest
-from erc_contact.mesh.simplex import measures, rule
-from erc_contact.model.body_words import lying_words
+from erc_contact.mesh.simplex import rule
+from erc_contact.model.body_words import boundary_parts, lying_words
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.trace import Trace
+from erc_contact.newton.displaced import MISSING, missing_moments
+from erc_contact.newton.distortion import ROTATION, STRAIN, Distortion
 from erc_contact.newton.solution import Solution
 
-ROTATION = 0.1
-"""Rotation up to which the theory is good [rad]; half its square, 0.5%, is lost."""
-ROTATED = 0.01
-"""Share of the volume that may rotate more [-].
+MANY = 0.01
+"""Share of the volume of a body that may rotate or strain more [-].
 
-At an edge where the stress is singular a rotation is so, too.
+At an edge where the stress is singular rotations and strains are so, too.
+"""
+INVERTED = 1e-6
+"""Share of the volume of a body that may be turned inside out [-].
+
+Next to an edge where the stress is singular like the inverse root of the distance, a
+mean strain of 1% strains by 1 at a distance of 1e-4.
 """
 FRICTION = 3.0
 """Coulomb coefficient above which no dry pair of materials is known [-]."""
@@ -48,33 +57,47 @@ UNTOUCHED = "untouched"
 
 A later mesh or step may touch it.
 """
+STATICS = "statics"
+"""Kind of the doubt whether a body stands."""
 
 Doubts = dict[tuple[str, str], str]
 """Doubts: kind and part of the boundary -> words."""
 
 
+@dataclass(frozen=True)
+class LimitOfTheory:
+    """Hold what is not small in a solution.
+
+    Attributes:
+        fact: What it is, with its number.
+        advice: What it means, and what to do.
+    """
+
+    fact: str
+    advice: str
+
+    def __str__(self) -> str:
+        """Write the fact and the advice."""
+        return f"{self.fact[:1].upper()}{self.fact[1:]}: {self.advice}"
+
+
 def doubts(solution: Solution) -> Doubts:
     """Find what is doubtful in a solution; collective."""
-    model = solution.model
     if solution.at_rest:
         return {}
+    return _told(beyond_theory(solution)) | _other_doubts(solution)
+
+
+def _told(limits: dict[str, LimitOfTheory]) -> Doubts:
+    """Return limits of the theory as doubts."""
+    return {(kind, ""): str(limit) for kind, limit in limits.items()}
+
+
+def _other_doubts(solution: Solution) -> Doubts:
+    """Find what is doubtful though displacements are small; collective."""
+    model = solution.model
     moved = greatest(model.comm, solution.u.x.array)
     found: Doubts = {}
-    least_side = float(model.domain.sides.min())
-    if moved > least_side:
-        found["displacement", ""] = (
-            f"The body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
-            f"({least_side:.3g}): the gap belongs to the body as it was, so a displacement must "
-            "be small beside it. Look at the units of loads, moduli and displacements."
-        )
-    share, most = _measure_rotation(solution)
-    if share > ROTATED:
-        found["rotation", ""] = (
-            f"{percent(share, 2)} of the body rotates by more than {ROTATION:g} rad, up to "
-            f"{most:.2g} rad (skew part of grad u): strains are right for small rotations, and "
-            "the error does not contain what this costs. Look at the units, or take a code for "
-            "large displacements."
-        )
     if model.unheld.functions:
         found["unheld", ""] = _of_unheld(model)
     lying = lying_words(model, *model.bodies)
@@ -83,6 +106,29 @@ def doubts(solution: Solution) -> Doubts:
     for contact in model.contacts:
         found |= _of_contact(model, contact, solution, moved)
     return found | _of_pairs(model, solution, moved)
+
+
+def beyond_theory(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find where displacements are not small, by the kind of the doubt; collective."""
+    if solution.at_rest:
+        return {}
+    return _of_size(solution) | _of_distortion(solution) | _of_statics(solution)
+
+
+def _of_size(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find a displacement that is larger than the body; collective."""
+    domain = solution.domain
+    moved = greatest(domain.comm, solution.u.x.array)
+    least_side = float(domain.sides.min())
+    if moved <= least_side:
+        return {}
+    limit = LimitOfTheory(
+        f"the body moves by {moved:.3g}, {moved / least_side:.2g} times its least side "
+        f"({least_side:.3g})",
+        "the gap belongs to the body as it was, so a displacement must be small beside it. Look "
+        "at the units of loads, moduli and displacements.",
+    )
+    return {"displacement": limit}
 
 
 def tell(comm: MPI.Comm, found: Doubts) -> None:
@@ -99,20 +145,27 @@ class DoubtsOfRun:
 
     Args:
         comm: Communicator of the run.
+        refines: Whether each solution is of the same scene as the last one, on a finer
+            mesh, as in :func:`erc_contact.adapt`: the last one counts.
     """
 
-    def __init__(self, comm: MPI.Comm) -> None:
+    def __init__(self, comm: MPI.Comm, *, refines: bool) -> None:
         self.comm = comm
+        self._refines = refines
+        self._last: Solution | None = None
+        self._limits: dict[str, LimitOfTheory] = {}
         self._told: set[tuple[str, str]] = set()
         self._untouched: Doubts | None = None
 
     def see(self, solution: Solution) -> None:
-        """Tell what is new in a solution."""
+        """Tell what is new in a solution, but for what is told at the end."""
         if solution.at_rest:
             return
+        self._last = solution
+        limits = _of_size(solution) | _of_distortion(solution)
         untouched: Doubts = {}
         new: Doubts = {}
-        for key, words in doubts(solution).items():
+        for key, words in (_told(limits) | _other_doubts(solution)).items():
             kind, _ = key
             if kind == UNTOUCHED:
                 untouched[key] = words
@@ -120,15 +173,31 @@ class DoubtsOfRun:
                 new[key] = words
         self._told.update(new)
         tell(self.comm, new)
+        if self._refines:
+            self._limits = limits
+        else:
+            self._limits |= limits | _of_statics(solution)
         # Only what nothing has touched so far is still untouched.
         if self._untouched is not None:
             for key in untouched.keys() - self._untouched.keys():
                 del untouched[key]
         self._untouched = untouched
 
-    def end(self) -> None:
-        """Tell which contacts nothing has touched."""
+    def end(self) -> str:
+        """Tell which contacts nothing has touched, and which bodies may not stand.
+
+        A mesh that is too coarse for its contacts does not know the latter.
+
+        Returns:
+            Where displacements are not small, as the end of an outcome, or nothing.
+        """
         tell(self.comm, self._untouched or {})
+        if self._refines and self._last is not None:
+            self._limits |= _of_statics(self._last)
+        if STATICS in self._limits:
+            tell(self.comm, {(STATICS, ""): str(self._limits[STATICS])})
+        facts = [limit.fact for limit in self._limits.values()]
+        return f" Displacements are not small: {'; '.join(facts)}." if facts else ""
 
 
 def _of_unheld(model: Model) -> str:
@@ -146,25 +215,95 @@ def _of_unheld(model: Model) -> str:
     return words
 
 
-def _measure_rotation(solution: Solution) -> tuple[float, float]:
-    """Return the share of the volume that rotates much, and the greatest rotation.
+def _of_distortion(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find bodies that turn or strain much; collective."""
+    found: dict[str, LimitOfTheory] = {}
+    distortion = solution.distortion
+    body, share = _worst_body(solution.model, distortion.rotated)
+    if share > MANY:
+        found["rotation"] = LimitOfTheory(
+            f"{percent(share, 2)} of {body} rotates by more than {ROTATION:g} rad, up to "
+            f"{distortion.rotation.max():.2g} rad (skew part of grad u)",
+            "strains are right for small rotations, and the error does not contain what this "
+            "costs. Look at the units, or take a code for large displacements.",
+        )
+    body, share = _worst_body(solution.model, distortion.strained)
+    if share > MANY:
+        found["strain"] = LimitOfTheory(
+            f"{percent(share, 2)} of {body} strains by more than {percent(STRAIN)}, up to "
+            f"{percent(distortion.strain.max(), 2)}{_inside_out(distortion)}",
+            "strains count as small, and the error does not contain what this costs. Look at the "
+            "units of loads, moduli, gaps and displacements, or take a code for large strains.",
+        )
+    return found
 
-    The share [-] is the volume with more than ROTATION over the volume of the body. The
-    rotation of a cell [rad] follows from its vertices. Collective.
+
+def _of_statics(solution: Solution) -> dict[str, LimitOfTheory]:
+    """Find bodies that may not stand in the displaced place; collective."""
+    model = solution.model
+    bodies, count = model.bodies
+    facts = []
+    for missing in missing_moments(model, solution.u, solution.traction):
+        if missing.doubt <= MISSING:
+            continue
+        body = "the body"
+        if count > 1:
+            body = f"the body with {boundary_parts(model, bodies == missing.body)}"
+        facts.append(
+            f"{percent(missing.share, 2)} of the moment is missing on {body}, "
+            f"{missing.of_contacts:.2g} times what its contacts can take up"
+        )
+    if not facts:
+        return {}
+    return {
+        STATICS: LimitOfTheory(
+            f"statics of the displaced bodies: {'; '.join(facts)}; this model cannot say whether "
+            "it stands",
+            "loads and contact forces balance where the bodies were drawn. At x + u they do not, "
+            "and eps does not see it. Hold the body, give it more friction or a wider base, or "
+            "take a code for large displacements.",
+        )
+    }
+
+
+def check_upright(solution: Solution) -> None:
+    """Check that a displacement turns no part of a body inside out; collective.
+
+    At an edge where the stress is singular the smallest cells are inverted by any load,
+    so a tiny share is allowed. Without contact a scene is linear: its numbers hold for
+    loads that are a thousand times smaller, so large ones are told and not refused.
+
+    Raises:
+        InputError: If it does, and the scene has contacts.
     """
-    model, d = solution.model, solution.model.d
-    cells = model.owned_cells
-    corners = model.cell_corners()[cells]
-    moved = solution.u.x.array.reshape(-1, d)[model.vertices[cells]]
-    edges = corners[:, 1:] - corners[:, :1]
-    # This is the transpose of the gradient, whose skew part is as large.
-    gradient = np.linalg.solve(edges, moved[:, 1:] - moved[:, :1])
-    skew = 0.5 * (gradient - gradient.transpose(0, 2, 1))
-    rotation = np.linalg.norm(skew, axis=(1, 2)) / np.sqrt(2.0)
-    volume = measures(corners)
-    local = np.array([volume[rotation > ROTATION].sum(), volume.sum()])
-    beyond, whole = model.comm.allreduce(local, MPI.SUM)
-    return float(beyond / whole), greatest(model.comm, rotation)
+    model = solution.model
+    distortion = solution.distortion
+    if not model.contacts or distortion.inverted.max() <= INVERTED:
+        return
+    body, share = _worst_body(model, distortion.inverted)
+    raise InputError(
+        f"u turns {percent(share, 2)} of {body} inside out or flat (det(I + grad u) <= 0): strains "
+        f"are up to {percent(distortion.strain.max(), 2)}, and small ones are allowed, up to about "
+        f"{percent(STRAIN)}. Nothing is certified of such a state. Look at the units of loads, "
+        "moduli, gaps, displacements and motions of foundations; of loads that are right, apply a "
+        "tenth, or take a code for large strains."
+    )
+
+
+def _worst_body(model: Model, shares: np.ndarray) -> tuple[str, float]:
+    """Return the body with the greatest share, in words, and its share; collective."""
+    body, count = model.bodies
+    worst = int(shares.argmax())
+    share = float(shares[worst])
+    if count == 1 or share == 0.0:
+        return "the body", share
+    return f"the body with {boundary_parts(model, body == worst)}", share
+
+
+def _inside_out(distortion: Distortion) -> str:
+    """Say which share of a body is inverted; empty if none is."""
+    share = float(distortion.inverted.max())
+    return f" ({percent(share, 2)} is turned inside out)" if share > INVERTED else ""
 
 
 def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved: float) -> Doubts:

@@ -64,7 +64,8 @@ def with_locked_shifts(scene: Scene, after: Solution | None) -> Scene:
             )
         last = before[tie.facets]
         by_force = last.force is not None or last.locked
-        ties.append(replace(tie, shortening=last.shortening, locked=by_force))
+        assert last.shortening is not None
+        ties.append(tie.found(last.shortening, locked=by_force))
     return replace(scene, ties=ties)
 
 
@@ -88,7 +89,7 @@ def with_shifts(scene: Scene, shifts: dict[str, float]) -> Scene:
     ties: list[Any] = []
     for tie in scene.ties:
         if isinstance(tie, Preload) and tie.facets in shifts:
-            ties.append(replace(tie, shortening=shifts[tie.facets]))
+            ties.append(tie.found(shifts[tie.facets], locked=tie.locked))
         else:
             ties.append(tie)
     return replace(scene, ties=ties)

@@ -36,6 +36,7 @@ from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.model.trace import split
+from erc_contact.newton.distortion import Distortion, measure
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
 from erc_contact.newton.rest import REST_ROUND_OFF, displacement_at_rest, displacement_back_at_rest
@@ -176,6 +177,11 @@ class Solution:
             return displacement_back_at_rest(self.model, loads, self.u) is not None
         moved = greatest(self.domain.comm, self.u.x.array - at_rest.x.array)
         return moved <= REST_ROUND_OFF * self.domain.extent
+
+    @cached_property
+    def distortion(self) -> Distortion:
+        """Return how far u strains, turns and inverts the bodies; collective."""
+        return measure(self.model, self.u)
 
     def force(self, part: str) -> Force:
         """Return the force and the moment on a boundary part; collective.

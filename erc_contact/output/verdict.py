@@ -1,7 +1,7 @@
 """Say in words what an error proves, what it estimates and what it leaves open.
 
-The words follow from the scene and from numbers that the error has already; only
-:func:`of_gaps` computes something.
+The words follow from the scene and from numbers that the error has already, or that
+cost little.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.maximum import Maximum
+from erc_contact.newton.plausibility import beyond_theory
 from erc_contact.scene.potential import has_potential
 
 BOUND = "bound"
@@ -37,7 +38,7 @@ MEANS = {
 
 
 def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """Make statements about an error, each with its kind.
+    """Make statements about an error, each with its kind; collective.
 
     Kinds are :data:`BOUND`, :data:`BOUND_UP_TO`, :data:`ESTIMATE`, :data:`NOT_KNOWN`.
     """
@@ -46,6 +47,7 @@ def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
         *_of_the_data(error),
         *_of_the_steps_before(error),
         *_of_other_solutions(error),
+        *[(NOT_KNOWN, str(limit)) for limit in beyond_theory(error.solution).values()],
         _of_points(error),
     ]
 

@@ -14,6 +14,7 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base import checks
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.controller import GoalController
+from erc_contact.error.goals.perturbations import check_goal
 from erc_contact.error.strategy import Strategy
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
@@ -119,6 +120,8 @@ def adapt(
         max_cells=max_cells,
         max_steps=max_steps,
     )
+    if plan.goal is not None:
+        check_goal(scene, domain, plan.degree, plan.goal)
     # The C compiler works on another core while the forms are compiled here.
     kernels_ahead(domain.dim)
     identity = partial(fingerprint, scene, domain, plan.arguments(DECISIVE))

@@ -26,7 +26,7 @@ from erc_contact.error.optimal import SizeMap
 from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import DEFAULT
-from erc_contact.newton.plausibility import DoubtsOfRun
+from erc_contact.newton.plausibility import DoubtsOfRun, check_upright
 from erc_contact.newton.solve import solve_quietly
 from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
@@ -151,7 +151,7 @@ class Loop:
         self.began = comm.bcast(perf_counter() if comm.rank == 0 else None)
         self.steps: list[Step] = []
         self.meshes: list[tuple[Domain, np.ndarray]] = []
-        self.doubts = DoubtsOfRun(comm)
+        self.doubts = DoubtsOfRun(comm, refines=True)
         self.last: ConstitutiveError | None = None
         self.best: ConstitutiveError | None = None
         self.outcome = ""
@@ -273,6 +273,7 @@ class Loop:
                 tolerance=allowed,
                 solver=plan.solver,
             )
+            check_upright(solution)
             interrupts.check()
             try:
                 with stage(self.comm, "equilibrium"):
@@ -381,10 +382,10 @@ class Loop:
             self.outcome += other_methods(self.steps)
         if not best.domain.knows_shape:
             self.outcome += NO_TRUE_SHAPE
+        self.outcome += self.doubts.end()
         is_met = self.aim.reached if self.aim else best.total <= self.plan.accuracy
         reached = is_met or best.solution.at_rest
         self._log(self.outcome, logging.INFO if reached else logging.WARNING)
-        self.doubts.end()
         return History(
             tuple(self.steps),
             self.plan.accuracy,

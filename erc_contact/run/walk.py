@@ -81,7 +81,7 @@ class Walk:
         self.domain = domain
         self.comm = domain.comm
         self.log = log_of(self.comm)
-        self.doubts = DoubtsOfRun(self.comm)
+        self.doubts = DoubtsOfRun(self.comm, refines=False)
         self.began = self.comm.bcast(perf_counter() if self.comm.rank == 0 else None)
         self.log.info(HEADER)
         with Interrupts(self.comm) as interrupts:
@@ -252,14 +252,13 @@ class Walk:
 
     def _evolution(self) -> Evolution:
         """Make the history, and log its outcome; collective."""
-        self.doubts.end()
         count = len(self.rows)
         missed = sum(not row.reached for row in self.rows)
         reached = not self.outcome and not missed
         outcome = self.outcome or f"All {count} steps to t = {self.time:g} are done."
         if missed:
             outcome += f" {missed} of {count} steps are above {percent(self.plan.accuracy)}."
-        outcome = outcome.rstrip()
+        outcome = outcome.rstrip() + self.doubts.end()
         self.log.log(logging.INFO if reached else logging.WARNING, outcome)
         settings = {"times": self.times, **self.in_time.arguments()}
         return Evolution(

@@ -105,12 +105,14 @@ def of_regions(materials: Mapping[str, Any]) -> Any:
     """Return materials of regions as one material, whose parameters differ by region.
 
     Args:
-        materials: Name of each region -> its material.
+        materials: Name of each region -> its material. Elastic regions become regions
+            of the class of the others, if it has ``of_elastic``.
 
     Raises:
         InputError: If these are not materials of one class that differ in their
             parameters only.
     """
+    materials = _with_elastic_regions(materials)
     example = '{"upper": ec.Elastic(210e3, 0.3), "lower": ec.Elastic(70e3, 0.33)}'
     kinds = {type(material) for material in materials.values()}
     first = next(iter(materials.values()), None)
@@ -118,7 +120,8 @@ def of_regions(materials: Mapping[str, Any]) -> Any:
     if not is_one_kind or not hasattr(first, "parameters"):
         raise InputError(
             f"Scene: material is {materials!r}; give a material for each region, all of one class, "
-            f"e.g. {example}."
+            f"e.g. {example}. Elastic regions may stand beside a class with a method of_elastic, "
+            "as ec.Plastic has it."
         )
     known: Any = first
     values: dict[str, dict[str, Any]] = {name: {} for name in known.parameters}
@@ -139,6 +142,18 @@ def of_regions(materials: Mapping[str, Any]) -> Any:
             else:
                 values[entry.name][region] = value
     return replace(known, **values)
+
+
+def _with_elastic_regions(materials: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return materials with elastic regions in the class of the other regions."""
+    others = [material for material in materials.values() if type(material) is not Elastic]
+    convert = getattr(others[0], "of_elastic", None) if others else None
+    if convert is None:
+        return materials
+    result = {}
+    for region, material in materials.items():
+        result[region] = convert(material) if type(material) is Elastic else material
+    return result
 
 
 class Material(Protocol):

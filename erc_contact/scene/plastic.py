@@ -23,6 +23,9 @@ from erc_contact.scene.material import (
     check_numbers,
 )
 
+NO_YIELD = 1e100
+"""Yield stress that no stress reaches, whatever the unit [force/area]."""
+
 
 @dataclass(frozen=True)
 class Plastic:
@@ -39,7 +42,8 @@ class Plastic:
                + [q(sigma - X) - y_a]_+^2 / (2 (H + H_k)).
 
     ``solve`` and ``adapt`` make one step from rest; ``evolve`` goes from step to step.
-    On a mesh in the plane it is plane strain, or of a body of revolution.
+    On a mesh in the plane it is plane strain, or of a body of revolution. Beside it in
+    a mapping of regions an :class:`Elastic` is a law that never yields.
 
     Args:
         E: Young's modulus [force/area], > 0: a number, a callable of x, or a mapping
@@ -85,6 +89,11 @@ class Plastic:
                 f"Plastic: hypothesis is {self.hypothesis!r}; give {PLANE_STRAIN!r} or "
                 f"{AXISYMMETRIC!r}."
             )
+
+    @classmethod
+    def of_elastic(cls, elastic: Elastic) -> Plastic:
+        """Return an elastic material as a law that never yields."""
+        return cls(elastic.E, elastic.nu, NO_YIELD, NO_YIELD, hypothesis=elastic.hypothesis)
 
     def check(self, name: str, low: float, high: float) -> None:
         """Check the range ``[low, high]`` that a parameter takes in the body.

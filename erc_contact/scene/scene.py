@@ -18,7 +18,13 @@ from erc_contact.base.html import table
 from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
-from erc_contact.scene.material import PLANE_STRAIN, PLANE_STRESS, Material, of_regions
+from erc_contact.scene.material import (
+    PLANE_STRAIN,
+    PLANE_STRESS,
+    Material,
+    is_axisymmetric,
+    of_regions,
+)
 from erc_contact.scene.potential import (
     DUAL_MEMBERS,
     FROM_REST,
@@ -201,6 +207,10 @@ class Scene:
             if load.facets is not None:
                 self._check_load_on_support(load, fixed)
         self._check_dimensions()
+        axisymmetric = is_axisymmetric(self.material)
+        for support in self.supports:
+            if isinstance(support, Rigid):
+                support.check_hypothesis(axisymmetric=axisymmetric)
 
     def _check_ties(self) -> None:
         """Check that both parts of each tied joint are in no other condition."""

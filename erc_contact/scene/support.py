@@ -106,7 +106,9 @@ class Rigid:
 
     Of each of its freedoms, a translation along each axis and a rotation (in space one
     about each axis), either the motion or its resultant is given: a number in one of
-    the two, None in the other.
+    the two, None in the other. A face of an axisymmetric body moves along the axis
+    alone, and ``force=(None, F)`` says all of it: along r it slides freely, or it is
+    held by ``displacement=(0.0, None)``.
 
     Args:
         facets: Name of the boundary part, which lies on one body.
@@ -152,14 +154,48 @@ class Rigid:
                 " component in one of them, e.g. Rigid('top', displacement=(0.0, None),"
                 " rotation=0.0, force=(None, -3.0))."
             )
-        freedoms = zip(self._names, self.motions, self.resultants, strict=True)
-        for (motion_name, resultant_name), motion, resultant in freedoms:
-            if (motion is None) == (resultant is None):
-                given = "neither" if motion is None else "both"
+        for number, ring_lacks in enumerate(self._ring_lacks):
+            self._check_freedom(number, may_lack=ring_lacks)
+
+    def check_hypothesis(self, *, axisymmetric: bool) -> None:
+        """Check what depends on the material: which freedoms must be given.
+
+        Args:
+            axisymmetric: Whether the body is a ring, which moves along the axis alone.
+
+        Raises:
+            InputError: If a freedom is not given, or a ring has no such freedom.
+        """
+        if not axisymmetric:
+            for number in range(len(self._names)):
+                self._check_freedom(number, may_lack=False)
+            return
+        freedoms = zip(self._ring_lacks, self.motions, self.resultants, strict=True)
+        for ring_lacks, motion, resultant in freedoms:
+            if ring_lacks and (motion not in (None, 0.0) or resultant is not None):
                 raise InputError(
-                    f"{self._what} has {given} of {motion_name} and {resultant_name}; give one of"
-                    " them, and None in place of the other (a free motion has the resultant 0)."
+                    f"{self._what}: a rigid face of an axisymmetric body moves along the axis only;"
+                    " give its force, force=(None, F), or its displacement, displacement=(None, U),"
+                    " no moment, and displacement=(0.0, ...) to hold it along r."
                 )
+
+    def _check_freedom(self, number: int, *, may_lack: bool) -> None:
+        """Check that either motion or resultant of a freedom is given.
+
+        Args:
+            number: Number of the freedom.
+            may_lack: Whether both may be left out.
+        """
+        motion = self.motions[number]
+        resultant = self.resultants[number]
+        if (motion is None) != (resultant is None) or (may_lack and motion is None):
+            return
+        given = "neither" if motion is None else "both"
+        motion_name, resultant_name = self._names[number]
+        raise InputError(
+            f"{self._what} has {given} of {motion_name} and {resultant_name}; give one of"
+            " them, and None in place of the other (a free motion has the resultant 0)."
+        )
 
     @property
     def motions(self) -> tuple[float | None, ...]:
@@ -172,9 +208,17 @@ class Rigid:
         return self._freedoms("force", "moment")
 
     @property
-    def value(self) -> tuple[float, ...]:
-        """Return the given displacement, as a support has it; 0 where it is free."""
-        return tuple(motion or 0.0 for motion in self.motions[: self.d])
+    def value(self) -> tuple[float | None, ...]:
+        """Return the given displacement, as a support has it; 0 where the face moves.
+
+        It is None in a component in which nothing is given.
+        """
+        value: list[float | None] = []
+        freedoms = zip(self.motions, self.resultants, strict=True)
+        for motion, resultant in list(freedoms)[: self.d]:
+            is_given = motion is not None or resultant is not None
+            value.append((motion or 0.0) if is_given else None)
+        return tuple(value)
 
     @property
     def is_moved(self) -> bool:
@@ -190,6 +234,11 @@ class Rigid:
     def _what(self) -> str:
         """Return the face in words for messages."""
         return f"Rigid({self.facets!r})"
+
+    @property
+    def _ring_lacks(self) -> tuple[bool, ...]:
+        """Tell which freedoms a ring lacks: all but the motion along the axis."""
+        return (True, False, True) if self.d == 2 else (False,) * len(self._names)
 
     @property
     def _names(self) -> list[tuple[str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,10 +61,10 @@ class Preload(Tied):
         u_1 - u_2 = q d,    sigma n equal on both sides.
 
     So a bolt whose shank is cut is shortened by q, and carries the force F along d.
-    Either is given. The parts are a pair of :meth:`Domain.split` or
-    :meth:`Domain.joined` that goes through the whole section. The cells of the first
-    side that touch the cut must be free of contacts with friction, and of supports and
-    springs that hold them along d.
+    Exactly one of F, q and ``locked`` is given. The parts are a pair of
+    :meth:`Domain.split` or :meth:`Domain.joined` that goes through the whole section.
+    The cells of the first side that touch the cut must be free of contacts with
+    friction, and of supports and springs that hold them along d.
 
     Args:
         facets: Name of the first side of the cut.
@@ -75,8 +76,8 @@ class Preload(Tied):
             is tightened.
 
     Raises:
-        InputError: If nothing tells the shift, or a force and locked do, a number is
-            not finite, or these are no two names.
+        InputError: If not exactly one of force, shortening and locked tells the shift,
+            a number is not finite, or these are no two names.
 
     Source: the jump q d is a given strain in the cells of the first side beside the
     cut. So e (16) is the error of the body with this shift, as with any given strain.
@@ -97,14 +98,37 @@ class Preload(Tied):
         super().__post_init__()
         if not isinstance(self.locked, bool):
             raise InputError(f"{self._what}: locked is {self.locked!r}; give True or False.")
-        if self.locked == (self.force is not None) and self.shortening is None:
-            told = "locked=True and a force" if self.locked else "nothing that tells its shift"
-            raise InputError(
-                f"{self._what} has {told}; give force= or shortening=, or in a step of a history"
-                " after another one locked=True."
-            )
+        self._check_told()
         for name in ("force", "shortening"):
             self._check_number(name, getattr(self, name))
+
+    def found(self, shortening: float, *, locked: bool) -> Preload:
+        """Return the preload with the shift that was found for it, beside its force.
+
+        Args:
+            shortening: The shift [length].
+            locked: Whether it is the shift of an earlier step, found for a force there.
+        """
+        preload = copy(self)
+        # The class is frozen, and its arguments tell one thing: only here they may not.
+        object.__setattr__(preload, "shortening", shortening)
+        object.__setattr__(preload, "locked", locked)
+        return preload
+
+    def _check_told(self) -> None:
+        """Check that a single argument tells the shift."""
+        told = {
+            "force": self.force is not None,
+            "shortening": self.shortening is not None,
+            "locked": self.locked,
+        }
+        names = [f"{name}={getattr(self, name)!r}" for name, given in told.items() if given]
+        if len(names) != 1:
+            raise InputError(
+                f"{self._what} has {' and '.join(names) or 'nothing that tells its shift'}; give"
+                " one of force= and shortening=, or in a step of a history after another one"
+                " locked=True."
+            )
 
     @property
     def _what(self) -> str:

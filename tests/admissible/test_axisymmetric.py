@@ -166,6 +166,19 @@ def test_springs_and_foundations():
         assert energy == pytest.approx(-0.5 * np.pi * (1 / stiffness + 1 / E), rel=1e-9)
 
 
+@pytest.mark.serial
+def test_a_table_may_begin_at_the_axis():
+    """The gap of a table of two points is a line; its first kink is on the axis."""
+    domain = ec.rectangle((0.0, 0.0), (1.5, 1.0), cells=(4, 3))
+    support = ec.Displacement("top", (None, -0.02))
+    found = []
+    for gap in (ec.table([0.0, 1.5], [0.0, 0.03]), lambda x: 0.02 * x[0]):
+        bed = ec.Foundation(300.0, tangential=100.0)
+        contact = ec.Contact("bottom", friction=0.3, gap=gap, foundation=bed)
+        found.append(certified(ec.Scene(RINGS, support, contacts=contact), domain).absolute)
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+
+
 def test_springs_at_the_axis_take_one_solve(monkeypatch):
     """What springs pull at the axis is in the forces of the solver, and not in sigma^."""
     solves = []
@@ -253,16 +266,50 @@ def test_interval_of_an_exact_pair():
     assert force.high - force.low < 1e-9 * force.value
 
 
-def test_rigid_faces_move_along_the_axis():
+@pytest.mark.parametrize("held", [(0.0, None), None])
+def test_rigid_faces_move_along_the_axis(held):
     _, domain = pressed(0.0, (4, 4))
-    face = ec.Rigid("top", displacement=(0.0, None), rotation=0.0, force=(None, -10.0))
+    face = ec.Rigid("top", displacement=held, force=(None, -10.0))
     scene = ec.Scene(RINGS, face, contacts=ec.Contact("bottom", friction=0.2))
     error = certified(scene, domain)
     assert error.force("top").force[1] == pytest.approx(-10.0, rel=1e-10)
     assert error.force("bottom").force[1] == pytest.approx(10.0, rel=1e-10)
-    turning = ec.Rigid("top", displacement=(0.0, None), force=(None, -10.0), moment=0.0)
-    with pytest.raises(ec.InputError, match="along the axis only"):
-        certified(ec.Scene(RINGS, turning, contacts=scene.contacts), domain)
+    u = error.at([(1.0, 1.0)]).displacement[0]
+    assert (abs(u[0]) <= 1e-12 * abs(u[1])) == (held is not None)
+
+
+def test_a_rigid_face_slides_along_r():
+    """A column of height 1 in uniaxial stress: it widens freely, and nothing is left of e."""
+    area = np.pi
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3))
+    bottom = ec.Contact("bottom")
+    for top in (ec.Rigid("top", force=(None, -10.0)), ec.Rigid("top", (None, -10.0 / (E * area)))):
+        for method in METHODS:
+            error = certified(ec.Scene(RINGS, top, contacts=bottom), domain, method, degree=2)
+            assert error.relative < 1e-9
+            assert error.force("top").force == pytest.approx([0.0, -10.0], rel=1e-9, abs=1e-9)
+            moved = error.solution.motion("top")
+            assert moved.displacement == pytest.approx([0.0, -10.0 / (E * area)], rel=1e-9)
+            assert error.at([(1.0, 0.5)]).displacement[0, 0] == pytest.approx(NU * 10 / (E * area))
+    goal = ec.interval(
+        certified(ec.Scene(RINGS, ec.Rigid("top", force=(None, -10.0)), contacts=bottom), domain),
+        ec.MeanDisplacement("top", (0.0, 1.0)),
+    )
+    assert goal.value == pytest.approx(-10.0 / (E * area), rel=1e-8)
+
+
+@pytest.mark.serial
+def test_what_rigid_faces_of_rings_refuse():
+    for given in (
+        {"displacement": (0.0, None), "force": (None, -10.0), "moment": 0.0},
+        {"displacement": (0.1, None), "force": (None, -10.0)},
+        {"force": (0.0, -10.0)},
+        {"rotation": 0.1, "force": (None, -10.0)},
+    ):
+        with pytest.raises(ec.InputError, match="along the axis only"):
+            ec.Scene(RINGS, ec.Rigid("top", **given))
+    with pytest.raises(ec.InputError, match="neither of displacement in x"):
+        ec.Scene(ec.Elastic(E, NU), ec.Rigid("top", force=(None, -10.0)))
 
 
 def test_what_the_axis_refuses():

@@ -169,6 +169,36 @@ def test_runs_reach_their_accuracy():
     assert found.low < OF_TABLES < found.high
 
 
+def loose() -> ec.Scene:
+    """The strip between two tensions, which nothing holds."""
+    ends = [ec.Traction("top", (0.0, 1.0)), ec.Traction("bottom", (0.0, -1.0))]
+    return ec.Scene(ec.Elastic(E, NU), loads=ends)
+
+
+@pytest.mark.serial
+def test_a_strip_that_nothing_holds():
+    """Rigid motions change no factor: psi of them is round-off of a sum over the mesh."""
+    history = ec.adapt(loose(), strip(0.3), accuracy=0.05, degree=2, goal=factor(0.4))
+    assert history.reached, history.outcome
+    assert history.bounds.guaranteed
+    assert history.bounds.low < OF_TABLES < history.bounds.high
+
+
+@pytest.mark.serial
+def test_what_integrals_leave_unknown_is_no_motion():
+    """A load in balance that jumps inside cells, whose integral is known to 1e-4."""
+    up = 0.037
+
+    def balanced(x):
+        return (0.0, ufl.conditional(ufl.gt(x[1], up), 1.0, -(3 - up) / (3 + up)))
+
+    error = certified(loose(), strip(0.3))
+    found = ec.interval(error, ec.Functional(ec.BodyForce(balanced)))
+    assert found.low < found.value < found.high
+    with pytest.raises(ec.InputError, match="change the number"):
+        ec.interval(error, ec.Functional(ec.BodyForce((0.0, 1.0))))
+
+
 @pytest.mark.ranks
 @pytest.mark.parametrize("degree", [1, 2])
 def test_ranks_agree(degree):

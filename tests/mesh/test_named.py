@@ -238,6 +238,14 @@ BAD = {
         lambda b: b.named({"foot": ec.where(normal=(0, 0, 1))}),
         "in 2D it has 2 components",
     ),
+    "z in the plane": (
+        lambda b: b.named({"foot": ec.where(z=0.0)}),
+        "z is 0.0, and the mesh is in the plane",
+    ),
+    "z of a region in the plane": (
+        lambda b: b.named(regions={"steel": ec.where(z=(0.0, 1.0))}),
+        "the mesh is in the plane",
+    ),
     "no region": (
         lambda b: b.named({"foot": ec.where(region="steel")}),
         "no cell region is called 'steel'; this domain has none",

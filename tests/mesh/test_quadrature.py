@@ -12,7 +12,14 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from erc_contact.mesh.quadrature import bisect, cell_pieces, facet_pieces, integrate
+from erc_contact.mesh.quadrature import (
+    Cuts,
+    bisect,
+    cell_pieces,
+    facet_pieces,
+    first_pieces,
+    integrate,
+)
 
 COMM = MPI.COMM_WORLD
 
@@ -148,3 +155,11 @@ def test_pieces_fill_the_simplex(pieces):
         sizes = abs(np.linalg.det(corners))
         assert sizes.sum() == pytest.approx(1.0, rel=1e-12)
         assert sizes == pytest.approx(sizes[0], rel=1e-12)
+
+
+@pytest.mark.serial
+def test_kinks_at_vertices_cut_nothing():
+    """Neither at the first vertex of a segment nor at its second one, up to round-off."""
+    cuts = Cuts(np.zeros(5, dtype=int), np.array([0.0, 1e-12, 0.3, 1.0 - 1e-12, 1.0]))
+    found = first_pieces(np.array([0]), np.eye(2)[None], cuts)
+    assert found.share == pytest.approx([0.3, 0.7])

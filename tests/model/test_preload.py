@@ -289,7 +289,9 @@ def test_two_bolts():
 def test_bad_input():
     pair = NAMES
     refused(lambda: ec.Preload(*pair), "nothing that tells its shift", "force=")
-    refused(lambda: ec.Preload(*pair, force=1.0, locked=True), "locked=True and a force")
+    refused(lambda: ec.Preload(*pair, force=1.0, locked=True), "force=1.0 and locked=True")
+    refused(lambda: ec.Preload(*pair, force=1.0, shortening=0.1), "force=1.0 and shortening=0.1")
+    refused(lambda: ec.Preload(*pair, shortening=0.1, locked=True), "shortening=0.1 and locked")
     refused(lambda: ec.Preload(*pair, force=float("nan")), "finite")
     refused(lambda: ec.Preload(*pair, shortening="0.1"), "finite")
     refused(lambda: ec.Preload(*pair, locked=1), "True or False")

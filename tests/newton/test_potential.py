@@ -295,6 +295,30 @@ def history(comm, degree, method=None):
     return ec.adapt(scene, domain, 1e-6, degree=degree, method=method, max_steps=3)
 
 
+def two_regions(first, second):
+    """A slab in two halves, each of a material of its own, pressed."""
+    halves = {"left": ec.where(x=(None, 1.0)), "right": ec.where(x=(1.0, None))}
+    scene = pressed({"left": first, "right": second}, 2, friction=0.2)
+    return scene, slab(2).named(regions=halves)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("plastic_first", [True, False])
+def test_an_elastic_region_is_a_law_with_no_yield(plastic_first):
+    """As with a yield stress far above all stresses, to round-off."""
+    soft = ec.Plastic(1.0, 0.3, yield_stress=0.005, hardening=0.05)
+    never = ec.Plastic(2.0, 0.2, yield_stress=1e3, hardening=1e3)
+    found = []
+    for elastic in (ec.Elastic(2.0, 0.2), never):
+        pair = (soft, elastic) if plastic_first else (elastic, soft)
+        error = certified(*two_regions(*pair))
+        energy = ec.potential_energy(error)
+        found.append([error.absolute, energy.low, energy.high, error.displacement_error])
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    refused(lambda: two_regions(soft, Quadratic(1.0, 0.3)), "all of one class", "of_elastic")
+    refused(lambda: two_regions(soft, ec.Elastic(1.0, 0.3, hypothesis="plane stress")), "plane")
+
+
 @pytest.mark.ranks
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
 @pytest.mark.parametrize("degree", [1, 2])

@@ -66,8 +66,8 @@ def test_a_history_from_rest_and_back(degree, caplog):
     """Pressed, sheared, released, pressed again, held by contact alone."""
 
     def scene_at(t):
-        pressure = np.interp(t, [1.0, 2.0, 3.0, 4.0, 5.0], [0.0, 0.05, 0.05, 0.0, 0.05])
-        shear = np.interp(t, [2.0, 3.0, 4.0], [0.0, 0.012, 0.0])
+        pressure = np.interp(t, [1.0, 2.0, 3.0, 4.0, 5.0], [0.0, 0.005, 0.005, 0.0, 0.005])
+        shear = np.interp(t, [2.0, 3.0, 4.0], [0.0, 0.0012, 0.0])
         load = ec.Traction("top", (float(shear), -float(pressure)))
         return ec.Scene(ec.Elastic(1.0, 0.3), [], [load], [ec.Contact("bottom", friction=0.3)])
 

@@ -43,6 +43,31 @@ def test_adaptive_rate():
     assert history.slope("cells", last=4) == pytest.approx(-0.5, abs=0.05)
 
 
+WITHOUT_NUMBER = {
+    "no support": (ec.Resultant("left", (0.0, 1.0)), "part with a support or in contact"),
+    "no contact": (ec.Slip("left"), "No contact is called 'left'"),
+    "no bolt": (ec.BoltForce("top"), "a side of a preload"),
+    "no face": (ec.Rotation("top"), "no rigid face"),
+    "held": (ec.MeanDisplacement("top", (0.0, 1.0)), "a support or a contact"),
+    "no load": (ec.Functional(ec.Traction("left", (0.0, 0.0))), "zero everywhere"),
+    "no crack": (ec.StressIntensity((0.0, 0.0), (1.0, 0.0), radius=0.1), "comes as near as 0"),
+    "a vector of space": (ec.Resultant("top", (0.0, 1.0, 0.0)), "give 2 finite numbers"),
+}
+
+
+@pytest.mark.parametrize("case", WITHOUT_NUMBER)
+def test_a_goal_is_checked_before_a_solve(case):
+    """The scene has no equilibrium: a solve would say that, and not what the goal lacks."""
+    goal, words = WITHOUT_NUMBER[case]
+    pulled = ec.Displacement("top", (0.0, None))
+    load = ec.Traction("right", (0.0, 1.0))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pulled, load, ec.Contact("bottom"))
+    with pytest.raises(ec.InputError, match=words):
+        ec.adapt(scene, block(2), accuracy=0.1, goal=goal)
+    with pytest.raises((ec.NotConverged, ec.NotHeldError)):
+        ec.adapt(scene, block(2), accuracy=0.1, goal=ec.Resultant("bottom", (0.0, 1.0)))
+
+
 @pytest.mark.serial
 def test_uniform_rate_is_that_of_the_corner():
     history = ec.adapt(

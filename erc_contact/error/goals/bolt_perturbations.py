@@ -19,7 +19,7 @@ from erc_contact.error.bolts import has_forces
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.mesh.tags import listed
-from erc_contact.scene.goal import BoltForce, GoalOfBolt
+from erc_contact.scene.goal import BoltForce, GoalOfBolt, Shortening
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 
@@ -33,26 +33,19 @@ def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Pe
         pair: Its pair.
 
     Raises:
-        InputError: If no preload has the part, or the number is given.
+        InputError: As :func:`checked_preload`.
     """
     scene = base.scene
-    preload = _preload(scene, goal)
+    preload = checked_preload(scene, goal)
     assert preload.shortening is not None
     if isinstance(goal, BoltForce):
-        if preload.force is not None:
-            raise InputError(
-                f"{goal!r}: this force is given, {preload.force:g}; ask for the Shortening."
-            )
         q = float(preload.shortening)
 
         def shifted(t: float) -> Scene:
-            return _with(scene, replace(preload, shortening=q + t))
+            return _with(scene, preload.found(q + t, locked=preload.locked))
 
         return Perturbation(shifted, no_load, -1.0, BoundedNumber(0.0), base.step_of(1.0))
-    if preload.force is None:
-        raise InputError(
-            f"{goal!r}: this shift is given, {preload.shortening:g}; ask for the BoltForce."
-        )
+    assert preload.force is not None
     force = preload.force
     # All bolts keep their forces, and their shifts are found.
     loose = scene
@@ -74,12 +67,24 @@ def _with(scene: Scene, preload: Preload) -> Scene:
     return replace(scene, ties=ties)
 
 
-def _preload(scene: Scene, goal: GoalOfBolt) -> Preload:
-    """Return the preload that has the part of a goal."""
+def checked_preload(scene: Scene, goal: GoalOfBolt) -> Preload:
+    """Return the preload that has the part of a goal.
+
+    Raises:
+        InputError: If no preload has the part, or the number is given.
+    """
     parts: list[str] = []
+    found: Preload | None = None
     for tie in scene.ties:
         if isinstance(tie, Preload):
             parts += tie.sides
-            if goal.part in tie.sides:
-                return tie
-    raise InputError(f"{goal!r}: give a side of a preload; this scene has {listed(parts)}.")
+            found = tie if goal.part in tie.sides else found
+    if found is None:
+        raise InputError(f"{goal!r}: give a side of a preload; this scene has {listed(parts)}.")
+    if isinstance(goal, BoltForce) and found.force is not None:
+        raise InputError(f"{goal!r}: this force is given, {found.force:g}; ask for the Shortening.")
+    if isinstance(goal, Shortening) and found.force is None:
+        raise InputError(
+            f"{goal!r}: this shift is given, {found.shortening:g}; ask for the BoltForce."
+        )
+    return found

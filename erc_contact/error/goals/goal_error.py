@@ -22,9 +22,6 @@ from erc_contact.error.goals.trials import GoalError, PairOf, Trials
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
 from erc_contact.scene.goal import Energy, Goal, Resultant
 
-SAME = 1e-9
-"""Change of a number by a motion that counts as none, over its size [-]."""
-
 
 def goal_error(
     error: ConstitutiveError,
@@ -73,22 +70,9 @@ def perturbation_or_number(error: ConstitutiveError, goal: Goal) -> Perturbation
     if error.model.is_later_step:
         raise InputError("interval: a step of a history has none; solve its scene alone.")
     perturbation = perturbation_of(error, goal)
-    _check_known(error, goal, perturbation)
     if perturbation.scene_at is None:
         return _told_by_loads(error, perturbation.constant)
     return perturbation
-
-
-def _check_known(error: ConstitutiveError, goal: Goal, perturbation: Perturbation) -> None:
-    """Check that motions that nothing holds do not change a number; collective."""
-    unheld = error.model.unheld
-    for motion in unheld.functions:
-        if abs(perturbation.psi(motion).value) > SAME * perturbation.size:
-            raise InputError(
-                f"{goal!r}: nothing holds the body against {unheld.words}, and these motions "
-                "change the number. Ask for a Functional whose load is in balance, or hold the "
-                "body."
-            )
 
 
 def with_lifting(error: ConstitutiveError, goal: Goal, bounds: Bounds) -> Bounds:

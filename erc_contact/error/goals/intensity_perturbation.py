@@ -60,23 +60,13 @@ def stress_intensity(
     """Return the perturbation for a stress intensity factor; collective.
 
     Raises:
-        InputError: If the number does not exist: the tip is no end of a straight crack
-            of the plane as long as the radius, the radius reaches the boundary, or
-            within it the material varies or a load, support, spring or given strain is.
+        InputError: As :func:`checked_compliance`.
     """
     pair = error.admissible
     model = pair.model
     scene = base.scene
-    if model.d != 2 or model.axisymmetric:
-        raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
-    if model.strains is not None or model.body_force is not None:
-        raise InputError(
-            f"{goal!r}: with given strains, preloads or body forces the number has no interval;"
-            " replace them by tractions beyond the radius."
-        )
     frame = _Frame(goal)
-    _check_crack(model, goal, frame)
-    S = _compliance(model, goal, frame)
+    S = checked_compliance(model, goal)
     # S has (kappa + 1)/(8 mu), and 1/(2 mu) last.
     kappa = float(4 * S[0, 0] / S[2, 2] - 1)
     tip_x, tip_y = goal.tip
@@ -94,6 +84,26 @@ def stress_intensity(
 
     constant = _work_on_faces(error, frame)
     return Perturbation(scene_at, psi, 1.0, constant, base.e / size)
+
+
+def checked_compliance(model: Model, goal: StressIntensity) -> np.ndarray:
+    """Return the compliance around the tip [area/force], shape (3, 3); collective.
+
+    Raises:
+        InputError: If the number does not exist: the tip is no end of a straight crack
+            of the plane as long as the radius, the radius reaches the boundary, or
+            within it the material varies or a load, support, spring or given strain is.
+    """
+    if model.d != 2 or model.axisymmetric:
+        raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
+    if model.strains is not None or model.body_force is not None:
+        raise InputError(
+            f"{goal!r}: with given strains, preloads or body forces the number has no interval;"
+            " replace them by tractions beyond the radius."
+        )
+    frame = _Frame(goal)
+    _check_crack(model, goal, frame)
+    return _compliance(model, goal, frame)
 
 
 class _Frame:

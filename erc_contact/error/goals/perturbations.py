@@ -1,4 +1,4 @@
-"""Return the perturbation that a goal asks of a pair.
+"""Return the perturbation that a goal asks of a pair, and check goals before a solve.
 
 See :mod:`erc_contact.error.goals.perturbation`.
 """
@@ -13,21 +13,25 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.bolt_perturbations import bolt_perturbation
+from erc_contact.error.goals.bolt_perturbations import bolt_perturbation, checked_preload
 from erc_contact.error.goals.constants import LEAST_ERROR
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
-from erc_contact.error.goals.intensity_perturbation import stress_intensity
+from erc_contact.error.goals.intensity_perturbation import checked_compliance, stress_intensity
 from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
+from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
+from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
 from erc_contact.scene.goal import (
     BoltForce,
+    Energy,
     Functional,
+    Goal,
     GoalOfBolt,
     GoalOfContact,
     GoalOfPart,
@@ -40,35 +44,62 @@ from erc_contact.scene.goal import (
     Slip,
     StressIntensity,
 )
+from erc_contact.scene.scene import Scene
+
+SAME = 1e-9
+"""Change of a number by a motion that counts as none, over its size [-]."""
+
+type GoalOfScene = GoalOfPart | GoalOfContact | Functional
+"""A goal whose perturbation needs no pair."""
+type GoalOfPair = GoalOfScene | GoalOfBolt | StressIntensity
+"""A goal that moves a scene."""
 
 
-def perturbation_of(
-    error: ConstitutiveError,
-    goal: GoalOfPart | GoalOfContact | GoalOfBolt | Functional | StressIntensity,
-) -> Perturbation:
-    """Return what a goal moves; collective."""
-    model = error.model
-    soft = [contact.name for contact in model.contacts if contact.is_compliant]
-    if soft:
-        raise InputError(
-            f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
-            " ec.resultant for a force of a contact."
-        )
-    if isinstance(goal, Slip) and goal.direction is not None:
-        _check_vector(goal, goal.direction, model.d)
-    vector = np.zeros(0)
-    if isinstance(goal, MeanDisplacement | Rotation | Moment | Resultant):
-        vector = _checked_vector(goal, model.d)
-        if model.axisymmetric:
-            _check_on_rings(model, goal, vector)
+def perturbation_of(error: ConstitutiveError, goal: GoalOfPair) -> Perturbation:
+    """Return what a goal moves; collective.
+
+    Raises:
+        InputError: If the scene has no such number, or rigid motions that nothing holds
+            change it.
+    """
+    vector = _check(error.model, goal)
     base = _base_scene(error)
+    match goal:
+        case StressIntensity():
+            return stress_intensity(error, base, goal)
+        case BoltForce() | Shortening():
+            return bolt_perturbation(base, goal, error.admissible)
+        case _:
+            return _of_scene(base, goal, vector)
+
+
+def check_goal(scene: Scene, domain: Domain, degree: int, goal: Goal) -> None:
+    """Check that a scene has the number of a goal, before it is solved; collective.
+
+    Raises:
+        InputError: As :func:`perturbation_of`.
+    """
+    if isinstance(goal, Energy):
+        return
+    scene = with_locked_shifts(scene, None)
+    unknown = [preload.facets for preload in with_forces(scene)]
+    model = Model(with_shifts(scene, dict.fromkeys(unknown, 0.0)), domain, degree)
+    vector = _check(model, goal)
+    match goal:
+        case StressIntensity():
+            checked_compliance(model, goal)
+        case BoltForce() | Shortening():
+            checked_preload(scene, goal)
+        case _:
+            # What is moved does not depend on the sizes of the solution.
+            _of_scene(BaseScene(model, scene, 1.0, 1.0, 1.0), goal, vector)
+
+
+def _of_scene(base: BaseScene, goal: GoalOfScene, vector: np.ndarray) -> Perturbation:
+    """Return what a goal moves that needs no pair; collective."""
     match goal:
         case Functional():
             perturbation = functional(base, goal)
-        case StressIntensity():
-            perturbation = stress_intensity(error, base, goal)
-        case BoltForce() | Shortening():
-            perturbation = bolt_perturbation(base, goal, error.admissible)
         case Slip() | Opening():
             perturbation = jump_perturbation(base, goal)
         case MeanDisplacement():
@@ -79,7 +110,46 @@ def perturbation_of(
             perturbation = moment(base, goal, vector)
         case Resultant():
             perturbation = resultant(base, goal, vector)
+    _check_known(base.model, goal, perturbation)
     return perturbation
+
+
+def _check_known(model: Model, goal: GoalOfScene, perturbation: Perturbation) -> None:
+    """Check that motions that nothing holds do not change a number; collective.
+
+    They change no work of a given strain, and no shift or force of a bolt.
+    """
+    unheld = model.unheld
+    for motion in unheld.functions:
+        change = perturbation.psi(motion)
+        # What the integral leaves unknown depends on the mesh.
+        if abs(change.value) > SAME * perturbation.size + change.bound:
+            raise InputError(
+                f"{goal!r}: nothing holds the body against {unheld.words}, and these motions "
+                "change the number. Ask for a Functional whose load is in balance, or hold the "
+                "body."
+            )
+
+
+def _check(model: Model, goal: GoalOfPair) -> np.ndarray:
+    """Check what all goals need, and return the vector of a goal of a part; collective.
+
+    It is the direction, or the axis: one number in the plane, none without a part.
+    """
+    soft = [contact.name for contact in model.contacts if contact.is_compliant]
+    if soft:
+        raise InputError(
+            f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
+            " ec.resultant for a force of a contact."
+        )
+    if isinstance(goal, Slip) and goal.direction is not None:
+        _check_vector(goal, goal.direction, model.d)
+    if not isinstance(goal, MeanDisplacement | Rotation | Moment | Resultant):
+        return np.zeros(0)
+    vector = _checked_vector(goal, model.d)
+    if model.axisymmetric:
+        _check_on_rings(model, goal, vector)
+    return vector
 
 
 def _check_on_rings(model: Model, goal: GoalOfPart, vector: np.ndarray) -> None:
