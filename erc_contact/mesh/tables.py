@@ -25,6 +25,7 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.drawings.kept import check_kept
 from erc_contact.mesh.naming import NamedShape
 from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.shape import Brick, Drawing
@@ -147,7 +148,11 @@ def _shallow(value: Any) -> dict[str, Any]:
 
 
 def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
-    """Return the true shape from what :func:`describe_shape` gave."""
+    """Return the true shape from what :func:`describe_shape` gave.
+
+    Raises:
+        InputError: If it is none.
+    """
     if plain is None:
         return None
     if plain["kind"] == "Brick":
@@ -161,6 +166,7 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
             members.append(Member(**plain_member))
         joints = tuple(tuple(joint) for joint in plain["joints"])
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)
+    check_kept(plain["suffix"], plain["text"])
     return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))
 
 

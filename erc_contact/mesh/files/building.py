@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, on_rank
+from erc_contact.base.exceptions import InputError, on_rank, words_of
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import place_words
 from erc_contact.mesh.files.cleaning import Body, body_of
@@ -283,7 +283,7 @@ def spread_from(
             words = str(reason)
             raise InputError(words if subject in words else f"{subject}: {words}") from reason
         except Exception as reason:  # libraries raise errors of any class
-            raise InputError(f"{subject} cannot be used: {reason}") from reason
+            raise InputError(f"{subject} cannot be used: {words_of(reason)}.") from reason
 
     made = on_rank(comm, rank, make_there)
     head = None

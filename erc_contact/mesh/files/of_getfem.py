@@ -32,13 +32,6 @@ SHAPES_OF_PRODUCTS = {
 """Shape by the dimensions of the simplices of which a cell is the product."""
 
 
-def is_getfem(path: Path) -> bool:
-    """Tell whether a file begins as files of GetFEM do."""
-    with path.open("rb") as file:
-        head = file.read(3000)
-    return b"GETFEM" in head or b"BEGIN POINTS LIST" in head
-
-
 def mesh_of_getfem(path: Path) -> FileMesh:
     """Read a file of GetFEM.
 

@@ -19,6 +19,7 @@ from erc_contact.mesh.files.file_mesh import (
     FileMesh,
     pad,
 )
+from erc_contact.mesh.files.for_gmsh import called
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
 
 SHAPE_NAMES = {
@@ -33,17 +34,24 @@ SHAPE_NAMES = {
 """The shape of elements by the first word of gmsh's name of their type."""
 
 
-def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
-    """Read a file by gmsh, in a process of its own; see :func:`grouped`."""
+def mesh_of_gmsh(path: Path, *, numbered: bool, ending: str) -> FileMesh:
+    """Read a file by gmsh, in a process of its own; see :func:`grouped`.
+
+    Args:
+        path: The file.
+        numbered: As in :func:`grouped`.
+        ending: The ending of the format.
+    """
     import gmsh  # noqa: PLC0415 - paid for only by those who read such files
 
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.merge(str(path))
+    with called(path, ending) as its_link:
+        gmsh.merge(str(its_link))
     with grouped(gmsh.model, numbered=numbered):
         # In version 2 each element has groups; gmsh gives them to whole entities.
         if in_two_groups(gmsh.model) and _is_of_second_version(path):
-            return mesh_of_meshio(path, "gmsh")
+            return mesh_of_meshio(path, kind="gmsh")
         return mesh_of_model(gmsh.model)
 
 

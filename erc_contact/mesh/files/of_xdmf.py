@@ -14,7 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.beside import beside
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, by_tags
+from erc_contact.mesh.files.hdf5 import groups_of
 from erc_contact.mesh.files.of_vtk import vectors_of
 from erc_contact.mesh.files.tag_fields import tagged_sets
 from erc_contact.mesh.rows import in_space, row_numbers
@@ -124,9 +126,8 @@ def _data(path: Path, item: Any) -> np.ndarray:
         import h5py  # noqa: PLC0415 - paid for only by those who read such files
 
         name, _, place = text.rpartition(":")
-        file = path.parent / name
-        if not file.is_file():
-            raise InputError(f"its numbers are in {name!r}, which is not beside it.")
+        file = beside(path, name)
+        groups_of(file)
         with h5py.File(file, "r") as data:
             table = data[place][()]
     else:
