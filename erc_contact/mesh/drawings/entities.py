@@ -86,10 +86,10 @@ def build_entities(gmsh: Any, text: str) -> None:
 
 
 def check_table(text: str) -> None:
-    """Check that a table from a file is one.
+    """Check a table that comes from a file.
 
     Raises:
-        InputError: If not.
+        InputError: If it is no table of entities.
     """
     try:
         table = json.loads(text)

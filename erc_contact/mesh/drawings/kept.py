@@ -75,10 +75,13 @@ def check_kept(form: Any, text: Any) -> None:
 
 def build_kept(gmsh: Any, form: str, text: str) -> None:
     """Make geometry and physical groups of a text in gmsh's current model."""
+    try:
+        check_kept(form, text)
+    except InputError as reason:
+        raise InputError(f"The geometry cannot be used: {reason}") from reason
     if form == TABLE:
         build_entities(gmsh, text)
         return
-    check_kept(form, text)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"body{form}"
         path.write_text(text)

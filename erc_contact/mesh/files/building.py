@@ -16,6 +16,7 @@ from erc_contact.mesh.files.cleaning import Body, body_of
 from erc_contact.mesh.files.curved import note_of_curves
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
 from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, pad
+from erc_contact.mesh.files.renaming import with_printable_names
 from erc_contact.mesh.files.sets import Named, disjoint
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
@@ -66,10 +67,11 @@ def build_simplices(
     Raises:
         InputError: If it has no body, or its cells cannot be worked with.
     """
+    mesh, renamed = with_printable_names(mesh)
     body = body_of(mesh)
     faces = faces_of(body.cells, body.x)
     simplices = split(body, faces)
-    notes = [*body.notes, *note_of_curves(mesh, body)]
+    notes = [*renamed, *body.notes, *note_of_curves(mesh, body)]
 
     cell_sets = []
     for element_set in mesh.element_sets:
