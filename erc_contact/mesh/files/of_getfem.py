@@ -31,6 +31,9 @@ SHAPES_OF_PRODUCTS = {
 }
 """Shape by the dimensions of the simplices of which a cell is the product."""
 
+HIGHEST = 9
+"""Highest degree of cells that are read."""
+
 
 def mesh_of_getfem(path: Path) -> FileMesh:
     """Read a file of GetFEM.
@@ -98,7 +101,7 @@ def _corners(kind: str) -> tuple[str | None, list[int]]:
     for family, d, degree in FACTOR.findall(kind):
         factors += [(int(d), int(degree))] if family == "PK" else [(1, int(degree))] * int(d)
     shape = SHAPES_OF_PRODUCTS.get(tuple(d for d, _ in factors))
-    if shape is None:
+    if shape is None or max(degree for _, degree in factors) > HIGHEST:
         return None, []
     # The nodes of a simplex count along its first direction, then along the second one.
     numbers = []

@@ -107,7 +107,8 @@ def _families(kinds: Any) -> dict[str, dict[str, list[int]]]:
             if "GRO" not in family:
                 continue
             letters = np.asarray(family["GRO"]["NOM"][()]).tobytes()
-            for begin in range(0, NAME * int(family["GRO"].attrs["NBR"]), NAME):
+            end = min(NAME * int(family["GRO"].attrs["NBR"]), len(letters))
+            for begin in range(0, end, NAME):
                 name = letters[begin : begin + NAME].split(b"\0")[0].decode("latin-1").strip()
                 groups.setdefault(name, []).append(int(family.attrs["NUM"]))
     return found

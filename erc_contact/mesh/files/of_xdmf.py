@@ -179,6 +179,8 @@ def _split_mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
         if kinds[at] in WITH_COUNT:
             width = kinds[begin]
             begin += 1
+            if width < 1:
+                raise InputError(f"it has an element of {width} points; it is damaged.")
         starts, numbers = found.setdefault((shape, width), ([], []))
         starts.append(begin)
         numbers.append(number)

@@ -24,11 +24,10 @@ OF_GMSH = {
     "unv": ".unv",
     "cgns": ".cgns",
     "medit": ".mesh",
-    "nastran": ".bdf",
     "plot3d": ".p3d",
 }
 """Formats that gmsh reads, and endings that it takes for no script."""
-OF_MESHIO = {"ucd": "avsucd", "medit": "medit", "nastran": "nastran", "gmsh": "gmsh"}
+OF_MESHIO = {"ucd": "avsucd", "medit": "medit", "gmsh": "gmsh"}
 """meshio's names of formats."""
 OF_VTK = ("vtk", "vtk xml", "vtkhdf")
 """Formats of VTK's."""
@@ -70,6 +69,8 @@ def read(path: Path, kind: str, *, numbered: bool) -> FileMesh:
         return read_apart("of_vtk", "mesh_of_exodus", path)
     if kind in OF_VTK:
         return read_apart("of_vtk", "mesh_of_vtk", path, kind=kind)
+    if kind == "nastran":
+        return read_apart("of_nastran", "mesh_of_nastran", path, numbered=numbered)
     if kind not in OF_GMSH:
         return read_apart("of_meshio", "mesh_of_meshio", path, kind=OF_MESHIO.get(kind))
     try:
