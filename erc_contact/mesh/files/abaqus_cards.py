@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from erc_contact.mesh.files.beside import beside
 
 DEEPEST = 20
 """Greatest number of files that include each other."""
+EMPTY_FIELD = re.compile(r",\s*(?:,|\n|$)")
+"""Where a line has nothing between commas, or after the last comma."""
 MOST_FILES = 1000
 """Greatest number of files that are read for one."""
 
@@ -135,13 +138,13 @@ def _card(line: str) -> Card:
 
 def numbers_of(lines: list[str], width: int) -> np.ndarray:
     """Return the numbers in lines, shape (n, width); absent numbers are 0."""
-    text = "\n".join(lines).replace(",", " ")
-    try:
-        flat = np.array(text.split(), dtype=float)
-        if len(flat) == width * len(lines):
-            return flat.reshape(-1, width)
-    except ValueError:
-        pass
+    text = "\n".join(lines)
+    alike = len({line.count(",") for line in lines}) == 1
+    if alike and not EMPTY_FIELD.search(text):
+        with suppress(ValueError):
+            flat = np.array(text.replace(",", " ").split(), dtype=float)
+            if len(flat) == width * len(lines):
+                return flat.reshape(-1, width)
     table = np.zeros((len(lines), width))
     for row, line in zip(table, lines, strict=True):
         words = [word.strip() for word in line.split(",")][:width]

@@ -27,6 +27,7 @@ from erc_contact.mesh.files.file_mesh import (
     shape_with,
 )
 from erc_contact.mesh.files.frames import Frame, frame_of, of_cylinder
+from erc_contact.mesh.files.sets import list_names
 
 SOLIDS = (
     (re.compile(r"(?:D?C3D|F3D|SC)(\d+)"), 3),
@@ -306,7 +307,14 @@ def _add_elements(mesh: _Mesh, space: _Space, card: Card) -> None:
     if shape is None:
         mesh.left_out[kind] += len(card.lines)
         return
-    table = integers_of(card.lines, width + 1)
+    try:
+        table = integers_of(card.lines, width + 1)
+    except InputError:
+        if solid:
+            raise
+        mesh.left_out[kind] += len(card.lines)
+        return
+    table[:, 1:] += int(card.get("OFFSET") or 0)
     known = space.node_rows
     nodes = [known.get(number, -1) for number in table[:, 1:].ravel().tolist()]
     rows = range(mesh.element_count, mesh.element_count + len(table))
@@ -394,6 +402,14 @@ def _file_mesh(mesh: _Mesh) -> FileMesh:
             for block, elements in _members(begins, rows).items():
                 facet_sets += _facets(name, blocks[block], elements, face)
     element_sets, node_sets = _sets(mesh, begins)
+    passed = []
+    for space in mesh.spaces:
+        hidden = [name for name in space.element_sets if name in space.hidden]
+        passed += [space.spelling[name] for name in hidden if not INNER.match(name)]
+    if passed:
+        mesh.notes.append(
+            f"sets of elements that surfaces have are no regions: {list_names(passed)}"
+        )
     round_ = sorted({part.kind for part in mesh.blocks if ROUND.match(part.kind)})
     notes = [
         f"cells of type {kind} are axisymmetric: give the material hypothesis='axisymmetric'"

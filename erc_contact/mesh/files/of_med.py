@@ -40,6 +40,11 @@ def mesh_of_med(path: Path) -> FileMesh:
         # Files of version 2.3 have no dimension of space, and families in the mesh.
         attributes = file["ENS_MAA"][name].attrs
         dim = int(attributes["ESP" if "ESP" in attributes else "DIM"])
+        if int(attributes.get("REP", 0)):
+            raise InputError(
+                "its points are in cylindrical or spherical coordinates; let Salome write the mesh "
+                "in Cartesian ones."
+            )
         families = _families(mesh["FAS"] if "FAS" in mesh else file.get(f"FAS/{name}", {}))
         coordinates = mesh["NOE"]["COO"][()].reshape(dim, -1).T
         blocks = []

@@ -117,8 +117,8 @@ def _deck(path: Path) -> _Deck:
     deck = _Deck()
     default = 0
     rows = []
-    for name, fields in _cards(path):
-        fields = fields + [""] * (8 - len(fields))
+    for name, given in _cards(path):
+        fields = given + [""] * (8 - len(given))
         if name == "GRDSET":
             default = _integer(fields[1])
         elif name == "GRID":

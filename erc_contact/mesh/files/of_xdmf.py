@@ -110,6 +110,9 @@ def _data(path: Path, item: Any) -> np.ndarray:
     Raises:
         InputError: If it is of a format that is not read, or its file is missing.
     """
+    rule = item.get("ItemType", "Uniform")
+    if rule != "Uniform":
+        raise InputError(f"its numbers are given by a rule, {rule!r}; write them as numbers.")
     kind = item.get("Format", "XML").upper()
     integer = item.get("NumberType", item.get("DataType", "Float")).lower() in (
         "int",
@@ -141,8 +144,10 @@ def _points(path: Path, geometry: Any) -> np.ndarray:
     kind = geometry.get("GeometryType", geometry.get("Type", "XYZ")).upper()
     if kind in ("X_Y_Z", "X_Y"):
         table = np.column_stack([_data(path, item).ravel() for item in items])
+    elif kind in ("XY", "XYZ"):
+        table = _data(path, items[0]).reshape(-1, len(kind))
     else:
-        table = _data(path, items[0]).reshape(-1, 2 if kind == "XY" else 3)
+        raise InputError(f"its points are given as {kind!r}; write them as XYZ.")
     return in_space(table.astype(float))
 
 
@@ -150,6 +155,10 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
     """Return the elements of a grid, and the fields at them."""
     kind = topology.get("TopologyType", topology.get("Type", "")).lower()
     table = _data(path, topology.find("DataItem")).astype(np.int64)
+    base = int(topology.get("BaseOffset", 0))
+    if base and kind == "mixed":
+        raise InputError("its mixed elements count their points from another number than 0.")
+    table -= base
     if kind == "mixed":
         blocks, order = _split_mixed(table.ravel())
     else:

@@ -71,8 +71,13 @@ def read(path: Path, kind: str, *, numbered: bool) -> FileMesh:
         return read_apart("of_vtk", "mesh_of_vtk", path, kind=kind)
     if kind == "nastran":
         return read_apart("of_nastran", "mesh_of_nastran", path, numbered=numbered)
-    if kind not in OF_GMSH:
-        return read_apart("of_meshio", "mesh_of_meshio", path, kind=OF_MESHIO.get(kind))
+    if kind in OF_GMSH:
+        return _by_gmsh(path, kind, numbered=numbered)
+    return read_apart("of_meshio", "mesh_of_meshio", path, kind=OF_MESHIO.get(kind))
+
+
+def _by_gmsh(path: Path, kind: str, *, numbered: bool) -> FileMesh:
+    """Read a file by gmsh, else by meshio."""
     try:
         return read_apart("of_gmsh", "mesh_of_gmsh", path, numbered=numbered, ending=OF_GMSH[kind])
     except InputError:
