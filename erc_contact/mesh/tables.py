@@ -28,7 +28,7 @@ from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import check_kept
 from erc_contact.mesh.naming import NamedShape
 from erc_contact.mesh.partition import distribute
-from erc_contact.mesh.shape import Brick, Drawing
+from erc_contact.mesh.shape import SIDES, Brick, Drawing
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
 from erc_contact.mesh.tags import tag_table
@@ -156,6 +156,9 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
     if plain is None:
         return None
     if plain["kind"] == "Brick":
+        corners = np.array([plain["low"], plain["high"]], dtype=float)
+        if corners.shape[1] not in SIDES or not np.all(corners[0] < corners[1]):
+            raise InputError("it has a brick without a volume.")
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
     if plain["kind"] == "Assembled":
         members = []
@@ -166,8 +169,11 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
             members.append(Member(**plain_member))
         joints = tuple(tuple(joint) for joint in plain["joints"])
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)
+    curved = plain["curved"]
+    if plain["kind"] != "Drawing" or not all(type(mark) is int for mark in curved):
+        raise InputError("it has a shape of an unknown kind.")
     check_kept(plain["suffix"], plain["text"])
-    return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))
+    return Drawing(plain["suffix"], plain["text"], frozenset(curved))
 
 
 class CellRows(GivenCells):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.percent import counted
-from erc_contact.mesh.files.for_gmsh import called, check_xao
+from erc_contact.mesh.files.for_gmsh import called, check_xao, merge_script
 
 Tell = Callable[[str, str], None]
 """Function that tells the user a sentence, as "info" or as "warning"."""
@@ -64,7 +64,7 @@ def open_drawing(gmsh: Any, path: Path, kind: str, tell: Tell) -> list[tuple[str
         with called(path, ".xao") as link:
             gmsh.merge(str(link))
     elif path.read_text(encoding="latin-1").strip():
-        gmsh.merge(str(path))
+        merge_script(gmsh, path)
         gmsh.model.mesh.clear()
     model = gmsh.model
     dim = int(model.getDimension())

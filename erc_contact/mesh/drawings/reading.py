@@ -16,6 +16,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.drawings.kept import Kept
 from erc_contact.mesh.drawings.opened import CAD
 from erc_contact.mesh.files.apart import PACKAGE, WITHOUT_MPI
+from erc_contact.mesh.files.for_gmsh import merge_script
 from erc_contact.mesh.files.formats import DRAWINGS
 
 LEVELS = {"info": logging.INFO, "warning": logging.WARNING}
@@ -106,8 +107,7 @@ def open_geometry(gmsh: Any, path: Path, kind: str, wanted: Wanted) -> list[Kept
     is_script = kind == "script"
     if not is_script or wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
         return [_mesh(gmsh, path, kind, wanted)]
-    # gmsh.open would also read options that lie beside the script.
-    gmsh.merge(str(path.resolve()))
+    merge_script(gmsh, path)
     return []
 
 

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from erc_contact.base.exceptions import InputError
 
@@ -37,6 +38,23 @@ def called(path: Path, ending: str) -> Iterator[Path]:
         else:  # blank lines or a mark of bytes before the first section
             link.write_bytes(text[text.index(b"$") :])
         yield link
+
+
+def merge_script(gmsh: Any, path: Path) -> None:
+    """Run a script in gmsh's current model, without options that lie beside it.
+
+    The script may include others by names relative to its folder.
+
+    Raises:
+        InputError: If its path has quotes or line ends.
+    """
+    real = str(path.resolve())
+    if not real.isprintable() or '"' in real:
+        raise InputError(f"the path {real!r} has characters that gmsh does not bear; rename it.")
+    with tempfile.TemporaryDirectory() as folder:
+        first = Path(folder) / "script.geo"
+        first.write_text(f'Include "{real}";\n')
+        gmsh.merge(str(first))
 
 
 def check_xao(text: str) -> None:

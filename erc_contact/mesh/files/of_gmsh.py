@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.exceptions import InputError
+from erc_contact.base.exceptions import InputError, words_of
 from erc_contact.mesh.files.file_mesh import (
     BODY,
     Block,
@@ -56,7 +56,14 @@ def mesh_of_gmsh(
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     with called(path, ending) as its_link:
-        gmsh.merge(str(its_link))
+        try:
+            gmsh.merge(str(its_link))
+        except Exception as reason:  # gmsh's errors are of no class of their own
+            words = words_of(reason).replace(str(its_link), path.name)
+            raise InputError(
+                f"gmsh cannot read it ({words}). Write the mesh in another format: .msh, .vtu, "
+                ".med, .inp."
+            ) from reason
     for node in map(int, gmsh.model.mesh.getNodes()[0] if moved else ()):
         if moved and node in moved:
             gmsh.model.mesh.setNode(node, moved[node], [])
