@@ -167,7 +167,13 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
             region_tags = tuple(tuple(pair) for pair in member["region_tags"])
             plain_member = {**member, "shape": shape, "region_tags": region_tags}
             members.append(Member(**plain_member))
+        if not members:
+            raise InputError("it has a shape of no bodies.")
         joints = tuple(tuple(joint) for joint in plain["joints"])
+        for here, there, tag, tied, apart in joints:
+            known = here in plain["names"] and there in plain["names"]
+            if not known or type(tag) is not int or not apart >= 0 or type(tied) is not bool:
+                raise InputError("it has a joint of parts that are not there.")
         return Assembled(tuple(members), plain["names"], plain["regions"], joints)
     curved = plain["curved"]
     if plain["kind"] != "Drawing" or not all(type(mark) is int for mark in curved):

@@ -411,3 +411,16 @@ def test_without_sides_split_makes_pairs_of_all_regions(folder):
     assert bodies.split() is bodies
     plain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
     assert plain.split() is plain
+
+
+def test_a_thin_solid_is_no_feature(folder, told):
+    """No width is offered that would remove a body."""
+
+    def plates(occ):
+        occ.addBox(0, 0, 0, 4, 4, 1)
+        occ.addBox(1, 1, 1, 1, 1, 0.004)
+
+    ec.read_mesh(write(folder / "thin.step", plates), size=1.0)
+    text = told()
+    assert "1 solid thinner than 0.02" in text
+    assert "defeature" not in text
