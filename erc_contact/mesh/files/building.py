@@ -21,7 +21,7 @@ from erc_contact.mesh.files.sets import Named, disjoint, list_names
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import look_up
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import facet_vertices, measures
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.mesh.transfer import spread
 
@@ -72,7 +72,8 @@ def build_simplices(
     faces = faces_of(body.cells, body.x)
     simplices = split(body, faces)
     notes = [*renamed, *body.notes, *note_of_curves(mesh, body)]
-    notes += note_of_warped(body, faces, simplices)
+    volume = float(measures(simplices.x[simplices.cells]).sum())
+    notes += note_of_warped(body, faces, volume)
 
     cell_sets = []
     for element_set in mesh.element_sets:

@@ -7,8 +7,6 @@ import numpy as np
 from erc_contact.mesh.files.cleaning import Body, edges_of
 from erc_contact.mesh.files.faces import Faces, triangles_of
 from erc_contact.mesh.files.file_mesh import SHAPES, FileMesh
-from erc_contact.mesh.files.simplices import Simplices
-from erc_contact.mesh.simplex import determinants
 
 STRAIGHT = 1e-6
 """Distance of a node from its edge that is none, by the length of the edge [-]."""
@@ -77,11 +75,16 @@ def _from_nearest_edge(points: np.ndarray, edges: np.ndarray) -> tuple[np.ndarra
     return distance, np.where(gaps[rows, nearest] < length / 3, length, 0.0)
 
 
-def note_of_warped(body: Body, faces: Faces, simplices: Simplices) -> list[str]:
+def note_of_warped(body: Body, faces: Faces, volume: float) -> list[str]:
     """Tell how far outer sides with four corners lie from their two triangles.
 
     A warped side is meant as the bilinear surface of its corners. The volume under it
     is the mean of the volumes under both pairs of triangles.
+
+    Args:
+        body: The body.
+        faces: Its faces.
+        volume: Volume of its simplices [length^3].
 
     Returns:
         A note, or none if the sides are flat.
@@ -101,11 +104,10 @@ def note_of_warped(body: Body, faces: Faces, simplices: Simplices) -> list[str]:
     inside = _middles_by_faces(body)[outer]
     by_second = faces.by_second[faces.number[outer]]
     taken = _volumes(body.x, triangles_of(corners, by_second), inside)
-    other = _volumes(body.x, triangles_of(corners, ~by_second), inside)
+    left = _volumes(body.x, triangles_of(corners, ~by_second), inside)
     # All cells may be turned inside out.
-    outward = np.sign(taken + other)
-    change = float((outward * (taken - other)).sum()) / 2
-    volume = float(abs(determinants(simplices.x[simplices.cells])).sum()) / 6
+    outward = np.sign(taken + left)
+    change = float((outward * (taken - left)).sum()) / 2
     note = (
         "sides with four corners are warped and become two triangles: the sides move by up to "
         f"{distance.max():.3g}, {share.max():.2%} of a diagonal, and the volume by "

@@ -57,7 +57,7 @@ class Frame:
 
 
 def frame_of(
-    origin: np.ndarray, first: np.ndarray, beside: np.ndarray, last_axis: int, what: str
+    origin: np.ndarray, first: np.ndarray, beside: np.ndarray, number: int, what: str
 ) -> Frame:
     """Return the system of three points.
 
@@ -66,7 +66,7 @@ def frame_of(
         first: A direction along an axis, shape (3,).
         beside: A direction in the plane of this axis and the next axis in the order x,
             y, z, x, on the side of that.
-        last_axis: Number of the axis along ``first``: 0 for x, 2 for z.
+        number: Number of the axis along ``first``: 0 for x, 2 for z.
         what: What it is called in the message.
 
     Raises:
@@ -76,7 +76,7 @@ def frame_of(
     lengths = np.linalg.norm(first) * np.linalg.norm(beside)
     if not np.linalg.norm(normal) > IN_LINE * lengths:
         raise InputError(f"{what} is of three points in a line; look at its card.")
-    one = first / np.linalg.norm(first)
-    three = normal / np.linalg.norm(normal)
-    two = np.cross(three, one)
-    return Frame(origin, np.roll([one, two, three], last_axis, axis=0))
+    along = first / np.linalg.norm(first)
+    up = normal / np.linalg.norm(normal)
+    axes = [along, np.cross(up, along), up]
+    return Frame(origin, np.roll(axes, number, axis=0))
