@@ -7,8 +7,11 @@
 - Names come in without characters that a terminal obeys.
 """
 
+import contextlib
 import logging
 import os
+import random
+import re
 
 import h5py
 import meshio
@@ -177,6 +180,51 @@ def test_a_cell_of_getfem_of_a_degree_that_nobody_has(folder):
     refused(path, "no cells of a solid")
 
 
+MESHES = {
+    "deck.inp": TETRAHEDRON,
+    "model.mdpa": DECLARED["numbers.mdpa"],
+    "grid.xdmf": '<Xdmf><Domain><Grid><Geometry GeometryType="XYZ"><DataItem Dimensions="3 3">'
+    "0 0 0 1 0 0 0 1 0</DataItem></Geometry>"
+    '<Topology TopologyType="Triangle" NumberOfElements="1"><DataItem NumberType="Int">'
+    "0 1 2</DataItem></Topology></Grid></Domain></Xdmf>",
+    "getfem.mesh": "% GETFEM MESH FILE\nBEGIN POINTS LIST\nPOINT 0 0 0\nPOINT 1 1 0\nPOINT 2 0 1\n"
+    "END POINTS LIST\nBEGIN MESH STRUCTURE DESCRIPTION\nCONVEX 0 'GT_PK(2,1)' 0 1 2\nEND\n",
+    "mfem.mesh": "MFEM mesh v1.0\ndimension\n2\nelements\n1\n1 2 0 1 2\nboundary\n0\n"
+    "vertices\n3\n2\n0 0\n1 0\n0 1\n",
+    "grid.gid": 'MESH "a" dimension 2 ElemType Triangle Nnode 3\nCoordinates\n1 0 0\n2 1 0\n3 0 1\n'
+    "End Coordinates\nElements\n1 1 2 3\nEnd Elements\n",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_changes_at_random_are_domains_or_refused(name, folder):
+    """Each of 60 changes of numbers, letters, lines or the end; nothing else is raised, nothing written."""
+    rng = random.Random(name)
+    numbers = ("-1", "99999999999999999999", "nan", "1e308", "x", "")
+    path = folder / name
+    path.write_text(MESHES[name])
+    ec.read_mesh(path)
+    for _ in range(60):
+        text = MESHES[name]
+        place = rng.randrange(len(text))
+        kind = rng.randrange(4)
+        if kind == 0:
+            match = rng.choice(list(re.finditer(r"\d+", text)))
+            text = text[: match.start()] + rng.choice(numbers) + text[match.end() :]
+        elif kind == 1:
+            text = text[:place] + rng.choice("\0*$<{ é") + text[place + 1 :]
+        elif kind == 2:
+            text = text[:place]
+        else:
+            lines = text.splitlines()
+            rng.shuffle(lines)
+            text = "\n".join(lines)
+        path.write_text(text)
+        with contextlib.suppress(ec.InputError):
+            ec.read_mesh(path)
+    assert [file.name for file in folder.iterdir()] == [name]
+
+
 # -- names
 # ---------------------------------------------------------------------------------
 
@@ -207,6 +255,12 @@ def test_names_of_files_are_plain_and_different():
     assert file_stem("left foot_2") != file_stem("left-foot_2") == "left-foot_2"
     assert in_picture("$x$") == "\\$x\\$"
     assert len(in_picture("a" * 10**6)) == 60
+
+
+def test_a_name_that_no_file_can_have_is_refused():
+    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
+    with pytest.raises(ec.InputError, match="can be written to a file"):
+        ec.Domain(block.mesh, block.facet_tags, {"\ud800": 1})
 
 
 def test_names_of_a_file_are_in_one_line(folder, caplog):

@@ -42,6 +42,11 @@ OWN: dict[str, Callable[[Path], FileMesh]] = {
     "xdmf": mesh_of_xdmf,
 }
 """Readers of this package."""
+TOLD = (
+    *(".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf", ".xdmf", ".xmf"),
+    *(".med", ".mdpa", ".frd", ".unv", ".cgns", ".mesh", ".bdf", ".nas", ".fem", ".inp"),
+)
+"""Endings of formats that their contents tell."""
 BY_ENDING = {
     ".p3d": "plot3d",
     **dict.fromkeys((".e", ".exo", ".ex2", ".exd", ".g", ".gen"), "exodus"),
@@ -73,6 +78,11 @@ def read(path: Path, kind: str, *, numbered: bool) -> FileMesh:
         return read_apart("of_nastran", "mesh_of_nastran", path, numbered=numbered)
     if kind in OF_GMSH:
         return _by_gmsh(path, kind, numbered=numbered)
+    if not kind and path.suffix.lower() in TOLD:
+        raise InputError(
+            f"it does not begin as files that end with {path.suffix!r} do: it is damaged, or of a "
+            "form that is not read. Write the mesh in another format: .msh, .vtu, .med, .inp."
+        )
     return read_apart("of_meshio", "mesh_of_meshio", path, kind=OF_MESHIO.get(kind))
 
 
