@@ -131,7 +131,10 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
         around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
         of_pair = ""
         if surface.partners is not None:
-            over, under = in_picture(traction.contact.against), in_picture(traction.contact.name)
+            over, under = (
+                in_picture(traction.contact.against or ""),
+                in_picture(traction.contact.name),
+            )
             of_pair = f" of {over}\non {under}"
         axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
         axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))

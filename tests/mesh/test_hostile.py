@@ -191,7 +191,7 @@ MESHES = {
     "END POINTS LIST\nBEGIN MESH STRUCTURE DESCRIPTION\nCONVEX 0 'GT_PK(2,1)' 0 1 2\nEND\n",
     "mfem.mesh": "MFEM mesh v1.0\ndimension\n2\nelements\n1\n1 2 0 1 2\nboundary\n0\n"
     "vertices\n3\n2\n0 0\n1 0\n0 1\n",
-    "grid.gid": 'MESH "a" dimension 2 ElemType Triangle Nnode 3\nCoordinates\n1 0 0\n2 1 0\n3 0 1\n'
+    "gid.mesh": 'MESH "a" dimension 2 ElemType Triangle Nnode 3\nCoordinates\n1 0 0\n2 1 0\n3 0 1\n'
     "End Coordinates\nElements\n1 1 2 3\nEnd Elements\n",
 }  # fmt: skip
 

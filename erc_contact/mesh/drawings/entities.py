@@ -48,7 +48,7 @@ def table_of(model: Any, script: str) -> str | None:
         script: The script that gmsh writes of it. Sizes and rules of the mesh in it are
             left out: whoever meshes a kept shape gives the sizes.
     """
-    entities = []
+    entities: list[tuple[str, int, list[float] | list[int]]] = []
     inside = []
     for statement in script.split(";"):
         words = " ".join(statement.split())
@@ -58,7 +58,7 @@ def table_of(model: Any, script: str) -> str | None:
             kind = made[1]
             flat = [word.strip() for word in made[3].split(",")]
             x = [float(word) for word in flat[:3]] if kind == "Point" else [*map(int, flat)]
-            entities.append([kind, int(made[2]), x])
+            entities.append((kind, int(made[2]), x))
         elif put:
             inside.append([DIMENSIONS[put[1]], int(put[2]), DIMENSIONS[put[3]], int(put[4])])
     groups = []
