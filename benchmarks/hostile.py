@@ -32,7 +32,7 @@ WORDS = (b"../../x", b"$(touch acted)", b"\x1b[2J", b"A" * 300, b"")
 ENDINGS = (".geo", ".msh", ".inp", ".vtu", ".med", ".xdmf", ".bdf", ".xao", ".opt", ".mesh", "")
 GREATEST = 300_000
 """Greatest file that is changed [bytes]."""
-OF_PYTHON = re.compile(r"Error\b|unpack|index out|NoneType|object has no|invalid literal")
+OF_PYTHON = re.compile(r"[a-z]Error\b|unpack|index out|NoneType|object has no|invalid literal")
 """Words of Python that no message may have."""
 
 
@@ -83,7 +83,10 @@ def main(folder: Path, seed: int, count: int) -> None:
                 ec.read_mesh(path)
                 outcome = "domains"
             except ec.InputError as reason:
-                outcome = "words of Python" if OF_PYTHON.search(str(reason)) else "refused"
+                outcome = "refused"
+                if OF_PYTHON.search(str(reason)):
+                    outcome = "words of Python"
+                    print(f"{source.name} as {name}: {reason}")
             except Exception as reason:
                 outcome = f"bare {type(reason).__name__}"
                 print(f"{source.name} as {name}: {outcome}: {reason}")

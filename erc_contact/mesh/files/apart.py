@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import signal
 import subprocess
@@ -26,11 +27,12 @@ sys.modules["erc_contact"] = package
 Its first argument is the folder of the package.
 """
 READ = """
-import importlib, json, pickle, resource
+import contextlib, importlib, json, pickle, resource
 from pathlib import Path
 module, function, path, target, memory, options = sys.argv[1:]
-most = min(int(memory), *(n for n in resource.getrlimit(resource.RLIMIT_AS) if n > 0), sys.maxsize)
-resource.setrlimit(resource.RLIMIT_AS, (most, most))
+_, most = resource.getrlimit(resource.RLIMIT_AS)
+with contextlib.suppress(ValueError, OSError):  # not all systems bound addresses
+    resource.setrlimit(resource.RLIMIT_AS, (int(memory), most))
 reader = getattr(importlib.import_module(module), function)
 try:
     answer = reader(Path(path), **json.loads(options))
@@ -42,6 +44,8 @@ except Exception as reason:
 Path(target).write_bytes(pickle.dumps(answer))
 """
 """Rest of the program, which reads a file."""
+ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment of the process: threads take addresses, and reading uses none."""
 MEMORY = 6e9
 """Memory that reading may take [bytes], beside a hundred for each byte of the file.
 
@@ -78,6 +82,7 @@ def read_apart(module: str, function: str, path: Path, **options: bool | str | N
                 [*program, *call, bounds, json.dumps(options)],
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
+                env=os.environ | ALONE,
                 timeout=PATIENCE + size / 1e6,
                 check=False,
             )
