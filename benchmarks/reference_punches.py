@@ -97,7 +97,7 @@ def half_disc() -> Result:
         "half-width": lambda error: hertz_line(error.profile("arc"))[0],
         "greatest pressure": lambda error: hertz_line(error.profile("arc"))[1],
     }
-    disc = ec.read_mesh(MESHES / "half_disc.geo")
+    disc = ec.read_mesh(MESHES / "half_disc.geo", scripts=True)
     meshes = Meshes(scene, disc, 0.001, probes)
     force = meshes.goal(ec.Resultant("top", (0.0, -1.0)), "force/length", "force P")
     hertz = float(np.sqrt(4 * force.value * (1 - 0.3**2) / np.pi))

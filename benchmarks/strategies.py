@@ -48,11 +48,11 @@ STRATEGIES["Hybrid"] = Hybrid()
 
 
 def block() -> tuple[ec.Scene, ec.Domain, float]:
-    return effectivity_scenes.block(0.3), ec.read_mesh(MESHES / "block.geo"), 0.01
+    return effectivity_scenes.block(0.3), ec.read_mesh(MESHES / "block.geo", scripts=True), 0.01
 
 
 def greco() -> tuple[ec.Scene, ec.Domain, float]:
-    return effectivity_scenes.greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005
+    return effectivity_scenes.greco(), ec.read_mesh(MESHES / "greco.geo", scripts=True), 0.005
 
 
 def hertz() -> tuple[ec.Scene, ec.Domain, float]:
@@ -61,7 +61,7 @@ def hertz() -> tuple[ec.Scene, ec.Domain, float]:
         supports=[ec.Displacement("top", (0.01, -0.05))],
         contacts=[ec.Contact("arc", friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
-    return scene, ec.read_mesh(MESHES / "half_disc.geo"), 0.02
+    return scene, ec.read_mesh(MESHES / "half_disc.geo", scripts=True), 0.02
 
 
 def bracket() -> tuple[ec.Scene, ec.Domain, float]:
@@ -71,7 +71,7 @@ def bracket() -> tuple[ec.Scene, ec.Domain, float]:
         loads=[ec.Traction("holes", (0.0, -5.0))],
         contacts=[ec.Contact("foot", friction=0.2)],
     )
-    return scene, ec.read_mesh(MESHES / "bracket.geo"), 0.02
+    return scene, ec.read_mesh(MESHES / "bracket.geo", scripts=True), 0.02
 
 
 def dome() -> tuple[ec.Scene, ec.Domain, float]:
@@ -87,7 +87,7 @@ def dome() -> tuple[ec.Scene, ec.Domain, float]:
             )
         ],
     )
-    return scene, ec.read_mesh(MESHES / "dome.geo"), 0.10
+    return scene, ec.read_mesh(MESHES / "dome.geo", scripts=True), 0.10
 
 
 SCENES = {f.__name__: f for f in (block, greco, hertz, bracket, dome)}

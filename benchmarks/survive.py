@@ -67,7 +67,7 @@ def curved() -> tuple[ec.Scene, ec.Domain, dict]:
         contacts=[ec.Contact("arc", friction=0.3, gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
     settings = {"max_steps": 6, "strategy": ec.SizeMap(leap=2.0), "degree": 2}
-    return scene, ec.read_mesh(MESHES / "half_disc.geo"), settings
+    return scene, ec.read_mesh(MESHES / "half_disc.geo", scripts=True), settings
 
 
 def space() -> tuple[ec.Scene, ec.Domain, dict]:

@@ -49,7 +49,9 @@ CONVERGED = np.array([2.8603, 2.7226, 2.2868, 1.9807, 1.5414])
 # degree 2 need the fewest.
 
 ec.log_to_console()
-square = ec.read_mesh(Path(__file__).resolve().parents[1] / "meshes" / "greco.geo")
+square = ec.read_mesh(
+    Path(__file__).resolve().parents[1] / "meshes" / "greco.geo", scripts=True
+)
 scene = ec.Scene(
     material=ec.Elastic(E=130e3, nu=0.2),
     supports=ec.Displacement("right", (0.0, None)),

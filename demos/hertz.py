@@ -44,7 +44,7 @@ E, NU, R = 1.0, 0.3, 1.0
 
 ec.log_to_console()
 half_disc = ec.read_mesh(
-    Path(__file__).resolve().parents[1] / "meshes" / "half_disc.geo"
+    Path(__file__).resolve().parents[1] / "meshes" / "half_disc.geo", scripts=True
 )
 scene = ec.Scene(
     material=ec.Elastic(E, NU),

@@ -44,7 +44,9 @@ CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.3]])
 # critical one.
 
 ec.log_to_console()
-triangle = ec.read_mesh(Path(__file__).resolve().parents[1] / "meshes" / "triangle.geo")
+triangle = ec.read_mesh(
+    Path(__file__).resolve().parents[1] / "meshes" / "triangle.geo", scripts=True
+)
 found = {}
 for friction in (0.9, 1.9, 2.0):
     scene = ec.Scene(

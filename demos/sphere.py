@@ -39,7 +39,9 @@ E, NU, R, MU = 1.0, 0.3, 1.0, 0.3
 # The gap is the distance to the sphere along z, for points of the plane z = 0.
 
 ec.log_to_console()
-block = ec.read_mesh(Path(__file__).resolve().parents[1] / "meshes" / "dome.geo")
+block = ec.read_mesh(
+    Path(__file__).resolve().parents[1] / "meshes" / "dome.geo", scripts=True
+)
 scene = ec.Scene(
     material=ec.Elastic(E, NU),
     supports=ec.Displacement("top", (0.01, 0.0, -0.05)),

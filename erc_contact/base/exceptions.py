@@ -139,6 +139,23 @@ def on_rank[T](comm: MPI.Comm, rank: int, call: Callable[..., T], *arguments: An
     return together(comm, call_there)
 
 
+def words_of(reason: Exception) -> str:
+    """Return what an error that a file has caused tells a user.
+
+    gmsh's errors are of no class of their own and say what is wrong. Errors of Python's
+    classes say where a reader has stumbled.
+    """
+    if isinstance(reason, InputError) or type(reason) is Exception:
+        return str(reason).strip().rstrip(".")
+    if isinstance(reason, ModuleNotFoundError):
+        return f"reading it needs {reason.name}: pip install 'erc-contact[pictures]' brings it"
+    if isinstance(reason, OSError) and reason.strerror:
+        return f"it cannot be opened ({reason.strerror})"
+    if isinstance(reason, MemoryError):
+        return "the memory is too small for what it declares; it is damaged, or too large"
+    return "it is damaged, or of a form that is not read"
+
+
 def _portable(error: BaseException) -> BaseException:
     """Return the error, or an error with its words if it cannot be sent to ranks."""
     try:

@@ -63,13 +63,17 @@ class Facets:
         return Facets(*of_all(comm, self.corners, self.normals))
 
 
-def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:
+def lying_against(
+    comm: MPI.Comm, here: Facets, there: Facets, within: float | None = None
+) -> np.ndarray:
     """Return which facets of this rank have others against them; collective.
 
     Args:
         comm: Communicator.
         here: Facets of this rank.
         there: Facets of this rank of the other surface.
+        within: Greatest distance of the middle of a facet from the other surface
+            [length]; None takes a share of its size, and more points of it.
 
     Returns:
         Truth values, shape (n,).
@@ -77,7 +81,7 @@ def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:
     result = np.zeros(len(here.corners), dtype=bool)
     # Only what is near the other surface is looked at in detail.
     greatest = max(here.sizes.max(initial=0.0), there.sizes.max(initial=0.0))
-    reach = CLEARANCE * comm.allreduce(float(greatest), MPI.MAX)
+    reach = within or CLEARANCE * comm.allreduce(float(greatest), MPI.MAX)
     close_here = _within(comm, here, there, reach)
     close_there = _within(comm, there, here, reach)
     others = there.take(close_there).of_all_ranks(comm)
@@ -85,7 +89,13 @@ def lying_against(comm: MPI.Comm, here: Facets, there: Facets) -> np.ndarray:
     if not len(rows) or not len(others.corners):
         return result
     near = here.take(close_here)
-    touches = _points_near(near.corners.mean(axis=1), near, others)
+    middles = near.corners.mean(axis=1)
+    if within is not None:
+        facet, _, distance = closest(middles, others.corners)
+        cosine = (near.normals * others.normals[facet]).sum(axis=1)
+        result[rows] = (distance <= within) & (cosine <= OPPOSITE)
+        return result
+    touches = _points_near(middles, near, others)
     for corner in range(near.corners.shape[1]):
         touches |= _points_near(near.places(corner), near, others)
     result[rows] = touches

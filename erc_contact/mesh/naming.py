@@ -232,7 +232,7 @@ def _on_sides(mesh: NamedMesh, sides: _Sides, rule: where) -> np.ndarray:
     every = Facets(corners, sides.normal)
     here = np.flatnonzero(holds & on_boundary & (sides.region != tag_against))
     there = on_boundary & (sides.region == tag_against)
-    lies = lying_against(comm, every.take(here), every.take(there))
+    lies = lying_against(comm, every.take(here), every.take(there), rule.within)
     shared[here[lies]] = True
     return shared
 

@@ -28,6 +28,17 @@ def check_names(names: Mapping[str, int], regions: Mapping[str, int]) -> None:
                 f"Domain: {argument} is {tags!r}; give a mapping from names to whole numbers, "
                 "the tags."
             )
+        for name in tags:
+            if not isinstance(name, str) or not _is_unicode(name):
+                raise InputError(
+                    f"Domain: {argument} has the name {name!r}; give a text that can be written to "
+                    "a file."
+                )
+
+
+def _is_unicode(name: str) -> bool:
+    """Tell whether a text has no half characters, which no file can have."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in name)
 
 
 def check_tags(

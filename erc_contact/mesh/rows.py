@@ -35,6 +35,24 @@ def row_numbers(rows: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
     return np.split(numbers, np.cumsum([len(table) for table in tables])[:-1])
 
 
+def places_of(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return where numbers stand among known numbers, -1 for numbers that do not.
+
+    Args:
+        known: Different numbers, in any order, shape (n,).
+        wanted: Numbers of any shape.
+
+    Returns:
+        Places, in the shape of ``wanted``.
+    """
+    if not len(known):
+        return np.full(np.shape(wanted), -1)
+    order = np.argsort(known, kind="stable")
+    ordered = known[order]
+    at = np.minimum(np.searchsorted(ordered, wanted), len(known) - 1)
+    return np.where(ordered[at] == wanted, order[at], -1)
+
+
 def look_up(
     rows: np.ndarray, values: np.ndarray, wanted: np.ndarray, missing: int = -1
 ) -> np.ndarray:

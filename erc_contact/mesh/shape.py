@@ -11,10 +11,8 @@ Symbols: d dimension.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.mesh.assembled import Assembled, of_model
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.drawings.kept import MARK_PREFIX
+from erc_contact.mesh.drawings.kept import MARK_PREFIX, build_kept
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.remeshing import mesh_geometry
 from erc_contact.mesh.rows import in_space
@@ -119,12 +117,12 @@ class Brick(_OneModel):
 
 @dataclass(frozen=True)
 class Drawing(_OneModel):
-    """Represent the geometry of a gmsh model by the text of a file of gmsh's.
+    """Represent the geometry of a gmsh model by a text.
 
     Args:
-        suffix: Suffix of the file: ".xao" (shapes of OpenCASCADE) or ".geo_unrolled"
-            (shapes of gmsh's own kernel). Both formats have the physical groups.
-        text: Contents of the file on rank 0, empty elsewhere.
+        suffix: Form of the text: ".xao" (shapes of OpenCASCADE) or ".json" (shapes of
+            gmsh's own kernel). Both have the physical groups.
+        text: The text on rank 0, empty elsewhere.
         curved: Marks of the curves (in 2D) or surfaces (in 3D) that are curved, the
             same on all ranks.
     """
@@ -142,10 +140,7 @@ class Drawing(_OneModel):
         Returns:
             gmsh's tag of each mark.
         """
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / f"body{self.suffix}"
-            path.write_text(self.text)
-            gmsh.merge(str(path))
+        build_kept(gmsh, self.suffix, self.text)
         model = gmsh.model
         tags = {}
         for dim, group in model.getPhysicalGroups():

@@ -16,15 +16,16 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base import checks
-from erc_contact.base.exceptions import InputError
+from erc_contact.base.exceptions import InputError, on_rank
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import Kept, drawing_of
-from erc_contact.mesh.drawings.reading import Wanted, has_geometry, open_geometry
+from erc_contact.mesh.drawings.reading import Wanted, check_kind, open_geometry
 from erc_contact.mesh.files.building import Built, build_simplices, spread_from
 from erc_contact.mesh.files.file_mesh import FacetSet
+from erc_contact.mesh.files.formats import DRAWINGS
 from erc_contact.mesh.files.of_gmsh import grouped, marked_entities, mesh_of_model
-from erc_contact.mesh.files.reading import read
+from erc_contact.mesh.files.reading import kind_of, read
 from erc_contact.mesh.files.renaming import rename_sets
 from erc_contact.mesh.gmsh_session import session
 from erc_contact.mesh.partition import partitioner
@@ -237,6 +238,7 @@ def read_mesh(
     defeature: float | None = None,
     parts: Mapping[str, Rule] | None = None,
     regions: Mapping[str, Rule] | None = None,
+    scripts: bool = False,
 ) -> Domain:
     """Read a mesh file or mesh a drawing; collective.
 
@@ -248,6 +250,10 @@ def read_mesh(
     says::
 
         block = ec.read_mesh("block.vtu", names={1: "bottom", 2: "top", 9: "steel"})
+
+    What a file holds tells its format, and none is run as a program. Only with
+    ``scripts=True`` are files of gmsh's language read (``.geo``), which may run any
+    command and write any file.
 
     A drawing (STEP, IGES, BREP, or ``.geo`` without groups) is meshed by gmsh, in a
     process of its own. Its solids are regions with the names of the file, its faces
@@ -271,12 +277,14 @@ def read_mesh(
             1e-6 of its extent.
         defeature: Faces of a drawing that are narrower than this, and edges that are
             shorter, are removed [length]: fillets, chamfers, small holes.
+        scripts: Whether scripts of gmsh's may run. Give True for those that you would
+            run as a program.
 
     Raises:
-        InputError: If the file is missing or unreadable, has no groups of facets, or is
-            not of straight-sided simplices; if the file does not have a tag of
-            ``names``, or a name is given twice; or if a drawing has no solid, solids
-            overlap, or gmsh cannot mesh it.
+        InputError: If the file is missing or unreadable, a script, has no groups of
+            facets, or is not of straight-sided simplices; if the file does not have a
+            tag of ``names``, or a name is given twice; or if a drawing has no solid,
+            solids overlap, or gmsh cannot mesh it.
 
     Example:
         >>> ec.read_mesh("square.msh")  # a square with groups "body", "top", "bottom"
@@ -289,12 +297,15 @@ def read_mesh(
     has_rules = parts is not None or regions is not None
     subject = f"The mesh file {str(path)!r}"
     is_drawing = False
-    if has_geometry(path, wanted):
-        domain, is_drawing = _of_geometry(path, comm, wanted, names, has_rules=has_rules)
+    # Only rank 0 need have the file.
+    kind = str(comm.bcast(on_rank(comm, 0, kind_of, path)))
+    check_kind(path, kind, wanted, scripts=scripts)
+    if kind in DRAWINGS:
+        domain, is_drawing = _of_geometry(path, kind, comm, wanted, names, has_rules=has_rules)
     else:
 
         def make() -> Built:
-            mesh = read(path, numbered=not has_rules)
+            mesh = read(path, kind, numbered=not has_rules)
             return build_simplices(
                 mesh if names is None else rename_sets(mesh, names), numbered=not has_rules
             )
@@ -312,6 +323,7 @@ def read_mesh(
 
 def _of_geometry(
     path: Path,
+    kind: str,
     comm: MPI.Comm,
     wanted: Wanted,
     names: Mapping[int | tuple[int, int], str] | None,
@@ -326,7 +338,7 @@ def _of_geometry(
     kept: list[Kept | None] = []
 
     def build(gmsh: Any) -> None:
-        kept.extend(open_geometry(gmsh, path, wanted))
+        kept.extend(open_geometry(gmsh, path, kind, wanted))
 
     with session(comm, build, f"The drawing {str(path)!r}") as model:
         is_drawing = comm.bcast(bool(kept))

@@ -25,13 +25,17 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.drawings.kept import check_kept
 from erc_contact.mesh.naming import NamedShape
 from erc_contact.mesh.partition import distribute
-from erc_contact.mesh.shape import Brick, Drawing
+from erc_contact.mesh.shape import SIDES, Brick, Drawing
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
 from erc_contact.mesh.tags import tag_table
 from erc_contact.mesh.transfer import GivenCells
+
+MOST_TAGS = 2**30
+"""Tags are less: sums of two are tags, too."""
 
 
 def tag_tables(domain: Domain) -> dict[str, np.ndarray]:
@@ -147,21 +151,51 @@ def _shallow(value: Any) -> dict[str, Any]:
 
 
 def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
-    """Return the true shape from what :func:`describe_shape` gave."""
+    """Return the true shape from what :func:`describe_shape` gave.
+
+    Raises:
+        InputError: If it is none.
+    """
     if plain is None:
         return None
     if plain["kind"] == "Brick":
+        corners = np.array([plain["low"], plain["high"]], dtype=float)
+        if corners.shape[1] not in SIDES or not np.all(corners[0] < corners[1]):
+            raise InputError("it has a brick without a volume.")
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
     if plain["kind"] == "Assembled":
-        members = []
-        for member in plain["members"]:
-            shape: Any = geometry_of(member["shape"])
-            region_tags = tuple(tuple(pair) for pair in member["region_tags"])
-            plain_member = {**member, "shape": shape, "region_tags": region_tags}
-            members.append(Member(**plain_member))
-        joints = tuple(tuple(joint) for joint in plain["joints"])
-        return Assembled(tuple(members), plain["names"], plain["regions"], joints)
-    return Drawing(plain["suffix"], plain["text"], frozenset(plain["curved"]))
+        return _assembled_of(plain)
+    curved = plain["curved"]
+    if plain["kind"] != "Drawing" or not all(type(mark) is int for mark in curved):
+        raise InputError("it has a shape of an unknown kind.")
+    check_kept(plain["suffix"], plain["text"])
+    return Drawing(plain["suffix"], plain["text"], frozenset(curved))
+
+
+def _assembled_of(plain: Mapping[str, Any]) -> Assembled:
+    """Return the shape of several bodies from plain data.
+
+    Raises:
+        InputError: If it is none.
+    """
+    members = []
+    tags = [*plain["names"].values(), *plain["regions"].values()]
+    for member in plain["members"]:
+        shape: Any = geometry_of(member["shape"])
+        region_tags = tuple(tuple(pair) for pair in member["region_tags"])
+        members.append(Member(**{**member, "shape": shape, "region_tags": region_tags}))
+        tags += [*member["names"].values(), *member["regions"].values()]
+        tags += [member["first_tag"], member["first_mark"]]
+        tags += [tag for old, new in region_tags for tag in (old, new)]
+    joints = tuple(tuple(joint) for joint in plain["joints"])
+    known = bool(members)
+    for here, there, tag, tied, apart in joints:
+        known &= here in plain["names"] and there in plain["names"]
+        known &= type(tied) is bool and apart >= 0
+        tags.append(tag)
+    if not known or not all(type(tag) is int and abs(tag) < MOST_TAGS for tag in tags):
+        raise InputError("it has a shape of bodies that are not there.")
+    return Assembled(tuple(members), plain["names"], plain["regions"], joints)
 
 
 class CellRows(GivenCells):

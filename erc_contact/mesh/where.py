@@ -48,6 +48,8 @@ class where:
         region: Name of the region behind the facets.
         against: Name of another region that lies against the facets: it shares them
             (they are inside then, for ``split(on=)``), or its boundary lies there.
+        within: Greatest distance of that boundary from the middle of a facet [length],
+            as of :meth:`Domain.touching`; by default a share of the facet's size.
 
     Raises:
         InputError: If an argument cannot be worked with.
@@ -67,6 +69,7 @@ class where:
     angle: float = 5.0
     region: str | None = None
     against: str | None = None
+    within: float | None = None
 
     def __post_init__(self) -> None:
         """Check the conditions."""
@@ -83,6 +86,12 @@ class where:
             region = getattr(self, name)
             if region is not None and not isinstance(region, str):
                 raise InputError(f"where: {name} is {region!r}; give the name of a region.")
+        if self.within is not None:
+            checks.positive("where: within", self.within, "a distance > 0 [length]")
+            if self.against is None:
+                raise InputError(
+                    "where: within is the distance of another region; give against=, its name."
+                )
         # The angle has a default, so it is no condition; a normal alone uses it.
         given = (self.rule, self.x, self.y, self.z, self.normal, self.region, self.against)
         if all(value is None for value in given):

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.base.names import in_picture
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.output.drawing import (
@@ -75,7 +76,7 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     contact = traction.contact
     seen = "seen from the foundation"
     if surface.partners is not None:
-        seen = f"{contact.name} seen from {contact.against}"
+        seen = f"{in_picture(contact.name)} seen from {in_picture(contact.against or '')}"
     panels[1].set_title(seen, fontsize=11)
     if ax is None:
         sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (3, 1))

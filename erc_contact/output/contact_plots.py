@@ -13,6 +13,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.names import in_picture
 from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.profile import OPEN
 from erc_contact.output.along import along, through_means
@@ -130,7 +131,11 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
         around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
         of_pair = ""
         if surface.partners is not None:
-            of_pair = f" of {traction.contact.against}\non {traction.contact.name}"
+            over, under = (
+                in_picture(traction.contact.against or ""),
+                in_picture(traction.contact.name),
+            )
+            of_pair = f" of {over}\non {under}"
         axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
         axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
         greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(

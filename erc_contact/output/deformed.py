@@ -19,6 +19,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.checks import positive
+from erc_contact.base.names import in_picture
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
@@ -305,7 +306,8 @@ def _title(
     """Say what a picture of a deformed body magnifies, and what then looks wrong."""
     title = f"displacement × {factor:g}"
     pairs = pairs_of(contacts)
-    with_gap = [pair.traction.contact.name for pair in pairs if pair.missing(factor).gap.any()]
+    gaps = [pair for pair in pairs if pair.missing(factor).gap.any()]
+    with_gap = [in_picture(pair.traction.contact.name) for pair in gaps]
     if with_gap:
         title = f"displacement and gap × {factor:g}, gap drawn on {', '.join(with_gap)}"
     if pairs and pull is not None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.names import in_picture
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import LoadingHistory
@@ -142,8 +143,8 @@ def plot_loop(
             # The force on what the body touches is the opposite of that on the body.
             axes.plot(moved, -shear, "o-", color=COLOUR_CYCLE[0], **LINE)
             axes.set(
-                xlabel=f"mean displacement of {where} [length]",
-                ylabel=f"shear on {facing_name} [force]",
+                xlabel=f"mean displacement of {in_picture(where)} [length]",
+                ylabel=f"shear on {in_picture(facing_name)} [force]",
             )
             if ax is None:
                 axes.locator_params(axis="x", nbins=5)
@@ -200,7 +201,7 @@ def plot_zones(
         where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
         with panels("plot_zones", ax, [ZONES_SIZE]) as (axes,):
             axes.pcolormesh(times, places, status.T, **colours)
-            axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
+            axes.set(xlabel="t", ylabel=f"s along {in_picture(contact)} [length]")
             axes.legend(handles=patches, ncols=3, frameon=False, **where)
         return axes
 

@@ -16,6 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, on_rank
+from erc_contact.base.names import printable
 from erc_contact.mesh.simplex import lattice, node_between
 
 STYLE = {
@@ -189,8 +190,13 @@ def new_vtkhdf(path: str | Path) -> Iterator[Any]:
         yield vtk
 
 
-def save_grid(grid: Any, path: Path) -> None:
+def save_grid(grid: Any, path: Path, part: str = "") -> None:
     """Write a mesh with its data as a VTKHDF file.
+
+    Args:
+        grid: The mesh.
+        path: The file.
+        part: Name of the part that it shows, "" for none.
 
     Raises:
         OSError: If the file cannot be written.
@@ -212,6 +218,8 @@ def save_grid(grid: Any, path: Path) -> None:
             tables[f"{kind}/{name}"] = values
     path.parent.mkdir(parents=True, exist_ok=True)
     with new_vtkhdf(path) as vtk:
+        if part:
+            vtk.file["part"] = printable(part)
         for name, table in tables.items():
             array = np.asarray(table)
             chunks = (min(CHUNK_ROWS, len(array)), *array.shape[1:])

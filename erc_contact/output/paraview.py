@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.base.names import file_stem
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.simplex import bernstein, lagrange, nodes
@@ -66,6 +67,9 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     - ``mean_traction``: mean of r^ on the facet [force/area],
     - ``status``: 0 open, 1 slip, 2 stick.
 
+    ``<name>`` is the name of the part, see :class:`erc_contact.History`; ``part`` at
+    the root of the file tells it in full.
+
     For degree 2 the cells are quadratic, with values at all nodes, and facets in 2D are
     polylines. ParaView integrates quadratic cells by straight parts, and quadratic
     lines not at all. Its integral of ``mean_traction`` is exactly the contact force.
@@ -95,7 +99,8 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         for contact in contacts:
             assert contact is not None
             name = contact.traction.contact.name
-            save_grid(_contact_grid(contact), Path(folder) / f"contact_{name}.vtkhdf")
+            file = f"contact_{file_stem(name)}.vtkhdf"
+            save_grid(_contact_grid(contact), Path(folder) / file, part=name)
 
     on_root(model.comm, Path(folder) / "body.vtkhdf", write)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.names import in_picture
 from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.parts_table import NAMELESS, facets_of_parts
@@ -211,7 +212,7 @@ def _draw_in_space(shown: _Shown) -> Any:
     for number in used:
         name = shown.names[number]
         hidden = "" if name in labelled or name == NAMELESS else " (hidden)"
-        handles.append(Patch(color=colours[number], label=f"{name}{hidden}"))
+        handles.append(Patch(color=colours[number], label=f"{in_picture(name)}{hidden}"))
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     return panels
 
@@ -255,4 +256,6 @@ def _write(axes: Any, name: str, place: np.ndarray, **words: Any) -> None:
     from matplotlib.patheffects import withStroke  # noqa: PLC0415
 
     rim = [withStroke(linewidth=2.5, foreground="white")]
-    axes.text(*place, name, fontsize=10, color="black", path_effects=rim, zorder=10, **words)
+    axes.text(
+        *place, in_picture(name), fontsize=10, color="black", path_effects=rim, zorder=10, **words
+    )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
+from erc_contact.base.names import file_stem
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned
@@ -113,9 +114,9 @@ def add_states(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
     for name, shape in states_of(error.admissible).items():
         if shape:
             continue
-        file = f"{name}.png"
+        file = f"{file_stem(name)}.png"
         words = f"What the body remembers in each element: {name}."
-        line = f'erc_contact.output.draw_state({code}, "{name}", "{file}")'
+        line = f"erc_contact.output.draw_state({code}, {name!r}, {file!r})"
         gallery.add(file, words, line, partial(draw_state, error, name), is_body=True)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 from erc_contact.base.code import code_of, definitions, without_paths
 from erc_contact.base.html import table
+from erc_contact.base.names import file_stem, printable
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
@@ -263,6 +264,7 @@ def _record(run: Run, forces: Mapping[str, Force]) -> dict[str, Any]:
         "accuracy": run.accuracy,
         "error": error,
         "forces": force_lists,
+        "parts of files": {file_stem(name): name for name in run.error.domain.names},
         "steps": [asdict(step) for step in run.steps],
         "settings": {name: code_of(value) for name, value in run.settings.items()},
         "versions": versions(),
@@ -318,7 +320,7 @@ def _script(
 ) -> str:
     """Return the call of a run with its arguments, below the code of the scene."""
     shape = shape_in_words(domain.geometry, domain.dim, curved=domain.curved_facets is not None)
-    parts = ", ".join(domain.names)
+    parts = ", ".join(map(printable, domain.names))
     facts = f"{domain.cells} cells and {domain.vertices} vertices; parts {parts}"
     lines = ["import ufl\n\nimport erc_contact as ec\n"]
     if scene_code:

@@ -97,6 +97,9 @@ class Checkpoint:
         Args:
             number: Its number.
             before: Another level, read already, that may have the same mesh.
+
+        Raises:
+            InputError: If it has changed since, or is no level of a run.
         """
 
         def read_level() -> Level:
@@ -108,7 +111,13 @@ class Checkpoint:
 
         level = on_rank(self.comm, 0, read_level)
         about = self.comm.bcast(level.about if level else None)
-        return Restored(self.comm, level or Level(about, {}), before, self.shape)
+        try:
+            return Restored(self.comm, level or Level(about, {}), before, self.shape)
+        except (AttributeError, LookupError, TypeError, ValueError, RuntimeError) as reason:
+            if isinstance(reason, InputError):
+                raise
+            file = self.folder.file(number)
+            raise InputError(f"{file} is no level of a run ({reason}).") from reason
 
     def read_all(self, scene: Scene, methods: Sequence[Method], tighten: int) -> Kept:
         """Read all good levels; the folder has at least one level.

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.html import table
+from erc_contact.base.names import file_stem
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
@@ -221,16 +222,16 @@ class Evolution(RunResult):
             profiles = self.profile(name)
             if any(_slides(profile) for profile in profiles):
                 words = f"Shear of the contact {title}, over the displacement."
-                file = f"loop_{name}.png"
+                file = f"loop_{file_stem(name)}.png"
                 # the shear that the moving body exerts takes energy on its way
                 side = moving_side(self, contact)
-                code = f'erc_contact.output.evolutions.plot_loop(evolution, "{side}", "{file}")'
+                code = f"erc_contact.output.evolutions.plot_loop(evolution, {side!r}, {file!r})"
                 gallery.add(file, words, code, partial(plot_loop, self, side))
             is_ever_closed = any(np.any(profile["status"] != OPEN) for profile in profiles)
             if self.error.domain.dim == 2 and is_ever_closed:
                 words = f"Open, slip and stick along the contact {title} in time."
-                file = f"zones_{name}.png"
-                code = f'erc_contact.output.evolutions.plot_zones(evolution, "{name}", "{file}")'
+                file = f"zones_{file_stem(name)}.png"
+                code = f"erc_contact.output.evolutions.plot_zones(evolution, {name!r}, {file!r})"
                 gallery.add(file, words, code, partial(plot_zones, self, name))
         add_states(gallery, self.error, "evolution.error")
         words = "The deformed body at the end."

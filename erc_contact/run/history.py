@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.html import table
+from erc_contact.base.names import file_stem
 from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
@@ -50,7 +51,9 @@ class History(RunResult):
     closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
     run time and degrees of freedom) of meshes that tell a slope. By default only those
     are drawn, in this order, for which there is time. There are more in
-    :mod:`erc_contact.output`, for instance ``draw_meshes(history, path)``.
+    :mod:`erc_contact.output`, for instance ``draw_meshes(history, path)``. Of a name
+    letters, digits, dashes and underscores are in the name of a file; a name with
+    others ends with a hash there, and ``history.json`` tells the part of each.
 
     Attributes:
         steps: The rows.
@@ -212,7 +215,7 @@ class History(RunResult):
         self._save_table(folder, forces)
         for joint in (*model.contacts, *model.ties):
             name = joint.name
-            _write_profile(comm, self.profile(name), folder / f"contact_{name}.csv")
+            _write_profile(comm, self.profile(name), folder / f"contact_{file_stem(name)}.csv")
         at(comm, "fields")
         write_fields(self.best, folder)
         if gallery is not None:
@@ -249,8 +252,8 @@ class History(RunResult):
             kind = "tied joint" if joint in best.model.ties else "contact"
             if np.any(self.profile(name)["status"] != OPEN):
                 words = f"Traction on the {kind} {joint.title}, of the admissible stress."
-                file = f"contact_{name}.png"
-                code = f'erc_contact.output.plot_contact(history, "{name}", "{file}")'
+                file = f"contact_{file_stem(name)}.png"
+                code = f"erc_contact.output.plot_contact(history, {name!r}, {file!r})"
                 gallery.add(file, words, code, partial(plot_contact, best.admissible, name))
         add_states(gallery, best, "history.best")
         if best.absolute > 0:

@@ -28,6 +28,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.hdf5 import check_tables
+from erc_contact.run.contents import check_contents
 
 FORMAT = 2
 """Number of the format of the files."""
@@ -86,8 +88,6 @@ def unpack(whole: bytes) -> Level:
         Damaged: If they are not what was written.
         InputError: If the format is newer than this version of the package.
     """
-    import h5py  # noqa: PLC0415
-
     title = whole[: whole.find(b"\n")].decode(errors="replace")
     number = title.removeprefix(TITLE)
     titled = title.startswith(TITLE) and number.isdecimal()
@@ -99,6 +99,20 @@ def unpack(whole: bytes) -> Level:
             f"it has format {number}, and this version of erc_contact knows format {FORMAT}: "
             "take the version that wrote it, or another folder"
         )
+    # What has a checksum may still be of anybody.
+    try:
+        level = _read_contents(whole)
+        check_contents(level.about, level.tables)
+    except Exception as reason:
+        words = str(reason).rstrip(".")
+        raise Damaged(f"it is no level of a run ({words})") from reason
+    return level
+
+
+def _read_contents(whole: bytes) -> Level:
+    """Read plain data and tables from the contents of a file, unchecked."""
+    import h5py  # noqa: PLC0415
+
     tables: dict[str, np.ndarray] = {}
 
     def read_table(name: str, item: Any) -> None:
@@ -106,6 +120,7 @@ def unpack(whole: bytes) -> Level:
             tables[name] = item[()]
 
     with h5py.File(io.BytesIO(whole), "r") as file:
+        check_tables(file, len(whole))
         about = json.loads(file["about"][()])
         file.visititems(read_table)
     del tables["about"]

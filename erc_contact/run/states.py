@@ -44,21 +44,11 @@ from erc_contact.newton.solution import Solution
 from erc_contact.output.files import gather, vtk_cells
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
+from erc_contact.run.contents import ERROR_NUMBERS
 from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
 
-ERROR_NUMBERS = (
-    "absolute",
-    "scale",
-    "bulk_error",
-    "contact_error",
-    "geometry_error",
-    "relative",
-    "total",
-    "degree",
-)
-"""Numbers of an error that are kept."""
 STATE = {
     "newton_steps": "newton_steps",
     "reason": "reason",

@@ -66,12 +66,12 @@ def dome():
 
 
 SCENES = {
-    "block": (prototype_block, lambda: ec.read_mesh(MESHES / "block.geo"), 0.03),
+    "block": (prototype_block, lambda: ec.read_mesh(MESHES / "block.geo", scripts=True), 0.03),
     "common block": (common_block, lambda: ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5), 0.05),
-    "greco": (greco, lambda: ec.read_mesh(MESHES / "greco.geo"), 0.01),
-    "hertz": (hertz, lambda: ec.read_mesh(MESHES / "half_disc.geo"), 0.05),
-    "bracket": (bracket, lambda: ec.read_mesh(MESHES / "bracket.geo"), 0.05),
-    "dome": (dome, lambda: ec.read_mesh(MESHES / "dome.geo"), 0.2),
+    "greco": (greco, lambda: ec.read_mesh(MESHES / "greco.geo", scripts=True), 0.01),
+    "hertz": (hertz, lambda: ec.read_mesh(MESHES / "half_disc.geo", scripts=True), 0.05),
+    "bracket": (bracket, lambda: ec.read_mesh(MESHES / "bracket.geo", scripts=True), 0.05),
+    "dome": (dome, lambda: ec.read_mesh(MESHES / "dome.geo", scripts=True), 0.2),
 }
 
 
@@ -188,7 +188,11 @@ def test_loop_coarsens():
 @pytest.mark.serial
 def test_greco_to_half_a_percent():
     history = ec.adapt(
-        greco(), ec.read_mesh(MESHES / "greco.geo"), 0.005, strategy=ec.SizeMap(), tighten=0
+        greco(),
+        ec.read_mesh(MESHES / "greco.geo", scripts=True),
+        0.005,
+        strategy=ec.SizeMap(),
+        tighten=0,
     )
     assert history.reached
     surface = whole_contact(history.best.admissible, history.best.admissible.tractions[0])
@@ -216,7 +220,11 @@ def test_coarse_mesh_does_not_refuse_what_can_be_done():
         contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
     history = ec.adapt(
-        scene, ec.read_mesh(MESHES / "half_disc.geo"), 0.05, strategy=ec.SizeMap(), max_cells=5000
+        scene,
+        ec.read_mesh(MESHES / "half_disc.geo", scripts=True),
+        0.05,
+        strategy=ec.SizeMap(),
+        max_cells=5000,
     )
     assert history.steps[0].eps > 0.5
     assert history.reached

@@ -338,7 +338,7 @@ def test_geo_file(shared_tmp_path, measures):
             'Physical Curve("foot") = {1};\n'
         )
     COMM.barrier()
-    domain = ec.read_mesh(path)
+    domain = ec.read_mesh(path, scripts=True)
     assert close(measures.part(domain, "slope"), 5.0)
     assert close(measures.part(domain, "foot"), 3.0)
     assert close(measures.region(domain), 6.0)

@@ -295,10 +295,10 @@ def test_a_geo_file_without_groups_is_a_drawing(folder):
     path = folder / "plate.geo"
     path.write_text(GEO)
     COMM.barrier()
-    plate = ec.read_mesh(path)
+    plate = ec.read_mesh(path, scripts=True)
     assert list(plate.names) == ["1", "2", "3", "4"]
     assert list(plate.regions) == ["body"]
-    finer = ec.read_mesh(path, size=0.1, names={3: "roof"})
+    finer = ec.read_mesh(path, size=0.1, names={3: "roof"}, scripts=True)
     assert finer.cells > 5 * plate.cells
     assert list(finer.names) == ["1", "2", "roof", "4"]
     assert finer.remeshed(0.5).cells < finer.cells
@@ -372,7 +372,7 @@ def test_files_that_hold_nothing_are_told(name, folder):
         (folder / name).write_text(text)
     COMM.barrier()
     with pytest.raises(ec.InputError, match=words):
-        ec.read_mesh(folder / name, size=1.0)
+        ec.read_mesh(folder / name, size=1.0, scripts=True)
 
 
 def test_sheets_that_enclose_nothing_are_refused(folder):
@@ -382,6 +382,7 @@ def test_sheets_that_enclose_nothing_are_refused(folder):
 
 
 def test_sizes_of_a_mesh_file_are_refused(folder):
+    (folder / "some.msh").write_text("$MeshFormat\n")
     with pytest.raises(ec.InputError, match="mesh a drawing"):
         ec.read_mesh(folder / "some.msh", size=1.0)
 
@@ -410,3 +411,16 @@ def test_without_sides_split_makes_pairs_of_all_regions(folder):
     assert bodies.split() is bodies
     plain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
     assert plain.split() is plain
+
+
+def test_a_thin_solid_is_no_feature(folder, told):
+    """No width is offered that would remove a body."""
+
+    def plates(occ):
+        occ.addBox(0, 0, 0, 4, 4, 1)
+        occ.addBox(1, 1, 1, 1, 1, 0.004)
+
+    ec.read_mesh(write(folder / "thin.step", plates), size=1.0)
+    text = told()
+    assert "1 solid thinner than 0.02" in text
+    assert "defeature" not in text

@@ -35,12 +35,12 @@ BRICKS = {
     "rectangle of cells": (lambda: ec.rectangle(*RECTANGLE, cells=(3, 10)), RECTANGLE_SIDES, 14.0),
     "box": (lambda: ec.box(*BOX, cells=(2, 3, 4)), BOX_SIDES, 6.0),
     "block.geo": (
-        lambda: ec.read_mesh(MESHES / "block.geo"),
+        lambda: ec.read_mesh(MESHES / "block.geo", scripts=True),
         dict.fromkeys(("left", "right"), 7.0),
         14.0,
     ),
     "dome.geo": (
-        lambda: ec.read_mesh(MESHES / "dome.geo"),
+        lambda: ec.read_mesh(MESHES / "dome.geo", scripts=True),
         {"bottom": 4.0, "left": 2.0, "back": 2.0},
         4.0,
     ),
@@ -111,7 +111,7 @@ CURVED = {
 def test_curved_boundaries_are_sampled_anew(name, measures):
     """The area of the mesh tends to the area of the true shape like h^2, whether it is made anew or refined."""
     area, sides, size = CURVED[name]
-    domain = ec.read_mesh(MESHES / name)
+    domain = ec.read_mesh(MESHES / name, scripts=True)
     polygon = measures.region(domain)
     assert measures.region(domain.refined()) - area == pytest.approx((polygon - area) / 4, rel=0.03)
     errors = []
@@ -133,7 +133,7 @@ def test_ball_in_space(shared_tmp_path, measures):
             'Physical Surface("sphere") = {1}; Physical Surface(7) = {2}; Mesh.MeshSizeMax = 0.5;\n'
         )
     COMM.barrier()
-    domain = ec.read_mesh(path)
+    domain = ec.read_mesh(path, scripts=True)
     errors = []
     for size in (0.4, 0.2, 0.1):
         domain = domain.remeshed(size)
@@ -169,7 +169,7 @@ def test_gap_acts_on_every_mesh_alike():
         supports=[ec.Displacement("top", (0.0, -0.05))],
         contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
-    domain, forces, start = ec.read_mesh(MESHES / "half_disc.geo"), [], None
+    domain, forces, start = ec.read_mesh(MESHES / "half_disc.geo", scripts=True), [], None
     for step in range(0, 10, 2):
         domain = domain.remeshed(around(domain, (0.0, 0.0), 0.015, 0.05 + 0.02 * step))
         start = ec.solve(scene, domain, start=start)

@@ -32,7 +32,7 @@ def from_script(text, folder, name):
     if COMM.rank == 0:
         path.write_text(text)
     COMM.barrier()
-    return ec.read_mesh(path)
+    return ec.read_mesh(path, scripts=True)
 
 
 RING = (
@@ -86,7 +86,7 @@ def off_surface(domain, part, centre):
 
 
 def test_refined_half_disc_is_on_the_circle(measures):
-    domain, missing = ec.read_mesh(MESHES / "half_disc.geo"), []
+    domain, missing = ec.read_mesh(MESHES / "half_disc.geo", scripts=True), []
     for step in range(4):
         assert off_surface(domain, "arc", (0.0, 1.0, 0.0)) < 1e-12
         missing.append(np.pi / 2 - measures.region(domain))
@@ -155,7 +155,7 @@ def test_straight_bodies_pay_nothing():
     )
     for domain in (
         ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5),
-        ec.read_mesh(MESHES / "block.geo"),
+        ec.read_mesh(MESHES / "block.geo", scripts=True),
     ):
         error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
         assert domain.curved_facets is None
@@ -230,7 +230,7 @@ def hertz(comm=COMM):
         supports=[ec.Displacement("top", (0.0, -0.004))],
         contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
     )
-    return scene, ec.read_mesh(MESHES / "half_disc.geo", comm)
+    return scene, ec.read_mesh(MESHES / "half_disc.geo", comm, scripts=True)
 
 
 @pytest.mark.serial
@@ -312,7 +312,7 @@ def test_punch_has_one_force(degree, shared_tmp_path):
 def test_outcome_says_what_eps_refers_to():
     """Of a mesh file only the polygon is known."""
     scene, _ = hertz()
-    known = ec.adapt(scene, ec.read_mesh(MESHES / "half_disc.geo"), accuracy=2.0)
+    known = ec.adapt(scene, ec.read_mesh(MESHES / "half_disc.geo", scripts=True), accuracy=2.0)
     bare = ec.adapt(scene, ec.read_mesh(MESHES / "half_disc.msh"), accuracy=2.0)
     assert "flat facets" in bare.outcome
     assert "flat facets" not in known.outcome

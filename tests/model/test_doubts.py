@@ -259,7 +259,7 @@ def half_disc_on_a_plane(push):
     """The half disc that touches y = 0 with its lowest point; its top is moved by ``push``."""
     foundation = ec.Contact("arc", normal=(0.0, -1.0), gap=lambda x: 1.0 - ufl.sqrt(1 - x[0] ** 2))
     scene = pressed(supports=[ec.Displacement("top", (0.0, push))], contacts=[foundation])
-    return scene, ec.read_mesh(Path(__file__).parents[2] / "meshes" / "half_disc.geo")
+    return scene, ec.read_mesh(Path(__file__).parents[2] / "meshes" / "half_disc.geo", scripts=True)
 
 
 def test_an_arc_that_is_pressed_touches(caplog):

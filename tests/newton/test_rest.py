@@ -103,7 +103,10 @@ def test_released_curved_body_makes_no_meshes():
         return ec.Scene(ec.Elastic(1.0, 0.3), [], [load], [foot])
 
     history = ec.evolve(
-        scene_at, ec.read_mesh(MESHES / "half_disc.geo"), [0.0, 1.0, 2.0], accuracy=0.9
+        scene_at,
+        ec.read_mesh(MESHES / "half_disc.geo", scripts=True),
+        [0.0, 1.0, 2.0],
+        accuracy=0.9,
     )
     assert history.reached
     assert history.column("meshes").tolist() == [1, 1, 1]

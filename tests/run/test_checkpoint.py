@@ -97,7 +97,7 @@ def of_curves(comm=COMM):
     )
     return (
         scene,
-        ec.read_mesh(MESHES / "half_disc.geo", comm),
+        ec.read_mesh(MESHES / "half_disc.geo", comm, scripts=True),
         {"strategy": ec.SizeMap(), "method": ec.Nitsche()},
     )
 

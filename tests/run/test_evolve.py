@@ -76,7 +76,7 @@ def test_a_curved_body_from_rest(strategy):
         contact = ec.Contact("arc", friction=MU, gap=lambda x: x[1], normal=(0.0, -1.0))
         return ec.Scene(ec.Elastic(1.0, 0.3), top, contacts=contact)
 
-    disc = ec.read_mesh(MESHES / "half_disc.geo")
+    disc = ec.read_mesh(MESHES / "half_disc.geo", scripts=True)
     evolution = ec.evolve(scene_at, disc, [0.0, 1.0, 2.0], accuracy=0.3, strategy=strategy)
     assert evolution.reached
     assert evolution.steps[0].cells == disc.cells

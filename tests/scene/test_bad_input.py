@@ -5,6 +5,7 @@ the message names the thing.
 """
 
 import dataclasses
+import json
 import math
 from functools import partial
 from pathlib import Path
@@ -1324,19 +1325,27 @@ def test_size_map_to_an_accuracy_not_positive(accuracy, block):
     refused(lambda: ec.size_map(error, accuracy), "accuracy", repr(accuracy), "> 0")
 
 
-OPEN_LOOP = """
-Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 1, 0}; Point(4) = {0, 1, 0};
-Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4};
-Curve Loop(1) = {1, 2, 3}; Plane Surface(1) = {1};
-Physical Curve("left", 1) = {3}; Physical Surface("body", 1) = {1};
-"""
+SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+OPEN_LOOP = json.dumps(
+    {
+        "entities": [
+            *(["Point", tag, place] for tag, place in enumerate(SQUARE, start=1)),
+            *(["Line", tag, [tag, tag + 1]] for tag in (1, 2, 3)),
+            ["Curve Loop", 1, [1, 2, 3]],
+            ["Plane Surface", 1, [1]],
+        ],
+        "inside": [],
+        "groups": [[1, 1, [3]], [2, 1, [1]]],
+    }
+)
 
 
 @pytest.mark.parametrize(
-    ("suffix", "text"), [(".geo_unrolled", OPEN_LOOP), (".geo_unrolled", "Point(;"), (".xao", "no")]
+    ("suffix", "text"),
+    [(".json", OPEN_LOOP), (".json", "{}"), (".xao", "no"), (".geo", "Point(1) = {0, 0, 0};")],
 )
 def test_geometry_that_gmsh_fails_on(suffix, text, block):
-    """Remeshing raises on all ranks; a run keeps the result it has."""
+    """Remeshing raises on all ranks; a run keeps the result it has. No script is run."""
     broken = dataclasses.replace(block, geometry=Drawing(suffix, text))
     refused(lambda: broken.remeshed(0.1), "geometry", "cannot be used")
     scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])

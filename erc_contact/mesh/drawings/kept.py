@@ -1,4 +1,7 @@
-"""Keep the geometry of a gmsh model as text, from which it can be meshed again."""
+"""Keep the geometry of a gmsh model as text, from which it can be meshed again.
+
+The text is no script: it may come from the file of a run of somebody else.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +11,29 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.drawings.entities import build_entities, check_table, table_of
+from erc_contact.mesh.files.for_gmsh import check_xao
+
+XAO = ".xao"
+"""Form of shapes of OpenCASCADE: XML with the shape as BREP, and the groups."""
+TABLE = ".json"
+"""Form of shapes of gmsh's own kernel: a table of its entities."""
 MARK_PREFIX = "erc_contact mark "
 """Beginning of the names of physical groups that keep marks."""
 FLAT_TYPES = ("Line", "Plane")
 """gmsh's types of curves and surfaces that facets represent exactly."""
 
 Kept = tuple[str, str, frozenset[int]]
-"""Suffix and text of a file of gmsh's, and the marks of curved curves or surfaces."""
+"""Form and text, and the marks of curved curves or surfaces."""
 
 
 def drawing_of(model: Any) -> Kept | None:
-    """Return suffix, text and curved marks of gmsh's current model.
+    """Return form, text and curved marks of gmsh's current model.
 
     They are the arguments of :class:`erc_contact.mesh.shape.Drawing`. It is None if the
-    model has no geometry, as one from a mesh file, or mixes gmsh's two kernels, which
-    no format can keep.
+    model has no geometry, as one from a mesh file, or mixes gmsh's two kernels or has
+    NURBS of gmsh's own kernel, which no form can keep.
     """
     import gmsh  # noqa: PLC0415 - whoever has a model has gmsh
 
@@ -32,7 +43,7 @@ def drawing_of(model: Any) -> Kept | None:
     mixed = bool(occ_entities) and occ_entities != entities
     if discrete or mixed:
         return None
-    suffix = ".xao" if occ_entities else ".geo_unrolled"
+    suffix = XAO if occ_entities else ".geo_unrolled"
     facets = model.getEntities(model.getDimension() - 1)
     curved_tags = [tag for dim, tag in facets if model.getType(dim, tag) not in FLAT_TYPES]
     curved = frozenset(map(int, curved_tags))
@@ -40,7 +51,41 @@ def drawing_of(model: Any) -> Kept | None:
     with _marked(model, marks), tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"body{suffix}"
         gmsh.write(str(path))
-        return suffix, path.read_text(), curved
+        text = path.read_text()
+        if occ_entities:
+            return XAO, text, curved
+        table = table_of(model, text)
+        return None if table is None else (TABLE, table, curved)
+
+
+def check_kept(form: Any, text: Any) -> None:
+    """Check a form and a text that come from a file.
+
+    Raises:
+        InputError: If they are no shape.
+    """
+    checks = {XAO: check_xao, TABLE: check_table}
+    if form not in checks or not isinstance(text, str):
+        raise InputError(
+            f"it has a shape of the form {form!r}, and BREP (.xao) or a table (.json) are read: a "
+            "script could do anything."
+        )
+    checks[form](text)
+
+
+def build_kept(gmsh: Any, form: str, text: str) -> None:
+    """Make geometry and physical groups of a text in gmsh's current model."""
+    try:
+        check_kept(form, text)
+    except InputError as reason:
+        raise InputError(f"The geometry cannot be used: {reason}") from reason
+    if form == TABLE:
+        build_entities(gmsh, text)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"body{form}"
+        path.write_text(text)
+        gmsh.merge(str(path))
 
 
 @contextmanager

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.percent import counted
+from erc_contact.mesh.files.for_gmsh import called, check_xao, merge_script
 
 Tell = Callable[[str, str], None]
 """Function that tells the user a sentence, as "info" or as "warning"."""
 
-IGES = (".iges", ".igs")
-STEP = (".step", ".stp")
-BREP = (".brep", ".brp")
-CAD = (*STEP, *IGES, *BREP)
+CAD = (".step", ".stp", ".iges", ".igs", ".brep", ".brp")
 """Endings of the files that OpenCASCADE reads."""
+OF_OCC = ("step", "iges", "brep")
+"""Their formats."""
 SAME = 1e-6
 """Distance of places that are one, over the extent of the drawing [-]."""
 NO_NAME = "Open CASCADE"
@@ -40,10 +40,16 @@ class Refused(Exception):
     """Report that a drawing cannot be meshed, in a sentence for the user."""
 
 
-def open_drawing(gmsh: Any, path: Path, tell: Tell) -> list[tuple[str, tuple[int, int]]]:
+def open_drawing(gmsh: Any, path: Path, kind: str, tell: Tell) -> list[tuple[str, tuple[int, int]]]:
     """Open a drawing in gmsh's current model.
 
     Sheets and wires beside solids are left out and counted.
+
+    Args:
+        gmsh: The module.
+        path: The file.
+        kind: Its format, one of :data:`erc_contact.mesh.files.formats.DRAWINGS`.
+        tell: Function that tells what is left out.
 
     Returns:
         Name and entity of each solid, in the order of the file; the names differ.
@@ -51,10 +57,14 @@ def open_drawing(gmsh: Any, path: Path, tell: Tell) -> list[tuple[str, tuple[int
     Raises:
         Refused: If the drawing has no solids, nor surfaces in the plane.
     """
-    if path.suffix.lower() in CAD:
-        _import(gmsh, path, tell)
+    if kind in OF_OCC:
+        _import(gmsh, path, kind, tell)
+    elif kind == "xao":
+        check_xao(path.read_text(encoding="utf-8", errors="replace"))
+        with called(path, ".xao") as link:
+            gmsh.merge(str(link))
     elif path.read_text(encoding="latin-1").strip():
-        gmsh.merge(str(path))
+        merge_script(gmsh, path)
         gmsh.model.mesh.clear()
     model = gmsh.model
     dim = int(model.getDimension())
@@ -70,30 +80,29 @@ def open_drawing(gmsh: Any, path: Path, tell: Tell) -> list[tuple[str, tuple[int
     return list(zip(different(names, "solid" if dim == 3 else "surface"), entities, strict=True))
 
 
-def _import(gmsh: Any, path: Path, tell: Tell) -> None:
+def _import(gmsh: Any, path: Path, kind: str, tell: Tell) -> None:
     """Import shapes by OpenCASCADE, in the unit of the file."""
-    unit = _unit_of(path)
+    unit = _unit_of(path, kind)
     if unit:
-        if path.suffix.lower() in IGES:
+        if kind == "iges":
             # OpenCASCADE takes a unit only after it has read a first file of this kind.
             gmsh.model.add("first")
-            gmsh.model.occ.importShapes(str(path))
+            gmsh.model.occ.importShapes(str(path), format=kind)
             gmsh.model.remove()
         gmsh.option.setString("Geometry.OCCTargetUnit", unit)
     gmsh.model.add("drawing")
-    gmsh.model.occ.importShapes(str(path), highestDimOnly=False)
+    gmsh.model.occ.importShapes(str(path), highestDimOnly=False, format=kind)
     gmsh.model.occ.synchronize()
     if unit:
         tell("info", f"lengths are in {unit.lower()}, the unit of the file")
 
 
-def _unit_of(path: Path) -> str | None:
+def _unit_of(path: Path, kind: str) -> str | None:
     """Return the unit of length in a file, "MM" if it has several; None for BREP."""
-    suffix = path.suffix.lower()
-    if suffix in BREP:
+    if kind == "brep":
         return None
     text = path.read_text(encoding="latin-1")
-    units = _units_of_step(text) if suffix in STEP else _units_of_iges(text)
+    units = _units_of_step(text) if kind == "step" else _units_of_iges(text)
     return units.pop() if len(units) == 1 else "MM"
 
 

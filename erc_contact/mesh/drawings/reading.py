@@ -16,9 +16,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.drawings.kept import Kept
 from erc_contact.mesh.drawings.opened import CAD
 from erc_contact.mesh.files.apart import PACKAGE, WITHOUT_MPI
+from erc_contact.mesh.files.for_gmsh import merge_script
+from erc_contact.mesh.files.formats import DRAWINGS
 
-GEOMETRIES = (".geo", ".geo_unrolled", ".xao")
-"""Endings of gmsh's files of geometry, which may have groups."""
 LEVELS = {"info": logging.INFO, "warning": logging.WARNING}
 """Level of each kind of sentence."""
 START = f"{WITHOUT_MPI}from erc_contact.mesh.drawings.worker import main\nmain()\n"
@@ -58,23 +58,39 @@ class Wanted:
         return self != Wanted()
 
 
-def has_geometry(path: Path, wanted: Wanted) -> bool:
-    """Tell whether a file has the true shape of bodies, by its ending.
+def check_kind(path: Path, kind: str, wanted: Wanted, *, scripts: bool) -> None:
+    """Check that a file can be what it is asked for.
+
+    Args:
+        path: The file.
+        kind: Its format.
+        wanted: How a drawing is to be meshed.
+        scripts: Whether scripts may run.
 
     Raises:
-        InputError: If something is asked for that a mesh file does not have.
+        InputError: If it is a script and none may run, something is asked for that a
+            mesh file does not have, or it ends as drawings do and is none.
     """
-    if path.suffix.lower() in (*CAD, *GEOMETRIES):
-        return True
+    if kind == "script" and not scripts:
+        raise InputError(
+            f"The drawing {str(path)!r} is a script of gmsh's, a program that can run any command "
+            "and write any file. If you trust who wrote it: read_mesh(path, scripts=True)."
+        )
+    if kind in DRAWINGS:
+        return
+    if path.suffix.lower() in CAD:
+        raise InputError(
+            f"The drawing {str(path)!r} cannot be used: it ends as drawings do, and does not begin "
+            "so. Export it anew."
+        )
     if wanted.given:
         raise InputError(
             f"read_mesh: size=, heal= and defeature= mesh a drawing ({', '.join(CAD)}, .geo); "
             f"{str(path)!r} is none. Cells of a mesh file get other sizes by refined or remeshed."
         )
-    return False
 
 
-def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
+def open_geometry(gmsh: Any, path: Path, kind: str, wanted: Wanted) -> list[Kept | None]:
     """Open a file with the true shape of bodies in gmsh's current session.
 
     A drawing is meshed by a process of its own. A script of gmsh's that has physical
@@ -86,23 +102,19 @@ def open_geometry(gmsh: Any, path: Path, wanted: Wanted) -> list[Kept | None]:
         kept; an empty list for a script with groups.
 
     Raises:
-        InputError: If the file is missing or cannot be meshed.
+        InputError: If the file cannot be meshed.
     """
-    if not path.is_file():
-        raise InputError(
-            f"The drawing {str(path)!r} does not exist; look at the path and the working folder."
-        )
-    is_cad = path.suffix.lower() in CAD
-    if is_cad or wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
-        return [_mesh(gmsh, path, wanted)]
-    gmsh.open(str(path))
+    is_script = kind == "script"
+    if not is_script or wanted.given or "Physical" not in path.read_text(encoding="latin-1"):
+        return [_mesh(gmsh, path, kind, wanted)]
+    merge_script(gmsh, path)
     return []
 
 
-def _mesh(gmsh: Any, path: Path, wanted: Wanted) -> Kept | None:
+def _mesh(gmsh: Any, path: Path, kind: str, wanted: Wanted) -> Kept | None:
     """Mesh a drawing, and open the mesh in gmsh's current session."""
     with tempfile.TemporaryDirectory() as folder:
-        job = asdict(wanted) | {"path": str(path.resolve()), "folder": folder}
+        job = asdict(wanted) | {"path": str(path.resolve()), "kind": kind, "folder": folder}
         _run(job, f"The drawing {str(path)!r}")
         gmsh.merge(str(Path(folder) / "mesh.msh"))
         kept = json.loads((Path(folder) / "result.json").read_text())

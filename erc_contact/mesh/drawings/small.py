@@ -97,7 +97,9 @@ def defeature(
 
 
 def tell_tiny(gmsh: Any, dim: int, size: float, tell: Tell) -> None:
-    """Tell places and sizes of the smallest edges and faces.
+    """Tell places and sizes of the smallest edges and faces, and of thin solids.
+
+    Edges and faces of thin solids are no features that could be removed.
 
     Args:
         gmsh: The module gmsh.
@@ -108,12 +110,24 @@ def tell_tiny(gmsh: Any, dim: int, size: float, tell: Tell) -> None:
     model = gmsh.model
     whole = extent(gmsh)
     found: dict[str, list[tuple[float, Entity]]] = defaultdict(list)
-    for edge in model.getEntities(1):
+    thin = [solid for solid in model.getEntities(3) if _thickness(model, solid) < TINY * size]
+    of_thin = set(thin)
+    if thin:
+        faces = model.getBoundary(thin, combined=False, oriented=False)
+        of_thin |= {*faces, *model.getBoundary(faces, combined=False, oriented=False)}
+        least = min(_thickness(model, solid) for solid in thin)
+        tell(
+            "warning",
+            f"{counted(len(thin), 'solid')} thinner than {TINY * size:.3g}, a fiftieth of the "
+            f"size, the thinnest {least:.3g}: the cells there are many or flat; a smaller size= "
+            "fits them",
+        )
+    for edge in set(model.getEntities(1)) - of_thin:
         length = model.occ.getMass(*edge)
         # The pole of a sphere is an edge without length.
         if NO_LENGTH * whole < length < TINY * size:
             found["edge"].append((length, edge))
-    for face in model.getEntities(2) if dim == 3 else []:
+    for face in set(model.getEntities(2) if dim == 3 else []) - of_thin:
         width = _width(model, face)
         if width < TINY * size:
             found["narrow face"].append((width, face))
@@ -136,3 +150,10 @@ def _width(model: Any, face: Entity) -> float:
     edges = model.getBoundary([face], oriented=False)
     circumference = sum(model.occ.getMass(*edge) for edge in edges)
     return 2 * float(model.occ.getMass(*face)) / circumference if circumference else float("inf")
+
+
+def _thickness(model: Any, solid: Entity) -> float:
+    """Return the thickness of a solid as if it were a plate [length]."""
+    faces = model.getBoundary([solid], oriented=False)
+    area = sum(model.occ.getMass(*face) for face in faces)
+    return 2 * float(model.occ.getMass(*solid)) / area if area else float("inf")

@@ -65,10 +65,10 @@ def _mesh(gmsh: Any, job: dict[str, Any], tell: Any) -> None:
     _options(gmsh)
     tell("stage", "reading")
     gmsh.model.add("drawing")
-    solids = opened.open_drawing(gmsh, Path(job["path"]), tell)
+    solids = opened.open_drawing(gmsh, Path(job["path"]), job["kind"], tell)
     model = gmsh.model
     size = job["size"] or small.extent(gmsh) / 10
-    if not job["size"] and Path(job["path"]).suffix.lower() in opened.CAD:
+    if not job["size"] and job["kind"] in opened.OF_OCC:
         raise opened.Refused(
             f"it has no size of cells; its extent is {small.extent(gmsh):.4g}: give "
             f"read_mesh(..., size=), a length, for instance size={float(f'{size:.1g}'):g}"

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.beside import beside
 
 DEEPEST = 20
 """Greatest number of files that include each other."""
-FIRST_CARD = re.compile(r"\s*\*\s*(\*|[A-Za-z])")
-"""How the first line that is not empty begins."""
+EMPTY_FIELD = re.compile(r",\s*(?:,|\n|$)")
+"""Where a line has nothing between commas, or after the last comma."""
+MOST_FILES = 1000
+"""Greatest number of files that are read for one."""
 
 
 @dataclass(frozen=True)
@@ -45,47 +49,80 @@ class Card:
         return [[word.strip() for word in line.split(",")] for line in self.lines]
 
 
-def is_abaqus(path: Path) -> bool:
-    """Tell whether a text file begins as files of Abaqus and CalculiX do.
-
-    A file that ends with .inp may have words before its first card.
-    """
-    with path.open("rb") as file:
-        lines = file.read(4000).decode("latin-1").splitlines()
-    lines = [line for line in lines if line.strip()]
-    if path.suffix.lower() != ".inp":
-        lines = lines[:1]
-    return any(FIRST_CARD.match(line) for line in lines)
-
-
-def cards_of(path: Path, deep: int = 0) -> Iterator[Card]:
+def cards_of(path: Path) -> Iterator[Card]:
     """Iterate over the cards of a file and of the files that it includes.
 
     Raises:
-        InputError: If an included file is missing, or files include each other.
+        InputError: If an included file is missing or lies elsewhere, or files include
+            each other.
     """
-    if deep > DEEPEST:
-        raise InputError(f"more than {DEEPEST} files include each other, last {path.name!r}.")
-    card: Card | None = None
-    keyword = ""
-    for line in path.read_text("latin-1").splitlines():
-        stripped = line.strip()
-        if not stripped or stripped.startswith("**"):
-            continue
-        if keyword.endswith(","):  # the line of a keyword goes on
-            keyword += stripped
-        elif stripped.startswith("*"):
-            if card is not None:
-                yield from _with_included(card, path, deep)
-            keyword = stripped
-        else:
-            keyword = ""
-        if keyword:
-            card = _card(keyword)
-        elif card is not None:
-            card.lines.append(stripped)
-    if card is not None:
-        yield from _with_included(card, path, deep)
+    return _Included(path.resolve().parent).cards(path, ())
+
+
+class _Included:
+    """Read a file with the files that it includes.
+
+    Args:
+        top: The folder in which all of them must be.
+    """
+
+    def __init__(self, top: Path) -> None:
+        self.top = top
+        self.count = 0
+
+    def cards(self, path: Path, above: tuple[Path, ...]) -> Iterator[Card]:
+        """Iterate over the cards of a file.
+
+        Args:
+            path: The file.
+            above: The files that include it, the first file first.
+        """
+        card: Card | None = None
+        keyword = ""
+        for line in self.lines(path, above):
+            stripped = line.strip()
+            if not stripped or stripped.startswith("**"):
+                continue
+            if keyword.endswith(","):  # the line of a keyword goes on
+                keyword += stripped
+            elif stripped.startswith("*"):
+                if card is not None:
+                    yield from self.with_included(card, path, above)
+                keyword = stripped
+            else:
+                keyword = ""
+            if keyword:
+                card = _card(keyword)
+            elif card is not None:
+                card.lines.append(stripped)
+        if card is not None:
+            yield from self.with_included(card, path, above)
+
+    def lines(self, path: Path, above: tuple[Path, ...]) -> list[str]:
+        """Return the lines of a file.
+
+        Raises:
+            InputError: If files include each other, or are too many.
+        """
+        self.count += 1
+        if path in above or len(above) > DEEPEST:
+            raise InputError(f"files include each other without end, last {path.name!r}.")
+        if self.count > MOST_FILES:
+            raise InputError(f"it includes more than {MOST_FILES} files, last {path.name!r}.")
+        return path.read_text("latin-1").splitlines()
+
+    def with_included(self, card: Card, path: Path, above: tuple[Path, ...]) -> Iterator[Card]:
+        """Return a card, or the cards of the file that it includes."""
+        if card.keyword == "INCLUDE":
+            file = beside(path, card.get("INPUT"), self.top)
+            yield from self.cards(file, (*above, path))
+            return
+        name = card.get("INPUT") or card.get("FILE")
+        if card.keyword in ("NODE", "ELEMENT", "NSET", "ELSET") and name:
+            for line in self.lines(beside(path, name, self.top), above):
+                if line.strip() and not line.lstrip().startswith("*"):
+                    card.lines.append(line.strip())
+        yield card
 
 
 def _card(line: str) -> Card:
@@ -99,41 +136,15 @@ def _card(line: str) -> Card:
     return Card(" ".join(words[0].upper().split()), parameters, [])
 
 
-def _with_included(card: Card, path: Path, deep: int) -> Iterator[Card]:
-    """Return a card, or the cards of the file that it includes."""
-    if card.keyword == "INCLUDE":
-        yield from cards_of(_beside(path, card.get("INPUT")), deep + 1)
-        return
-    file = card.get("INPUT") or card.get("FILE")
-    if card.keyword in ("NODE", "ELEMENT", "NSET", "ELSET") and file:
-        for line in _beside(path, file).read_text("latin-1").splitlines():
-            if line.strip() and not line.lstrip().startswith("*"):
-                card.lines.append(line.strip())
-    yield card
-
-
-def _beside(path: Path, name: str) -> Path:
-    """Return the path of a file that another file names.
-
-    Raises:
-        InputError: If there is none.
-    """
-    wanted = path.parent / name.replace("\\", "/")
-    for candidate in (wanted, path.parent / wanted.name):
-        if candidate.is_file():
-            return candidate
-    raise InputError(f"it includes {name!r}, which is not beside it; put that file there.")
-
-
 def numbers_of(lines: list[str], width: int) -> np.ndarray:
     """Return the numbers in lines, shape (n, width); absent numbers are 0."""
-    text = "\n".join(lines).replace(",", " ")
-    try:
-        flat = np.array(text.split(), dtype=float)
-        if len(flat) == width * len(lines):
-            return flat.reshape(-1, width)
-    except ValueError:
-        pass
+    text = "\n".join(lines)
+    alike = len({line.count(",") for line in lines}) == 1
+    if alike and not EMPTY_FIELD.search(text):
+        with suppress(ValueError):
+            flat = np.array(text.replace(",", " ").split(), dtype=float)
+            if len(flat) == width * len(lines):
+                return flat.reshape(-1, width)
     table = np.zeros((len(lines), width))
     for row, line in zip(table, lines, strict=True):
         words = [word.strip() for word in line.split(",")][:width]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import signal
 import subprocess
@@ -26,37 +27,42 @@ sys.modules["erc_contact"] = package
 Its first argument is the folder of the package.
 """
 READ = """
-import importlib, json, pickle
+import contextlib, importlib, json, pickle, resource
 from pathlib import Path
-module, function, path, target, options = sys.argv[1:]
+module, function, path, target, memory, options = sys.argv[1:]
+_, most = resource.getrlimit(resource.RLIMIT_AS)
+with contextlib.suppress(ValueError, OSError):  # not all systems bound addresses
+    resource.setrlimit(resource.RLIMIT_AS, (int(memory), most))
 reader = getattr(importlib.import_module(module), function)
 try:
     answer = reader(Path(path), **json.loads(options))
 except Exception as reason:
-    answer = str(reason)
-    kind = type(reason).__name__
-    if isinstance(reason, ModuleNotFoundError):
-        answer = f"reading it needs {reason.name}: pip install 'erc-contact[pictures]' brings it."
-    elif kind != "InputError":
-        words = answer.strip().rstrip(".")
-        # gmsh's errors are of no class of their own.
-        words = words if kind == "Exception" else f"{kind}: {words}"
-        answer = (
-            f"it is damaged, or of a form that the library does not read ({words}). "
-            "Write the mesh in another format: .msh, .vtu, .med, .inp."
-        )
+    from erc_contact.base.exceptions import InputError, words_of
+    answer = words_of(reason) + "."
+    if not isinstance(reason, InputError):
+        answer += " Write the mesh in another format: .msh, .vtu, .med, .inp."
 Path(target).write_bytes(pickle.dumps(answer))
 """
 """Rest of the program, which reads a file."""
+ALONE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment of the process: threads take addresses, and reading uses none."""
+MEMORY = 6e9
+"""Memory that reading may take [bytes], beside a hundred for each byte of the file.
+
+It is of addresses, of which libraries and threads take a part.
+"""
 PATIENCE = 60.0
 """Time that reading may take [s], beside a second for each megabyte of the file."""
 
 
-def read_apart(module: str, function: str, path: Path, **options: bool) -> FileMesh:
+def read_apart(module: str, function: str, path: Path, **options: bool | str | None) -> FileMesh:
     """Read a file by a function of a module, in a process of its own.
 
+    The process has bounds of time and memory, as a damaged file may ask for any. The
+    answer comes through a file in a folder that nobody else may write to.
+
     Args:
-        module: Name of the module.
+        module: Name of the module in this package.
         function: Name of the function, which gets the path.
         path: The file.
         options: Options of the function.
@@ -66,14 +72,18 @@ def read_apart(module: str, function: str, path: Path, **options: bool) -> FileM
     """
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "mesh"
-        call = [sys.executable, "-c", WITHOUT_MPI + READ, str(PACKAGE), module, function]
+        size = path.stat().st_size
+        program = [sys.executable, "-c", WITHOUT_MPI + READ, str(PACKAGE)]
+        call = [f"{__package__}.{module}", function, str(path.resolve()), str(target)]
+        bounds = str(int(MEMORY + 100 * size))
         cause = "no answer"
         try:
             run = subprocess.run(
-                [*call, str(path.resolve()), str(target), json.dumps(options)],
+                [*program, *call, bounds, json.dumps(options)],
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
-                timeout=PATIENCE + path.stat().st_size / 1e6,
+                env=os.environ | ALONE,
+                timeout=PATIENCE + size / 1e6,
                 check=False,
             )
             code = run.returncode

@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, on_rank
+from erc_contact.base.exceptions import InputError, on_rank, words_of
 from erc_contact.base.logs import log_of
 from erc_contact.base.percent import place_words
 from erc_contact.mesh.files.cleaning import Body, body_of
-from erc_contact.mesh.files.curved import note_of_curves
+from erc_contact.mesh.files.curved import note_of_curves, note_of_warped
 from erc_contact.mesh.files.faces import Faces, distinct, faces_of
 from erc_contact.mesh.files.file_mesh import BODY, FacetSet, FileMesh, pad
-from erc_contact.mesh.files.sets import Named, disjoint
+from erc_contact.mesh.files.renaming import with_printable_names
+from erc_contact.mesh.files.sets import Named, disjoint, list_names
 from erc_contact.mesh.files.simplices import Simplices, split
 from erc_contact.mesh.plain import PlainMesh
 from erc_contact.mesh.rows import look_up
-from erc_contact.mesh.simplex import facet_vertices
+from erc_contact.mesh.simplex import facet_vertices, measures
 from erc_contact.mesh.tags import NO_TAG
 from erc_contact.mesh.transfer import spread
 
@@ -66,10 +67,13 @@ def build_simplices(
     Raises:
         InputError: If it has no body, or its cells cannot be worked with.
     """
+    mesh, renamed = with_printable_names(mesh)
     body = body_of(mesh)
     faces = faces_of(body.cells, body.x)
     simplices = split(body, faces)
-    notes = [*body.notes, *note_of_curves(mesh, body)]
+    notes = [*renamed, *body.notes, *note_of_curves(mesh, body)]
+    volume = float(measures(simplices.x[simplices.cells]).sum())
+    notes += note_of_warped(body, faces, volume)
 
     cell_sets = []
     for element_set in mesh.element_sets:
@@ -173,7 +177,11 @@ def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[
         shown = ", ".join(empty[:6]) + (", ..." if len(empty) > 6 else "")
         notes.append(f"{len(empty)} sets without a facet of the body: {shown}")
     found = [named for named in found if len(named.members)]
-    return _without_all(found, np.unique(faces.number[faces.outer])), notes
+    kept = _without_all(found, np.unique(faces.number[faces.outer]))
+    whole = [named.name for named in found if named not in kept]
+    if whole:
+        notes.append(f"sets of the whole boundary are no parts: {list_names(whole)}")
+    return kept, notes
 
 
 def _without_all(sets: list[Named], outer: np.ndarray) -> list[Named]:
@@ -283,7 +291,7 @@ def spread_from(
             words = str(reason)
             raise InputError(words if subject in words else f"{subject}: {words}") from reason
         except Exception as reason:  # libraries raise errors of any class
-            raise InputError(f"{subject} cannot be used: {reason}") from reason
+            raise InputError(f"{subject} cannot be used: {words_of(reason)}.") from reason
 
     made = on_rank(comm, rank, make_there)
     head = None

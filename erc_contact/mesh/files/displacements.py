@@ -14,11 +14,11 @@ from typing import cast
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, on_rank
+from erc_contact.base.exceptions import InputError, on_rank, words_of
 from erc_contact.base.ranks import from_first
 from erc_contact.mesh.files.cleaning import edges_of
 from erc_contact.mesh.files.file_mesh import SHAPES, Block, FileMesh
-from erc_contact.mesh.files.reading import read
+from erc_contact.mesh.files.reading import kind_of, read
 from erc_contact.mesh.rows import row_numbers
 
 NAMES = ("disp", "u", "depl")
@@ -193,10 +193,11 @@ def from_file(comm: MPI.Comm, path: str | Path) -> FileField:
 
     def read_field() -> FileField:
         try:
-            return displacement_of(read(Path(path), numbered=False))
+            file = Path(path)
+            return displacement_of(read(file, kind_of(file), numbered=False))
         except Exception as reason:  # libraries raise errors of any class
             raise InputError(
-                f"certify: the file {str(path)!r} cannot be used: {reason}"
+                f"certify: the file {str(path)!r} cannot be used: {words_of(reason)}."
             ) from reason
 
     return cast("FileField", from_first(comm, on_rank(comm, 0, read_field)))

@@ -26,6 +26,8 @@ from erc_contact.mesh.files.file_mesh import (
     pad,
     shape_with,
 )
+from erc_contact.mesh.files.frames import Frame, frame_of, of_cylinder
+from erc_contact.mesh.files.sets import list_names
 
 SOLIDS = (
     (re.compile(r"(?:D?C3D|F3D|SC)(\d+)"), 3),
@@ -61,8 +63,13 @@ INNER = re.compile(r"_|internal", re.IGNORECASE)
 """Beginning of names of sets that programs make for their own use."""
 ROUND = re.compile(r"C?G?AX|DCAX")
 """Pattern of the types of axisymmetric bodies."""
-GENERATORS = ("NGEN", "ELGEN", "NFILL", "NCOPY", "ELCOPY", "NMAP")
+GENERATORS = (
+    *("NGEN", "ELGEN", "NFILL", "NCOPY", "ELCOPY", "NMAP"),
+    "SYMMETRIC MODEL GENERATION",
+)
 """Keywords that compute a mesh."""
+MOVERS = ("IMPERFECTION", "ADJUST", "MODEL CHANGE")
+"""Keywords that move nodes or take elements away, which are not read."""
 
 
 @dataclass
@@ -127,6 +134,7 @@ class _Mesh:
     spaces: list[_Space] = field(default_factory=list)
     surfaces: dict[str, list[tuple[np.ndarray, int | None]]] = field(default_factory=dict)
     node_surfaces: dict[str, list[int]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
 
 def mesh_of_abaqus(path: Path) -> FileMesh:
@@ -135,8 +143,11 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes, or a card that computes them.
     """
-    parts, assembly, outside = _sections(list(cards_of(path)))
+    cards = list(cards_of(path))
+    parts, assembly, outside = _sections(cards)
     mesh = _Mesh()
+    for keyword in sorted({card.keyword for card in cards if card.keyword in MOVERS}):
+        mesh.notes.append(f"*{keyword}, which changes the mesh, is not followed")
     root = _Space()
     mesh.spaces.append(root)
     for name, (part, shift, cards) in assembly.items():
@@ -190,9 +201,12 @@ def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Insta
 
 def _load(mesh: _Mesh, space: _Space, cards: list[Card], place: list[str]) -> None:
     """Add the cards of a part to a mesh."""
+    frame = None
     for card in cards:
+        if card.keyword == "SYSTEM":
+            frame = _frame(card)
         if card.keyword == "NODE":
-            _add_nodes(mesh, space, card, place)
+            _add_nodes(mesh, space, card, frame, place)
     for card in cards:
         if card.keyword == "ELEMENT":
             _add_elements(mesh, space, card)
@@ -204,10 +218,53 @@ def _load(mesh: _Mesh, space: _Space, cards: list[Card], place: list[str]) -> No
             _add_surface(mesh, space, card)
 
 
-def _add_nodes(mesh: _Mesh, space: _Space, card: Card, place: list[str]) -> None:
-    """Add the nodes of a card, put where an instance is."""
+def _frame(card: Card) -> Frame | None:
+    """Return the system of a card in which the nodes below it are given.
+
+    Its points are the origin, one on the axis x and one beside it. None stands for the
+    system of the part.
+
+    Raises:
+        InputError: If its points are in a line.
+    """
+    numbers = [float(word) for row in card.rows for word in row if word]
+    if not numbers:
+        return None
+    points = np.zeros((3, 3))
+    points.ravel()[: len(numbers)] = numbers[:9]
+    origin, on_axis, in_plane = points
+    if len(numbers) <= 3:  # moved alone
+        return Frame(origin, np.eye(3))
+    along = on_axis - origin
+    beside = in_plane - origin
+    if len(numbers) <= 6:
+        # The axis z stays, and x is projected on its plane.
+        along[2] = 0.0
+        beside = np.array([-along[1], along[0], 0.0])
+    return frame_of(origin, along, beside, 0, "*SYSTEM")
+
+
+def _add_nodes(
+    mesh: _Mesh, space: _Space, card: Card, frame: Frame | None, place: list[str]
+) -> None:
+    """Add the nodes of a card, put where an instance is.
+
+    Raises:
+        InputError: If they are in spherical coordinates.
+    """
     table = numbers_of(card.lines, 4)
-    x = _place(table[:, 1:], place)
+    x = table[:, 1:]
+    system = card.get("SYSTEM").upper()[:1]
+    if system == "C":
+        x = of_cylinder(x)
+    elif system not in ("", "R"):
+        raise InputError(
+            f"it has nodes with SYSTEM={card.get('SYSTEM')}, and R and C are read; let Abaqus "
+            "write them in Cartesian coordinates."
+        )
+    if frame is not None:
+        x = frame.place(x)
+    x = _place(x, place)
     rows = range(mesh.node_count, mesh.node_count + len(x))
     space.node_rows.update(zip(table[:, 0].astype(np.int64).tolist(), rows, strict=True))
     mesh.points.append(x)
@@ -250,7 +307,14 @@ def _add_elements(mesh: _Mesh, space: _Space, card: Card) -> None:
     if shape is None:
         mesh.left_out[kind] += len(card.lines)
         return
-    table = integers_of(card.lines, width + 1)
+    try:
+        table = integers_of(card.lines, width + 1)
+    except InputError:
+        if solid:
+            raise
+        mesh.left_out[kind] += len(card.lines)
+        return
+    table[:, 1:] += int(card.get("OFFSET") or 0)
     known = space.node_rows
     nodes = [known.get(number, -1) for number in table[:, 1:].ravel().tolist()]
     rows = range(mesh.element_count, mesh.element_count + len(table))
@@ -287,7 +351,10 @@ def _add_set(space: _Space, card: Card) -> None:
         for row in card.rows:
             first, last, *step = [int(word) for word in row if word]
             wanted = range(first, last + 1, step[0] if step and step[0] else 1)
-            _extend(space, sets, name, [known[number] for number in wanted if number in known])
+            # There may be more numbers between than the file has.
+            least = wanted if len(wanted) < len(known) else sorted(known)
+            members = [known[n] for n in least if n in known and n in wanted]
+            _extend(space, sets, name, members)
     else:
         for row in card.rows:
             for word in row:
@@ -335,6 +402,14 @@ def _file_mesh(mesh: _Mesh) -> FileMesh:
             for block, elements in _members(begins, rows).items():
                 facet_sets += _facets(name, blocks[block], elements, face)
     element_sets, node_sets = _sets(mesh, begins)
+    passed = []
+    for space in mesh.spaces:
+        hidden = [name for name in space.element_sets if name in space.hidden]
+        passed += [space.spelling[name] for name in hidden if not INNER.match(name)]
+    if passed:
+        mesh.notes.append(
+            f"sets of elements that surfaces have are no regions: {list_names(passed)}"
+        )
     round_ = sorted({part.kind for part in mesh.blocks if ROUND.match(part.kind)})
     notes = [
         f"cells of type {kind} are axisymmetric: give the material hypothesis='axisymmetric'"
@@ -347,7 +422,7 @@ def _file_mesh(mesh: _Mesh) -> FileMesh:
         tuple(found for found in facet_sets if found.corners.shape[1] == 2 * (dim - 1)),
         tuple(node_sets),
         left_out,
-        notes=tuple(notes),
+        notes=(*mesh.notes, *notes),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, FileMesh
+from erc_contact.mesh.rows import places_of
 
 TYPES = {
     1: ("hexahedron", 8),
@@ -51,9 +52,9 @@ def mesh_of_frd(path: Path) -> FileMesh:
             elements = _elements(lines, at)
         elif head == "-4" and words[1] == "DISP":
             result_numbers, table = _table(lines, _first_row(lines, at) - 1, 3, _digits(lines, at))
-            rows = np.searchsorted(numbers, result_numbers)
+            rows = places_of(numbers, result_numbers)
             values["DISP"] = np.zeros(points.shape)
-            values["DISP"][rows] = table
+            values["DISP"][rows[rows >= 0]] = table[rows >= 0]
         at += 1
     if not len(points):
         raise InputError("it has no block of nodes (2C), as results of CalculiX have.")
@@ -65,7 +66,7 @@ def mesh_of_frd(path: Path) -> FileMesh:
             continue
         shape, width = TYPES[kind]
         table = np.array([row[:width] for row in rows_of])
-        blocks.append(Block(shape, np.searchsorted(numbers, table)))
+        blocks.append(Block(shape, places_of(numbers, table)))
     return FileMesh(points, tuple(blocks), left_out=left_out, values=values)
 
 

@@ -31,12 +31,8 @@ SHAPES_OF_PRODUCTS = {
 }
 """Shape by the dimensions of the simplices of which a cell is the product."""
 
-
-def is_getfem(path: Path) -> bool:
-    """Tell whether a file begins as files of GetFEM do."""
-    with path.open("rb") as file:
-        head = file.read(3000)
-    return b"GETFEM" in head or b"BEGIN POINTS LIST" in head
+HIGHEST = 9
+"""Highest degree of cells that are read."""
 
 
 def mesh_of_getfem(path: Path) -> FileMesh:
@@ -105,7 +101,7 @@ def _corners(kind: str) -> tuple[str | None, list[int]]:
     for family, d, degree in FACTOR.findall(kind):
         factors += [(int(d), int(degree))] if family == "PK" else [(1, int(degree))] * int(d)
     shape = SHAPES_OF_PRODUCTS.get(tuple(d for d, _ in factors))
-    if shape is None:
+    if shape is None or max(degree for _, degree in factors) > HIGHEST:
         return None, []
     # The nodes of a simplex count along its first direction, then along the second one.
     numbers = []

@@ -29,14 +29,6 @@ SHAPE_OF_KIND = {
 """Shape by GiD's name of a kind."""
 
 
-def is_gid(path: Path) -> bool:
-    """Tell whether a file begins as mesh files of GiD do."""
-    with path.open("rb") as file:
-        lines = file.read(4000).decode("latin-1").splitlines()
-    first = next((line for line in lines if line.partition("#")[0].strip()), "")
-    return bool(HEAD.match(first))
-
-
 def mesh_of_gid(path: Path) -> FileMesh:
     """Read a mesh file of GiD.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from erc_contact.base.exceptions import InputError
+from erc_contact.base.exceptions import InputError, words_of
 from erc_contact.mesh.files.file_mesh import (
     BODY,
     Block,
@@ -19,7 +19,9 @@ from erc_contact.mesh.files.file_mesh import (
     FileMesh,
     pad,
 )
+from erc_contact.mesh.files.for_gmsh import called
 from erc_contact.mesh.files.of_meshio import mesh_of_meshio
+from erc_contact.mesh.rows import places_of
 
 SHAPE_NAMES = {
     "Line": "line",
@@ -33,17 +35,42 @@ SHAPE_NAMES = {
 """The shape of elements by the first word of gmsh's name of their type."""
 
 
-def mesh_of_gmsh(path: Path, *, numbered: bool) -> FileMesh:
-    """Read a file by gmsh, in a process of its own; see :func:`grouped`."""
+def mesh_of_gmsh(
+    path: Path,
+    *,
+    numbered: bool,
+    ending: str,
+    moved: Mapping[int, np.ndarray] | None = None,
+) -> FileMesh:
+    """Read a file by gmsh, in a process of its own; see :func:`grouped`.
+
+    Args:
+        path: The file.
+        numbered: As in :func:`grouped`.
+        ending: The ending of the format.
+        moved: Places of nodes by their numbers [length], shape (3,) each, that gmsh
+            does not know.
+    """
     import gmsh  # noqa: PLC0415 - paid for only by those who read such files
 
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.merge(str(path))
+    with called(path, ending) as its_link:
+        try:
+            gmsh.merge(str(its_link))
+        except Exception as reason:  # gmsh's errors are of no class of their own
+            words = words_of(reason).replace(str(its_link), path.name)
+            raise InputError(
+                f"gmsh cannot read it ({words}). Write the mesh in another format: .msh, .vtu, "
+                ".med, .inp."
+            ) from reason
+    for node in map(int, gmsh.model.mesh.getNodes()[0] if moved else ()):
+        if moved and node in moved:
+            gmsh.model.mesh.setNode(node, moved[node], [])
     with grouped(gmsh.model, numbered=numbered):
         # In version 2 each element has groups; gmsh gives them to whole entities.
         if in_two_groups(gmsh.model) and _is_of_second_version(path):
-            return mesh_of_meshio(path, "gmsh")
+            return mesh_of_meshio(path, kind="gmsh")
         return mesh_of_model(gmsh.model)
 
 
@@ -59,7 +86,7 @@ def mesh_of_model(model: Any) -> FileMesh:
     Elements of other shapes are left out and counted.
     """
     dim = int(model.getDimension())
-    rows, points = _points(model)
+    numbers_of_nodes, points = _points(model)
     blocks: dict[str, list[np.ndarray]] = {}
     places: dict[tuple[int, int], list[tuple[str, int, int]]] = {}
     left_out: Counter[str] = Counter()
@@ -72,7 +99,7 @@ def mesh_of_model(model: Any) -> FileMesh:
             if shape is None or not nodes_each:
                 left_out[name] += len(elements)
                 continue
-            nodes = rows[flat.astype(np.int64)].reshape(-1, nodes_each)
+            nodes = places_of(numbers_of_nodes, flat.astype(np.int64)).reshape(-1, nodes_each)
             key = f"{shape} {nodes_each}"
             begin = sum(map(len, blocks.setdefault(key, [])))
             blocks[key].append(nodes)
@@ -92,13 +119,10 @@ def mesh_of_model(model: Any) -> FileMesh:
 
 
 def _points(model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return the row of each of gmsh's numbers of nodes, and the points."""
+    """Return gmsh's numbers of the nodes in order, and the points."""
     nodes, x, _ = model.mesh.getNodes()
-    nodes = nodes.astype(np.int64)
     order = np.argsort(nodes)
-    rows = np.full(nodes.max(initial=0) + 1, -1)
-    rows[nodes[order]] = np.arange(len(nodes))
-    return rows, x.reshape(-1, 3)[order]
+    return nodes[order].astype(np.int64), x.reshape(-1, 3)[order]
 
 
 @contextmanager
@@ -170,11 +194,12 @@ def marked_entities(model: Any, tags: dict[int, int]) -> list[FacetSet]:
         tags: gmsh's tag of each mark.
     """
     d = int(model.getDimension()) - 1
-    rows, _ = _points(model)
+    numbers, _ = _points(model)
     result = []
     for mark, tag in tags.items():
         for kind, _, flat in zip(*model.mesh.getElements(d, tag), strict=True):
             _, _, _, nodes_each, _, corners_each = model.mesh.getElementProperties(kind)
-            corners = rows[flat.astype(np.int64)].reshape(-1, nodes_each)[:, :corners_each]
+            nodes = places_of(numbers, flat.astype(np.int64)).reshape(-1, nodes_each)
+            corners = nodes[:, :corners_each]
             result.append(FacetSet(str(mark), pad(corners), mark))
     return result

@@ -11,6 +11,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, NodeSet, shape_with
+from erc_contact.mesh.rows import places_of
 
 WIDTH = re.compile(r"(\d)D(\d+)(?:N|$)")
 """End of the names of elements: dimension of space and number of nodes."""
@@ -45,7 +46,7 @@ def mesh_of_kratos(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes.
     """
-    nodes = np.empty((0, 4))
+    tables = [np.empty((0, 4))]
     groups: dict[str, list[_Elements]] = {"Elements": [], "Conditions": [], "Geometries": []}
     parts = []
     stack: list[_Part] = []
@@ -64,7 +65,7 @@ def mesh_of_kratos(path: Path) -> FileMesh:
             if ended in ("SubModelPart", "Mesh") and stack:
                 stack.pop()
             elif ended == "Nodes":
-                nodes = np.array(" ".join(lines).split(), dtype=float).reshape(-1, 4)
+                tables.append(np.array(" ".join(lines).split(), dtype=float).reshape(-1, 4))
             elif ended in groups and len(words) > 1 and lines:
                 groups[ended].append(_elements(words[1], lines, ended))
             elif stack:
@@ -74,6 +75,7 @@ def mesh_of_kratos(path: Path) -> FileMesh:
                     stack[-1].numbers.setdefault(kind, []).extend(numbers)
         elif text:
             lines.append(text)
+    nodes = np.concatenate(tables)
     if not len(nodes):
         raise InputError("it has no block of nodes ('Begin Nodes').")
     return _file_mesh(nodes, groups, parts)
@@ -107,8 +109,6 @@ def _file_mesh(
 ) -> FileMesh:
     """Return the mesh of what was found in a file."""
     numbers = nodes[:, 0].astype(np.int64)
-    row_of = np.full(numbers.max() + 1, -1)
-    row_of[numbers] = np.arange(len(numbers))
     blocks: list[Block] = []
     left_out: Counter[str] = Counter()
     places: dict[str, dict[int, tuple[int, int]]] = {}
@@ -119,14 +119,14 @@ def _file_mesh(
                 left_out[elements.kind] += len(elements.table)
                 continue
             block = len(blocks)
-            blocks.append(Block(elements.shape, row_of[elements.table[:, 2:]]))
+            blocks.append(Block(elements.shape, places_of(numbers, elements.table[:, 2:])))
             for place, number in enumerate(elements.table[:, 0].tolist()):
                 places.setdefault(group, {})[number] = (block, place)
             if group == "Elements":
                 for tag in np.unique(elements.table[:, 1]):
                     found = np.flatnonzero(elements.table[:, 1] == tag)
                     properties.setdefault(int(tag), {})[block] = found
-    element_sets, node_sets = _sets(parts, places, row_of)
+    element_sets, node_sets = _sets(parts, places, numbers)
     if not any(part.numbers.get("Elements") for part in parts) and len(properties) > 1:
         for tag, members_by_block in properties.items():
             element_sets.append(ElementSet(str(tag), members_by_block, tag))
@@ -140,14 +140,14 @@ def _file_mesh(
 
 
 def _sets(
-    parts: list[_Part], places: dict[str, dict[int, tuple[int, int]]], row_of: np.ndarray
+    parts: list[_Part], places: dict[str, dict[int, tuple[int, int]]], numbers: np.ndarray
 ) -> tuple[list[ElementSet], list[NodeSet]]:
     """Return the sets of submodel parts; nodes count only where nothing else is listed.
 
     Args:
         parts: The submodel parts.
         places: For each kind of elements, block and place there by the number.
-        row_of: Row of the point of each number of a node.
+        numbers: Number of each point.
     """
     element_sets = []
     node_sets = []
@@ -163,6 +163,5 @@ def _sets(
             element_sets.append(ElementSet(part.name, found))
         elif "Nodes" in part.numbers:
             wanted = np.array(part.numbers["Nodes"], dtype=np.int64)
-            wanted = wanted[(wanted >= 0) & (wanted < len(row_of))]
-            node_sets.append(NodeSet(part.name, row_of[wanted]))
+            node_sets.append(NodeSet(part.name, places_of(numbers, wanted)))
     return element_sets, node_sets

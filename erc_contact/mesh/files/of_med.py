@@ -40,6 +40,11 @@ def mesh_of_med(path: Path) -> FileMesh:
         # Files of version 2.3 have no dimension of space, and families in the mesh.
         attributes = file["ENS_MAA"][name].attrs
         dim = int(attributes["ESP" if "ESP" in attributes else "DIM"])
+        if int(attributes.get("REP", 0)):
+            raise InputError(
+                "its points are in cylindrical or spherical coordinates; let Salome write the mesh "
+                "in Cartesian ones."
+            )
         families = _families(mesh["FAS"] if "FAS" in mesh else file.get(f"FAS/{name}", {}))
         coordinates = mesh["NOE"]["COO"][()].reshape(dim, -1).T
         blocks = []
@@ -107,7 +112,8 @@ def _families(kinds: Any) -> dict[str, dict[str, list[int]]]:
             if "GRO" not in family:
                 continue
             letters = np.asarray(family["GRO"]["NOM"][()]).tobytes()
-            for begin in range(0, NAME * int(family["GRO"].attrs["NBR"]), NAME):
+            end = min(NAME * int(family["GRO"].attrs["NBR"]), len(letters))
+            for begin in range(0, end, NAME):
                 name = letters[begin : begin + NAME].split(b"\0")[0].decode("latin-1").strip()
                 groups.setdefault(name, []).append(int(family.attrs["NUM"]))
     return found

@@ -29,14 +29,14 @@ SHAPE_NAMES = {
 """Shape of meshio's types of cells, whose names may end with the number of nodes."""
 
 
-def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
+def mesh_of_meshio(path: Path, *, kind: str | None = None) -> FileMesh:
     """Read a file by meshio, whose sets are integers at its cells and cell sets.
 
     Args:
         path: The file.
-        file_format: meshio's name of the format, or None if the ending tells it.
+        kind: meshio's name of the format, or None if the ending tells it.
     """
-    mesh = _read(path, file_format)
+    mesh = _read(path, kind)
     blocks = []
     kept = []
     left_out: Counter[str] = Counter()
@@ -80,20 +80,27 @@ def mesh_of_meshio(path: Path, file_format: str | None = None) -> FileMesh:
     )
 
 
-def _read(path: Path, file_format: str | None) -> Any:
-    """Read a file by meshio, silently."""
-    import meshio  # noqa: PLC0415 - paid for only by those who read such formats
+def _read(path: Path, kind: str | None) -> Any:
+    """Read a file by meshio, silently.
 
+    Raises:
+        InputError: If meshio knows no format of its ending, or fails.
+    """
+    import meshio  # noqa: PLC0415 - paid for only by those who read such files
+
+    others = "Write the mesh in another format: .msh, .vtu, .med, .inp."
+    endings = meshio.extension_to_filetypes
+    if kind is None and not any(path.name.lower().endswith(ending) for ending in endings):
+        raise InputError(
+            f"neither what it holds nor its ending {path.suffix!r} tells a format of meshes. "
+            f"{others}"
+        )
     messages = io.StringIO()
     try:
         with redirect_stdout(messages), redirect_stderr(messages):
-            return meshio.read(path, file_format)
-    except SystemExit as end:  # meshio's way to say that a file is broken
-        words = " ".join(messages.getvalue().split())
-        raise InputError(f"meshio cannot read it: {words}") from end
-    except Exception as reason:  # what its readers stumble over
-        words = f"{type(reason).__name__}: {reason}".strip().rstrip(":.")
+            return meshio.read(path, kind)
+    except (Exception, SystemExit) as reason:  # what its readers stumble over
+        what = f"{kind!r} of meshio" if kind else f"{path.suffix!r}"
         raise InputError(
-            f"meshio finds no mesh in it ({words}). Write the mesh in another format: .msh, .vtu, "
-            ".med, .inp."
+            f"it is damaged, or of a form that the reader of {what} does not know. {others}"
         ) from reason

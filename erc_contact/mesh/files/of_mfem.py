@@ -25,12 +25,6 @@ OTHERS = ("edges", "vertex_parents", "coordinates", "knotvectors", "weights", "m
 """Words that begin what is not read."""
 
 
-def is_mfem(path: Path) -> bool:
-    """Tell whether a file begins as meshes of MFEM do."""
-    with path.open("rb") as file:
-        return file.read(5) == b"MFEM "
-
-
 def mesh_of_mfem(path: Path) -> FileMesh:
     """Read a mesh of MFEM, and a curved mesh at its corners.
 

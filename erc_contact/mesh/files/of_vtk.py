@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import html
+import re
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.beside import beside
 from erc_contact.mesh.files.file_mesh import (
     Block,
     ElementSet,
@@ -62,20 +65,30 @@ POLYGON = 7
 """VTK's number of a polygon."""
 CORNER_ORDER = {8: [0, 1, 3, 2], 11: [0, 1, 3, 2, 4, 5, 7, 6]}
 """Order of the corners of pixels and voxels, which count them line by line."""
+DEEPEST = 4
+"""Greatest number of files of XML that name each other."""
+PIECES_HEAD = 1_000_000
+"""Number of bytes of a file of XML in which the names of its pieces stand."""
 MOST_VOXELS = 500_000
 """Greatest number of voxels of an image that is taken for a mesh."""
 FACE_SETS = ("Side Sets", "Face Sets")
 """Groups of Exodus whose members are sides of cells."""
 
 
-def mesh_of_vtk(path: Path) -> FileMesh:
+def mesh_of_vtk(path: Path, *, kind: str) -> FileMesh:
     """Read a file of VTK, whose sets are the integers at its cells.
 
+    Args:
+        path: The file.
+        kind: Its format, "vtk", "vtk xml" or "vtkhdf".
+
     Raises:
-        InputError: If VTK finds no cells in it.
+        InputError: If VTK finds no cells in it, or it names files elsewhere.
     """
+    if kind == "vtk xml":
+        _check_pieces(path)
     with _silent():
-        reader = _reader(path)
+        reader = _reader(kind)
         reader.SetFileName(str(path))
         reader.Update()
         data = reader.GetOutputDataObject(0)
@@ -100,18 +113,37 @@ def mesh_of_vtk(path: Path) -> FileMesh:
     )
 
 
-def _reader(path: Path) -> Any:
-    """Return VTK's reader of a file by its ending."""
+def _check_pieces(path: Path, deep: int = 0) -> None:
+    """Check that the files that a file of XML names lie beside it.
+
+    Raises:
+        InputError: If one does not, or they name each other.
+    """
+    if deep > DEEPEST:
+        raise InputError(f"more than {DEEPEST} files name each other, last {path.name!r}.")
+    with path.open("rb") as file:
+        head = file.read(PIECES_HEAD)
+    for found in re.findall(rb"<(?:Piece|DataSet)\b[^>]*\b(?:Source|file)=[\"']([^\"']*)", head):
+        name = html.unescape(found.decode("utf-8", "replace"))
+        piece = beside(path, name)
+        if piece != (path.parent / name).resolve():
+            # VTK itself takes no file beside in place of one elsewhere.
+            raise InputError(f"it names the file {name!r}; write the name without its folder.")
+        _check_pieces(piece, deep + 1)
+
+
+def _reader(kind: str) -> Any:
+    """Return VTK's reader of a format."""
     from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 - loaded in a process of its own
     from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader  # noqa: PLC0415
     from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader  # noqa: PLC0415
 
-    if path.suffix.lower() == ".vtkhdf":
+    if kind == "vtkhdf":
         return vtkHDFReader()
-    if path.suffix.lower() == ".vtk":
+    if kind == "vtk":
         reader = vtkGenericDataObjectReader()
-        for kind in ("Scalars", "Vectors", "Fields"):
-            getattr(reader, f"ReadAll{kind}On")()
+        for fields in ("Scalars", "Vectors", "Fields"):
+            getattr(reader, f"ReadAll{fields}On")()
         return reader
     return vtkXMLGenericDataObjectReader()
 

@@ -14,7 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.mesh.files.beside import beside
 from erc_contact.mesh.files.file_mesh import Block, ElementSet, FileMesh, by_tags
+from erc_contact.mesh.files.hdf5 import groups_of
 from erc_contact.mesh.files.of_vtk import vectors_of
 from erc_contact.mesh.files.tag_fields import tagged_sets
 from erc_contact.mesh.rows import in_space, row_numbers
@@ -108,6 +110,9 @@ def _data(path: Path, item: Any) -> np.ndarray:
     Raises:
         InputError: If it is of a format that is not read, or its file is missing.
     """
+    rule = item.get("ItemType", "Uniform")
+    if rule != "Uniform":
+        raise InputError(f"its numbers are given by a rule, {rule!r}; write them as numbers.")
     kind = item.get("Format", "XML").upper()
     integer = item.get("NumberType", item.get("DataType", "Float")).lower() in (
         "int",
@@ -124,9 +129,8 @@ def _data(path: Path, item: Any) -> np.ndarray:
         import h5py  # noqa: PLC0415 - paid for only by those who read such files
 
         name, _, place = text.rpartition(":")
-        file = path.parent / name
-        if not file.is_file():
-            raise InputError(f"its numbers are in {name!r}, which is not beside it.")
+        file = beside(path, name)
+        groups_of(file)
         with h5py.File(file, "r") as data:
             table = data[place][()]
     else:
@@ -140,8 +144,10 @@ def _points(path: Path, geometry: Any) -> np.ndarray:
     kind = geometry.get("GeometryType", geometry.get("Type", "XYZ")).upper()
     if kind in ("X_Y_Z", "X_Y"):
         table = np.column_stack([_data(path, item).ravel() for item in items])
+    elif kind in ("XY", "XYZ"):
+        table = _data(path, items[0]).reshape(-1, len(kind))
     else:
-        table = _data(path, items[0]).reshape(-1, 2 if kind == "XY" else 3)
+        raise InputError(f"its points are given as {kind!r}; write them as XYZ.")
     return in_space(table.astype(float))
 
 
@@ -149,6 +155,10 @@ def _grid(path: Path, grid: Any, topology: Any) -> _Grid:
     """Return the elements of a grid, and the fields at them."""
     kind = topology.get("TopologyType", topology.get("Type", "")).lower()
     table = _data(path, topology.find("DataItem")).astype(np.int64)
+    base = int(topology.get("BaseOffset", 0))
+    if base and kind == "mixed":
+        raise InputError("its mixed elements count their points from another number than 0.")
+    table -= base
     if kind == "mixed":
         blocks, order = _split_mixed(table.ravel())
     else:
@@ -178,6 +188,8 @@ def _split_mixed(stream: np.ndarray) -> tuple[list[Block], list[np.ndarray]]:
         if kinds[at] in WITH_COUNT:
             width = kinds[begin]
             begin += 1
+            if width < 1:
+                raise InputError(f"it has an element of {width} points; it is damaged.")
         starts, numbers = found.setdefault((shape, width), ([], []))
         starts.append(begin)
         numbers.append(number)

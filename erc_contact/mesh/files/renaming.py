@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.names import printable
 from erc_contact.mesh.files.file_mesh import ElementSet, FacetSet, FileMesh, NodeSet
 
 Key = tuple[int, int]
@@ -46,9 +47,35 @@ def rename_sets(mesh: FileMesh, names: Mapping[int | Key, str]) -> FileMesh:
                 f"The tags {first} and {second} would have the name {name!r}; take another name."
             )
 
+    def name_of(found: Any) -> str:
+        return called.get((_dim_of(mesh, found), found.tag), found.name)
+
+    return _renamed(mesh, name_of)
+
+
+def with_printable_names(mesh: FileMesh) -> tuple[FileMesh, list[str]]:
+    """Return a mesh whose sets have names of one line that can be seen.
+
+    Characters that cannot be seen become question marks: a terminal or another program
+    may obey them.
+
+    Returns:
+        The mesh, and what was changed, in words.
+    """
+    sets: list[ElementSet | FacetSet | NodeSet] = [*mesh.element_sets, *mesh.facet_sets]
+    names = {found.name for found in [*sets, *mesh.node_sets]}
+    changed = sorted(name for name in names if printable(name) != name)
+    if not changed:
+        return mesh, []
+    notes = [f"names with characters that cannot be seen: {', '.join(map(printable, changed))}"]
+    return _renamed(mesh, lambda found: printable(found.name)), notes
+
+
+def _renamed(mesh: FileMesh, name_of: Callable[[Any], str]) -> FileMesh:
+    """Return a mesh with other names of its sets."""
+
     def rename(found: Any) -> Any:
-        name = called.get((_dim_of(mesh, found), found.tag), found.name)
-        return replace(found, name=name)
+        return replace(found, name=name_of(found))
 
     return replace(
         mesh,

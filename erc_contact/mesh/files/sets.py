@@ -57,10 +57,10 @@ def disjoint(
         name = sets[index].name
         if not len(free):
             if smaller:
-                notes.append(f"{kind} {name!r} is {_list_names(smaller)}, and is left out")
+                notes.append(f"{kind} {name!r} is {list_names(smaller)}, and is left out")
             continue
         if smaller:
-            notes.append(f"{kind} {name!r} is without what is in {_list_names(smaller)}")
+            notes.append(f"{kind} {name!r} is without what is in {list_names(smaller)}")
         owner[free] = index
         kept.append(index)
     tags, names = _tags(sets, sorted(kept))
@@ -99,7 +99,7 @@ def _tags(sets: Sequence[Named], kept: Sequence[int]) -> tuple[list[int], dict[s
     return tags, {sets[index].name: tag for index, tag in zip(kept, tags, strict=True)}
 
 
-def _list_names(names: Sequence[str]) -> str:
+def list_names(names: Sequence[str]) -> str:
     """Return names in words, not too many."""
     shown = [repr(name) for name in names[:4]]
     if len(names) > 4:

@@ -157,7 +157,12 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
     flat = FLAT * shortest
     heights = [(x - origin) @ normal for x in points]
     distance = heights[1].mean()
-    highest = max(abs(heights[0]).max(), abs(heights[1]).max() - apart)
+    highest = abs(heights[1]).max() - apart
+    if abs(heights[0]).max() > 2 * flat:
+        raise InputError(
+            f"joined: the first part is plane to {abs(heights[0]).max():.3g} only, where edges "
+            f"have the length {shortest:.3g}. Name facets in one plane, or mesh the body anew."
+        )
     if abs(distance) > flat + apart or highest > 2 * flat:
         raise InputError(
             f"joined: the parts are {abs(distance):.3g} apart, where edges have the length "

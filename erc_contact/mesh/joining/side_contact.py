@@ -190,12 +190,13 @@ def side_contact(kept: FacetSide, taken: FacetSide, apart: float) -> SideContact
     )
     middles, _, _ = closest(x[kept.triangles].mean(axis=1), corners)
     cosine = np.einsum("ij,ij->i", kept.normals, taken.normals[middles]).max()
-    if beyond <= 0 and cosine > -FACING:
+    if cosine > -FACING:
+        # No distance makes them face each other.
         beyond = np.inf
         message = (
             "joined: the parts do not face each other everywhere; the cosine between their outward "
-            f"normals is up to {cosine:.3g}, it must be near -1. Turn the bodies, or give other "
-            "parts."
+            f"normals is up to {cosine:.3g}, it must be near -1. Turn the bodies, or name the "
+            "facets that lie against each other: ec.where(region=, against=, within=)."
         )
     facing = np.unique(np.concatenate([facet, middles]))
     return SideContact(kept, taken, facing, allowed, beyond, message)
