@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.profile import OPEN, SLIP, STICK
+from erc_contact.model.status import OPEN
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,
@@ -24,7 +24,6 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import subdivide
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
-from erc_contact.results.profile import contact_status
 
 MAP_DIVISIONS = 4
 """Number of parts of an edge of a facet in the maps of tractions."""
@@ -39,7 +38,7 @@ BAR_ASPECT = 20.0
 def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     """Draw the axes of :func:`erc_contact.output.plot_contact` in 3D; on rank 0."""
     traction = surface.traction
-    status = contact_status(traction)
+    status = surface.status
     n = mean_normal(surface)
     plane = tangents(n)
     u, v = plane @ surface.x[:, :3].reshape(-1, 3).T
@@ -119,16 +118,20 @@ def _draw_traction(
 def _draw_status(
     panel: Any, u: np.ndarray, v: np.ndarray, facets: np.ndarray, status: np.ndarray, room: Any
 ) -> None:
-    """Draw a map of the status of the facets with its colour bar."""
+    """Draw a map of the status of the facets with its colour bar.
+
+    The bar has the states that occur.
+    """
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
 
-    colours = ListedColormap(STATUS_COLOURS)
-    norm = BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3)
+    codes, numbers = np.unique(status, return_inverse=True)
+    colours = ListedColormap([STATUS_COLOURS[code] for code in codes])
+    norm = BoundaryNorm(np.arange(len(codes) + 1) - 0.5, len(codes))
     look = {"cmap": colours, "norm": norm, "edgecolors": "0.6", "lw": 0.2}
-    drawn = panel.tripcolor(u, v, facets, facecolors=status.astype(float), **look)
+    drawn = panel.tripcolor(u, v, facets, facecolors=numbers.astype(float), **look)
     drawn.set_in_layout(False)
-    bar = _bar(panel, drawn, room, ticks=[OPEN, SLIP, STICK], label="status")
-    bar.ax.set_xticklabels(STATUS_NAMES)
+    bar = _bar(panel, drawn, room, ticks=np.arange(len(codes)), label="status")
+    bar.ax.set_xticklabels([STATUS_NAMES[code] for code in codes])
 
 
 def _bar(panel: Any, drawn: Any, room: Any, **look: Any) -> Any:

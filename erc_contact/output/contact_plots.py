@@ -14,7 +14,7 @@ import numpy as np
 from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.profile import OPEN
+from erc_contact.model.status import OPEN
 from erc_contact.output.along import along, through_means
 from erc_contact.output.contact_maps import contact_maps
 from erc_contact.output.drawing import (
@@ -28,7 +28,6 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS, subdivide
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
-from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
@@ -88,7 +87,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
             f"plot_contact: no contact is called {name!r}; the scene has "
             f"{', '.join(names) or 'none'}."
         )
-    surface = whole_contact(admissible, admissible.per_area(contact_of(admissible, name)))
+    surface = whole_contact(admissible, admissible.per_area(admissible.traction(name)))
     # Only rank 0 knows all facets, and all ranks raise.
     has_facets = model.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:
@@ -107,7 +106,7 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     """Draw the axes of :func:`plot_contact` in 2D; on rank 0."""
     traction = surface.traction
     n = traction.contact.trace.normals
-    status = contact_status(traction)
+    status = surface.status
     abscissa, label = along(surface)
     line = _Line(surface, abscissa)
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):

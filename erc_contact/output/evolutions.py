@@ -193,15 +193,15 @@ def plot_zones(
         if len(time) == 1:
             times = time[0] + np.array([-0.5, 0.5])
         places = np.linspace(0, length, ZONE_POINTS + 1)
-        colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 2.5}
+        colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 3.5}
         patches = []
-        for name, colour in zip(STATUS_NAMES, STATUS_COLOURS, strict=True):
-            patches.append(Patch(fc=colour, ec="0.6", label=name))
+        for code in np.unique(status):
+            patches.append(Patch(fc=STATUS_COLOURS[code], ec="0.6", label=STATUS_NAMES[code]))
         where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
         with panels("plot_zones", ax, [ZONES_SIZE]) as (axes,):
             axes.pcolormesh(times, places, status.T, **colours)
             axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
-            axes.legend(handles=patches, ncols=3, frameon=False, **where)
+            axes.legend(handles=patches, ncols=len(patches), frameon=False, **where)
         return axes
 
     return draw_figure(comm, path, ax, draw)

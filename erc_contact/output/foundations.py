@@ -24,11 +24,10 @@ import numpy as np
 
 from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.simplex import edges
-from erc_contact.model.profile import OPEN
+from erc_contact.model.status import OPEN
 from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal
-from erc_contact.results.profile import contact_status
 
 FOUNDATION_REACH = 0.15
 """Share of the body's size below which a gap has its foundation drawn [-]."""
@@ -116,7 +115,7 @@ class Foundation:
         left = surface.gap - (self.motion(position(surface)) * n).sum(axis=-1)
         # The gap that is left is g - u^_n.
         missing = left - surface.gap_left
-        closed = np.repeat(contact_status(surface.traction) != OPEN, left.shape[1])
+        closed = np.repeat(surface.status != OPEN, left.shape[1])
         return left.ravel(), missing.ravel(), closed
 
 
@@ -133,7 +132,7 @@ def nearest_nodes(surface: WholeContact) -> np.ndarray:
 
     Where all are open, they are those with the least gap left.
     """
-    closed = contact_status(surface.traction) != OPEN
+    closed = surface.status != OPEN
     if not closed.any():
         return surface.gap_left <= surface.gap_left.min()
     return np.broadcast_to(closed[:, None], surface.gap.shape)
@@ -252,7 +251,7 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
         Straight lines for pyvista; None if the contact is open, or its closed part has
         no border.
     """
-    closed = contact_status(surface.traction) != OPEN
+    closed = surface.status != OPEN
     if not closed.any():
         return None
     nodes = nodes[closed]

@@ -274,5 +274,4 @@ class Evolution(RunResult):
 
 def _slides(profile: np.ndarray) -> bool:
     """Tell whether a contact slides somewhere with friction."""
-    slips = profile["status"] == SLIP
-    return bool(np.any(slips & (profile["friction_bound"] > 0)))
+    return bool(np.any(profile["status"] == SLIP))
