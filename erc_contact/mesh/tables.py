@@ -11,7 +11,7 @@ Symbols: d dimension, n number of cells, N nodes of a cell.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import asdict, fields
 from typing import Any, cast
@@ -25,11 +25,12 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.naming import NamedShape
+from erc_contact.mesh.naming import NamedShape, Rules
 from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.shape import Brick, Drawing
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
+from erc_contact.mesh.size_field import Labels
 from erc_contact.mesh.tags import tag_table
 from erc_contact.mesh.transfer import GivenCells
 
@@ -114,7 +115,7 @@ def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
     """Return the true shape in plain data; its text comes from rank 0.
 
     Of a shape whose parts are named by rules, these are left out: they may be
-    functions. A run that goes on has them from its first mesh.
+    functions, see :func:`rules_of`. A run that goes on has them from its first mesh.
 
     Raises:
         InputError: If the shape is an object of a class of the user's.
@@ -122,7 +123,14 @@ def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
     if geometry is None:
         return None
     if isinstance(geometry, NamedShape):
-        return describe_shape(geometry.shape)
+        measures = [[*key, value] for key, value in geometry.measures.items()]
+        return {
+            "kind": "NamedShape",
+            "shape": describe_shape(geometry.shape),
+            "labels": asdict(geometry.labels),
+            "last_tag": geometry.last_tag,
+            "measures": measures,
+        }
     if isinstance(geometry, Assembled):
         members = []
         for member in geometry.members:
@@ -146,16 +154,43 @@ def _shallow(value: Any) -> dict[str, Any]:
     return {entry.name: getattr(value, entry.name) for entry in fields(value)}
 
 
-def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
-    """Return the true shape from what :func:`describe_shape` gave."""
+def rules_of(geometry: Any) -> list[Rules]:
+    """Return the rules by which parts of a true shape are named, outermost first."""
+    if isinstance(geometry, NamedShape):
+        return [geometry.rules, *rules_of(geometry.shape)]
+    rules = []
+    if isinstance(geometry, Assembled):
+        for member in geometry.members:
+            rules += rules_of(member.shape)
+    return rules
+
+
+def geometry_of(
+    plain: Mapping[str, Any] | None, rules: Iterator[Rules] | None = None
+) -> Geometry | None:
+    """Return the true shape from what :func:`describe_shape` gave.
+
+    Args:
+        plain: The plain data.
+        rules: The rules of :func:`rules_of`; a shape for which there are none left
+            names no parts on new meshes.
+    """
     if plain is None:
         return None
+    if plain["kind"] == "NamedShape":
+        given = None if rules is None else next(rules, None)
+        inner = geometry_of(plain["shape"], rules)
+        if given is None:
+            return inner
+        measures = {(kind, name): value for kind, name, value in plain["measures"]}
+        labels = Labels(**plain["labels"])
+        return NamedShape(inner, labels, given, plain["last_tag"], measures)
     if plain["kind"] == "Brick":
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
     if plain["kind"] == "Assembled":
         members = []
         for member in plain["members"]:
-            shape: Any = geometry_of(member["shape"])
+            shape: Any = geometry_of(member["shape"], rules)
             region_tags = tuple(tuple(pair) for pair in member["region_tags"])
             plain_member = {**member, "shape": shape, "region_tags": region_tags}
             members.append(Member(**plain_member))

@@ -25,6 +25,7 @@ from erc_contact.output.report import evolution_as_code, write_record, write_rep
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
+from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import (
     ENERGIES,
@@ -249,6 +250,7 @@ class Evolution(RunResult):
             self._draw(gallery)
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         arguments = {"accuracy": self.accuracy, **self.settings}
+        domain_code = keep_domain(self.domain, folder)
         claims = [*verdict(self.error), *of_gaps(self.error)]
         write_report(
             self,
@@ -258,7 +260,7 @@ class Evolution(RunResult):
             gallery,
             claims=claims,
             forces=forces,
-            code=evolution_as_code(self.scene_at, self.domain, arguments),
+            code=evolution_as_code(self.scene_at, self.domain, domain_code, arguments),
             note=NOTE,
         )
 

@@ -33,6 +33,7 @@ from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
+from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
 from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
 
@@ -218,7 +219,8 @@ class History(RunResult):
         if gallery is not None:
             self._draw(gallery)
         arguments = {"accuracy": self.accuracy, **self.settings}
-        code = run_as_code(self.solution.scene, self.meshes[0][0], arguments)
+        first = self.meshes[0][0]
+        code = run_as_code(self.solution.scene, first, keep_domain(first, folder), arguments)
         # pressure and shear exist on a contact alone
         quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}

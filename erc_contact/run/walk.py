@@ -261,6 +261,8 @@ class Walk:
             outcome += f" {missed} of {count} steps are above {percent(self.plan.accuracy)}."
         outcome = outcome.rstrip()
         self.log.log(logging.INFO if reached else logging.WARNING, outcome)
+        # A history has no goal.
+        names = [name for name in SETTINGS if name != "goal"]
         settings = {"times": self.times, **self.in_time.arguments()}
         return Evolution(
             tuple(self.rows),
@@ -270,7 +272,7 @@ class Walk:
             tuple(self.errors),
             scene_at=self.scene_at,
             domain=self.domain,
-            settings=settings | self.plan.arguments(SETTINGS),
+            settings=settings | self.plan.arguments(names),
         )
 
 
