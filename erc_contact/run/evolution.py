@@ -25,18 +25,10 @@ from erc_contact.output.report import evolution_as_code, write_record, write_rep
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
+from erc_contact.run.columns import header, line, page_rows
 from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
-from erc_contact.run.time_row import (
-    ENERGIES,
-    HEADER,
-    ROW_NUMBERS,
-    SECONDS,
-    SHOWN,
-    TimeStep,
-    line,
-    shown,
-)
+from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
 from erc_contact.scene.scene import Scene
 
 NOTE = (
@@ -95,34 +87,47 @@ class Evolution(RunResult):
 
     def __str__(self) -> str:
         """Write the table, and why the run ended."""
-        return "\n".join([HEADER, *map(line, self.steps), self.outcome])
+        columns = columns_of(self.steps)
+        rows = [line(columns, step) for step in self.steps]
+        return "\n".join([header(columns), *rows, self.outcome])
 
     def _repr_html_(self) -> str:
         """Write the table for a notebook; nothing is computed, so one rank may ask."""
-        return table(map(shown, self.steps), SHOWN, self.outcome)
+        return self._table(self.outcome)
+
+    def _table(self, caption: str = "") -> str:
+        """Write the table as HTML."""
+        titles, rows = page_rows(columns_of(self.steps), self.steps)
+        return table(rows, titles, caption)
 
     @property
     def error(self) -> ConstitutiveError:
         """Return the error at the end of the last step."""
         return self.errors[-1]
 
-    def force(self, contact: str) -> np.ndarray:
-        """Return the resultant on a contact at the end of each step [force].
+    def force(self, part: str) -> np.ndarray:
+        """Return the resultant on a part at the end of each step; collective.
+
+        Of contacts and tied joints it is in the rows, so that one rank may ask.
 
         Args:
-            contact: Its name, or the name of a tied joint. Between two bodies either
-                side has one, and their forces are opposite.
+            part: Name of a boundary part: a contact, a tied joint, a support or a
+                loaded part, see :func:`erc_contact.results.force`. Between two bodies
+                either side has a name, and their forces are opposite.
 
         Returns:
-            Forces, shape (steps, d).
+            Forces [force], shape (steps, d).
 
         Raises:
-            InputError: If no contact has this name.
+            InputError: If no boundary part has this name.
         """
-        joint = self.error.model.contact(contact)
-        of_first = np.array([step.force[joint.name] for step in self.steps])
-        # The rows have the force on the side that the scene names first.
-        return of_first if contact == joint.name else -of_first
+        model = self.error.model
+        for joint in (*model.contacts, *model.ties):
+            if part in (joint.name, joint.against):
+                # The rows have the force on the side that the scene names first.
+                of_first = np.array([step.force[joint.name] for step in self.steps])
+                return of_first if part == joint.name else -of_first
+        return np.array([error.force(part).force for error in self.errors])
 
     def profile(self, contact: str) -> list[np.ndarray]:
         """Compute the profile of a contact at the end of each step; collective.
@@ -256,7 +261,7 @@ class Evolution(RunResult):
             self,
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
-            {"Steps": table(map(shown, self.steps), SHOWN)},
+            {"Steps": self._table()},
             gallery,
             claims=claims,
             forces=forces,

@@ -33,9 +33,10 @@ from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
+from erc_contact.run.columns import Column, header, line, page_rows
 from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
-from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
+from erc_contact.run.step import COLUMNS, Step, columns_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +86,8 @@ class History(RunResult):
 
     def __str__(self) -> str:
         """Write the table, and why the run ended."""
-        curved = self.best.domain.curved_facets is not None
-        rows = [line(step, curved=curved) for step in self.steps]
-        header = CURVED if curved else HEADER
-        return "\n".join([header, *rows, self.outcome])
+        rows = [line(self._columns, step) for step in self.steps]
+        return "\n".join([header(self._columns), *rows, self.outcome])
 
     def _repr_html_(self) -> str:
         """Write the table for a notebook; nothing is computed, so one rank may ask."""
@@ -96,8 +95,17 @@ class History(RunResult):
 
     def _table(self, caption: str = "") -> str:
         """Write the table as HTML."""
-        rows = [shown(number, step) for number, step in enumerate(self.steps, start=1)]
-        return table(rows, SHOWN, caption)
+        titles, rows = page_rows(self._columns, self.steps)
+        numbered = [[str(number), *row] for number, row in enumerate(rows, start=1)]
+        return table(numbered, ["mesh", *titles], caption)
+
+    @property
+    def _columns(self) -> list[Column]:
+        """Return the columns of the table."""
+        # Rows without a contact have no pressure.
+        has_contact = not np.isnan(self.steps[-1].peak_pressure)
+        curved = self.best.domain.curved_facets is not None
+        return columns_of(curved=curved, has_contact=has_contact)
 
     @property
     def error(self) -> ConstitutiveError:
