@@ -327,6 +327,7 @@ def test_nothing_to_show_has_no_picture(shared_tmp_path):
             "history.json",
             "body.vtkhdf",
             "meshes.vtkhdf",
+            "domain.vtkhdf",
         }
         assert not read(shared_tmp_path / "body.vtkhdf")["von_mises"].any()
 
