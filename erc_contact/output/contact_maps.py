@@ -29,6 +29,8 @@ MAP_DIVISIONS = 4
 """Number of parts of an edge of a facet in the maps of tractions."""
 MAP_WIDTH = 2.9
 """Width of a map [inches]."""
+ROUND_OFF = 1e-10
+"""Shear that is round-off, over the greatest pressure [-]."""
 BAR_SHARE = 0.9
 """Length of a colour bar over the width of its map [-]."""
 BAR_ASPECT = 20.0
@@ -45,14 +47,16 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     facets = np.arange(len(u)).reshape(-1, 3)
     closed = facets[status != OPEN] if np.any(status != OPEN) else facets
     ends = [_around(u, u[closed]), _around(v, v[closed])]
+    has_shear = bool(traction.friction_bound.any())
+    count = 3 if has_shear else 2
     if ax is None:
         ratio = float(np.ptp(ends[1]) / np.ptp(ends[0]))
-        figure = new_figure(3 * MAP_WIDTH, MAP_WIDTH * ratio)
-        panels = figure.subplots(1, 3, sharex=True, sharey=True)
+        figure = new_figure(count * MAP_WIDTH, MAP_WIDTH * ratio)
+        panels = figure.subplots(1, count, sharex=True, sharey=True)
         bars = [bar_axes(figure) for _ in panels]
     else:
-        panels = panels_of(ax, 3, "plot_contact in 3D")
-        bars = [None, None, None]
+        panels = panels_of(ax, count, "plot_contact in 3D")
+        bars = [None] * count
     points, parts = subdivide(2, MAP_DIVISIONS)
     pressure, tangential = traction.at_points(points)
     shear = np.linalg.norm(tangential, axis=-1)
@@ -62,8 +66,11 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     offset = np.arange(len(surface.x))[:, None, None] * len(points)
     triangles = (offset + parts).reshape(-1, 3)
     _draw_traction(panels[0], s, t, triangles, pressure, "pressure", bars[0])
-    _draw_traction(panels[1], s, t, triangles, shear, "shear", bars[1])
-    _draw_status(panels[2], u, v, facets, status, bars[2])
+    if has_shear:
+        # Round-off must not fill a range of colours of its own.
+        shear = np.where(shear > ROUND_OFF * abs(pressure).max(), shear, 0.0)
+        _draw_traction(panels[1], s, t, triangles, shear, "shear", bars[1])
+    _draw_status(panels[-1], u, v, facets, status, bars[-1])
     # The eye is in what the body touches, so one of the two axes may be turned round.
     is_turned = np.cross(*plane) @ n < 0
     ylim = ends[1][::-1] if is_turned else ends[1]
@@ -75,10 +82,11 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     seen = "seen from the foundation"
     if surface.partners is not None:
         seen = f"{contact.name} seen from {contact.against}"
-    panels[1].set_title(seen, fontsize=11)
+    panels[count // 2].set_title(seen, fontsize=11)
     if ax is None:
-        sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (3, 1))
-        bar_sizes = np.tile([BAR_SHARE * MAP_WIDTH, BAR_SHARE * MAP_WIDTH / BAR_ASPECT], (3, 1))
+        sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (count, 1))
+        bar_size = [BAR_SHARE * MAP_WIDTH, BAR_SHARE * MAP_WIDTH / BAR_ASPECT]
+        bar_sizes = np.tile(bar_size, (count, 1))
         place(panels, sizes, bars, bar_sizes)
     return panels
 

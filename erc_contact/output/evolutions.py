@@ -14,6 +14,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.status import OPEN
 from erc_contact.output.deformed import draw_deformed, magnification
 from erc_contact.output.drawing import (
     COLOUR_CYCLE,
@@ -201,6 +202,12 @@ def plot_zones(
         with panels("plot_zones", ax, [ZONES_SIZE]) as (axes,):
             axes.pcolormesh(times, places, status.T, **colours)
             axes.set(xlabel="t", ylabel=f"s along {contact} [length]")
+            # What is ever closed is shown with as much beside it.
+            closed = np.flatnonzero(np.any(status != OPEN, axis=0))
+            if len(closed):
+                low, high = places[closed[0]], places[closed[-1] + 1]
+                beside = high - low
+                axes.set_ylim(max(low - beside, 0.0), min(high + beside, length))
             axes.legend(handles=patches, ncols=len(patches), frameon=False, **where)
         return axes
 

@@ -7,7 +7,8 @@ that is nearest to the gap g where the contact is closed. So a plane below a fla
 with a gap that is constant or linear, is met exactly where the contact is closed.
 Elsewhere closed parts look open or entered by (s - 1) (u^_n - rho_n), and parts beside
 them, too. The magnification that is chosen by default is so small that this is hardly
-seen, and a coloured line shows what is closed.
+seen, and a coloured line shows what is closed. A foundation that gives way is drawn
+without it.
 
 Symbols: X position before the deformation, g gap, n normal of the foundation, u^
 admissible displacement, v_n = v . n, d dimension.
@@ -142,9 +143,12 @@ def foundation_of(surface: WholeContact) -> Foundation:
     """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
     The fit is by least squares. Of all motions with the same normal part it is the
-    smallest.
+    smallest. A foundation that gives way is entered there, and moves with the body.
     """
     d = surface.d
+    target = surface.gap
+    if surface.traction.contact.stiffness is not None and np.any(surface.status != OPEN):
+        target = surface.gap - surface.gap_left
     nearest = nearest_nodes(surface)
     root_of_area = np.sqrt(surface.traction.area)[:, None]
     weight = np.broadcast_to(root_of_area, nearest.shape)[nearest]
@@ -152,7 +156,7 @@ def foundation_of(surface: WholeContact) -> Foundation:
     n = np.broadcast_to(direction, (*nearest.shape, d))[nearest]
     positions = position(surface)
     y = positions[nearest]
-    gap = surface.gap[nearest]
+    gap = target[nearest]
     centre = np.average(y, axis=0, weights=weight**2)
     # Turns are relative to the size, so that their columns are as long as the columns
     # of shifts.

@@ -16,7 +16,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.deformed import draw_deformed
+from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
@@ -238,6 +238,8 @@ class Evolution(RunResult):
                 file = f"zones_{name}.png"
                 code = f'erc_contact.output.evolutions.plot_zones(evolution, "{name}", "{file}")'
                 gallery.add(file, words, code, partial(plot_zones, self, name))
+        for contact in self.error.model.contacts:
+            add_near(gallery, self.error, contact.name, "evolution.error")
         add_states(gallery, self.error, "evolution.error")
         words = "The deformed body at the end."
         code = 'erc_contact.output.draw_deformed(evolution.error, "deformed.png")'

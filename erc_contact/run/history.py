@@ -22,7 +22,7 @@ from erc_contact.error.slip_share import small_slips
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
-from erc_contact.output.deformed import draw_deformed
+from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
@@ -262,6 +262,8 @@ class History(RunResult):
                 file = f"contact_{name}.png"
                 code = f'erc_contact.output.plot_contact(history, "{name}", "{file}")'
                 gallery.add(file, words, code, partial(plot_contact, best.admissible, name))
+        for contact in best.model.contacts:
+            add_near(gallery, best, contact.name, "history.best")
         add_states(gallery, best, "history.best")
         if best.absolute > 0:
             words = "Share of each element in eps."
