@@ -30,9 +30,21 @@ def pressed(radius: float, thickness: float, nu: float, friction: float) -> ec.S
     """Make a layer whose top is moved towards a ball."""
     return ec.Scene(
         ec.Elastic(1000.0, nu, hypothesis="axisymmetric"),
-        ec.Displacement("top", (0.0, -0.1)),
-        contacts=ec.Contact("bottom", gap=lambda x: x[0] ** 2 / (2 * radius), friction=friction),
+        [ec.Displacement("top", (0.0, -0.1))],
+        contacts=[ec.Contact("bottom", gap=lambda x: x[0] ** 2 / (2 * radius), friction=friction)],
     )
+
+
+def force(
+    scene: ec.Scene,
+    domain: ec.Domain,
+    accuracy: float,
+    method: ec.Method | None,
+    strategy: ec.Strategy,
+) -> float:
+    """Return the axial force of a run to an accuracy [force]."""
+    history = ec.adapt(scene, domain, accuracy, method=method, strategy=strategy, degree=2)
+    return float(history.force("bottom").force[1])
 
 
 def main() -> None:
@@ -42,15 +54,11 @@ def main() -> None:
         scene = pressed(*data)
         domain = ec.rectangle((0.0, 0.0), (100.0, data[1]), size=3.0)
 
-        def force(accuracy, method=None, strategy=None, scene=scene, domain=domain):
-            history = ec.adapt(scene, domain, accuracy, method=method, strategy=strategy, degree=2)
-            return history.force("bottom").force[1]
-
-        reference = force(0.0005, strategy=ec.SizeMap())
+        reference = force(scene, domain, 0.0005, None, ec.SizeMap())
         print(data, f"force {reference:.6g}", end="")
         for name, method in METHODS.items():
             for strategy in (ec.Mark(), ec.SizeMap()):
-                off = force(0.005, method, strategy) / reference - 1
+                off = force(scene, domain, 0.005, method, strategy) / reference - 1
                 worst[name] = max(worst[name], abs(off))
                 print(f"  {name}, {strategy}: {off:+.3%}", end="")
         print()

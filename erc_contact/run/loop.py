@@ -285,7 +285,9 @@ class Loop:
                 start = solution
                 domain = domain.refined(coarse.cells)
                 if domain.cells > plan.max_cells:
-                    raise
+                    most = f"{domain.cells} cells, more than max_cells = {plan.max_cells}"
+                    told = f"{coarse} The run has refined there, and the next mesh has {most}."
+                    raise TooCoarse(told, coarse.cells) from coarse
                 self._log(words)
             interrupts.check()
         with stage(self.comm, "error"):
