@@ -23,6 +23,8 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "sphinx_gallery.gen_gallery",
+    "downloads",
+    "rendered",
 ]
 nitpicky = True
 nitpick_ignore = [
@@ -36,6 +38,7 @@ nitpick_ignore = [
         "model.friction.Friction",
         "model.last_step.LastStep",
         "model.potential.Linearised",
+        "model.space.Space",
         "model.strains.Strains",
         "newton.given.AnyField",
         "scene.goal.Goal",

@@ -56,6 +56,7 @@ from erc_contact.run.adapt import adapt
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.evolve import evolve
 from erc_contact.run.history import History
+from erc_contact.run.kept_mesh import read_domain, write_domain
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
@@ -159,6 +160,7 @@ __all__ = [
     "mark",
     "other_solutions",
     "potential_energy",
+    "read_domain",
     "read_history",
     "read_mesh",
     "rectangle",
@@ -168,6 +170,7 @@ __all__ = [
     "table",
     "where",
     "work_of_loads",
+    "write_domain",
 ]
 
 name_nearest(__name__, __all__)

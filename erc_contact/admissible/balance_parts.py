@@ -162,7 +162,8 @@ def too_coarse(
         "No contact traction that the law allows, a polynomial on each facet, balances the "
         f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "
         "the forces). Look at the direction of the loads, add a Displacement or friction, or "
-        "refine the mesh at the contact.",
+        "refine the mesh at the contact: adapt does so by itself and goes on, and by hand "
+        "domain.refined(error.cells) refines the cells that press.",
         _cells_that_press(model, tractions, others.motions, left),
     )
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.cells import CellGeometry, tractions_of
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.fields import FIELD_DEGREE, stress_function, sub_dx, traction_function
 from erc_contact.admissible.traction import ContactTraction
@@ -27,8 +27,11 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.simplex import coefficients, measures
+from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import area_ratio, per_area
 from erc_contact.model.model import Model
+from erc_contact.model.profile import profile_points, profile_weights
+from erc_contact.model.status import facet_status
 from erc_contact.newton.solution import Solution
 
 
@@ -117,6 +120,30 @@ class Admissible:
         """Return r^ on each contact for pictures and files, see :meth:`per_area`."""
         return [self.per_area(traction) for traction in self.tractions]
 
+    def traction(self, name: str) -> ContactTraction:
+        """Return r^ on the contact of a name, or sigma^ n on a tied joint.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        model = self.model
+        contact = model.contact(name)
+        if contact in model.ties:
+            return self._traction_through(contact)
+        return self.tractions[model.contacts.index(contact)]
+
+    def _traction_through(self, tie: ContactOnMesh) -> ContactTraction:
+        """Return the traction of sigma^ on the first side of a tied joint."""
+        model = self.model
+        here = tie.trace.here
+        cells = self.cell_geometry
+        first = cells.side[0][model.facet_numbers(here.facets)] // (model.d + 1)
+        sign = np.where(first == here.facets[:, 0], 1.0, -1.0)
+        values = sign[:, None, None] * tractions_of(model, self.facet_moments, here.facets)
+        # A tied joint carries any shear.
+        bound = np.full(values.shape[:2], np.inf)
+        return ContactTraction(tie, here.nodes, here.areas, values, bound)
+
     def per_area(self, traction: ContactTraction) -> ContactTraction:
         """Return a traction for pictures and files [force/area].
 
@@ -140,6 +167,30 @@ class Admissible:
             bound = shown(bound[..., None])[..., 0]
         values = shown(traction.values)
         return replace(traction, area=measures(named), values=values, friction_bound=bound)
+
+    def at_profile_points(self, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
+        """Return r^ and its friction bound at the points of a profile [force/area].
+
+        Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
+        """
+        model = self.model
+        points = profile_points(model)
+        corners = traction.contact.trace.here.corners
+        r = per_area(model, corners, traction.values, points)
+        if traction.contact in model.ties:
+            return r, np.full(r.shape[:2], np.inf)
+        return r, per_area(model, corners, traction.friction_bound, points)
+
+    def status(self, traction: ContactTraction) -> np.ndarray:
+        """Tell which facets are open, slip, stick or are closed, (f,); collective.
+
+        See :func:`erc_contact.model.status.facet_status`.
+        """
+        model = self.model
+        r, bound = self.at_profile_points(traction)
+        points, weights = profile_points(model), profile_weights(model)
+        u = self.displacement
+        return facet_status(model, traction.contact, u, r, bound, points, weights)
 
     def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
         """Return the measure of the body for forms with sigma^, UFL.

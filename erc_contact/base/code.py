@@ -6,6 +6,7 @@ import ast
 import inspect
 import linecache
 import re
+import sys
 import textwrap
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
@@ -16,6 +17,8 @@ import numpy as np
 
 IMPORTED = ("import ufl as ufl", "import erc_contact as ec")
 """Imports of code that the package writes."""
+LIBRARIES = ("builtins", "erc_contact", "numpy", "ufl", "dolfinx", "mpi4py")
+"""Packages whose classes are imported."""
 UNKNOWN = "callable"
 """Word for a callable whose source cannot be had."""
 PATH = re.compile(r"""(["'])(?:/|~|[A-Za-z]:\\)[^"'\n]*\1""")
@@ -62,8 +65,8 @@ def literal(value: Any) -> str | None:
 def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:
     """Return what the code of a value needs in front of it.
 
-    These are imports, sources of named functions, and what these take from around
-    them: numbers, parts of scenes and other functions.
+    These are imports, sources of named functions and of classes, and what these take
+    from around them: plain values, arrays, parts of scenes, functions and classes.
 
     Args:
         value: The value.
@@ -76,28 +79,50 @@ def definitions(value: Any, outer: tuple[Any, ...] = ()) -> list[str]:
         for entry in value:
             needed += definitions(entry, outer)
         return _without_repetitions(needed)
-    if not inspect.isfunction(value):
-        return definitions(list(arguments(value).values()), outer)
     if value in outer:
         return []
-    text, surroundings = _source(value)
+    if inspect.isfunction(value):
+        text, surroundings = _source(value)
+    elif inspect.isclass(value):
+        text, surroundings = _source_of_class(value)
+    else:
+        of_class = definitions(type(value), outer)
+        of_arguments = definitions(list(arguments(value).values()), outer)
+        return _without_repetitions([*of_class, *of_arguments])
+    outer = (*outer, value)
+    is_lambda = text.startswith("lambda ")
     needed = []
     for name, neighbour in surroundings.items():
-        if inspect.ismodule(neighbour):
-            line = f"import {neighbour.__name__} as {name}"
-            if line not in IMPORTED:
-                needed.append(line)
-    if not text.startswith("def "):
-        return needed
-    outer = (*outer, value)
-    for name, neighbour in surroundings.items():
-        is_part = type(neighbour).__module__.startswith("erc_contact.scene.")
-        if inspect.isfunction(neighbour) and neighbour.__module__ == value.__module__:
-            needed += definitions(neighbour, outer)
-        elif isinstance(neighbour, Real) or is_part:
-            needed += definitions(neighbour, outer)
-            needed.append(f"{name} = {code_of(neighbour)}")
-    return _without_repetitions([*needed, text])
+        # Numbers around a lambda are its defaults.
+        if not (is_lambda and isinstance(neighbour, Real)):
+            needed += _neighbour(name, neighbour, value.__module__, outer)
+    return _without_repetitions(needed if is_lambda or not text else [*needed, text])
+
+
+def _neighbour(name: str, value: Any, module: str, outer: tuple[Any, ...]) -> list[str]:
+    """Return the code that gives a name its value; none where it cannot be known.
+
+    Args:
+        name: The name.
+        value: The value.
+        module: Module of the code that needs it.
+        outer: Functions whose definitions are under way.
+    """
+    if inspect.ismodule(value):
+        line = f"import {value.__name__} as {name}"
+        return [] if line in IMPORTED else [line]
+    home = getattr(value, "__module__", None)
+    if isinstance(home, str) and isinstance(getattr(value, "__name__", None), str):
+        if home == module:
+            return definitions(value, outer)
+        is_there = getattr(sys.modules.get(home), value.__name__, None) is value
+        return [f"from {home} import {value.__name__} as {name}"] if is_there else []
+    is_part = type(value).__module__.startswith("erc_contact.scene.")
+    if isinstance(value, np.ndarray):
+        return ["import numpy as np", f"{name} = np.array({code_of(value.tolist())})"]
+    if is_part or isinstance(value, Real | str | tuple | list | Mapping):
+        return [*definitions(value, outer), f"{name} = {code_of(value)}"]
+    return []
 
 
 def arguments(value: Any) -> dict[str, Any]:
@@ -163,11 +188,40 @@ def _source(function: Any) -> tuple[str, dict[str, Any]]:
         module = "".join(linecache.getlines(code.co_filename))
         node = _node(ast.parse(module), code)
         text = ast.get_source_segment(module, node, padded=True) or ""
-        around = inspect.getclosurevars(function)
+        nonlocals = inspect.getclosurevars(function).nonlocals
+        around = _used(node, {**function.__globals__, **nonlocals})
     except Exception:
         return "", {}
-    plain = textwrap.dedent(text).strip()
-    return without_paths(plain), {**around.globals, **around.nonlocals}
+    return without_paths(textwrap.dedent(text).strip()), around
+
+
+def _source_of_class(kind: type) -> tuple[str, dict[str, Any]]:
+    """Return the source of a user's class, and what it takes from around it.
+
+    Both are empty for a class of a library, and if the source is unknown.
+    """
+    if kind.__module__.split(".")[0] in LIBRARIES:
+        return "", {}
+    try:
+        text = textwrap.dedent(inspect.getsource(kind)).strip()
+        tree = ast.parse(text)
+        around = _used(tree, vars(sys.modules[kind.__module__]))
+    except Exception:
+        return "", {}
+    return without_paths(text), around
+
+
+def _used(tree: ast.AST, around: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what code takes by name from around it, functions inside it, too."""
+    inside = {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    read = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            if isinstance(node.ctx, ast.Load):
+                read.append(node.id)
+            else:
+                inside.add(node.id)
+    return {name: around[name] for name in read if name in around and name not in inside}
 
 
 def _node(tree: ast.AST, code: Any) -> Any:

@@ -180,7 +180,7 @@ class ConstitutiveError:
         See :class:`erc_contact.Bounds`.
         """
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
-        # Normals that turn are interpolated: each mesh has a contact problem of its own.
+        # Normals that turn are interpolated, so that each mesh has its own problem.
         of_mesh = any(contact.normals_are_of_mesh for contact in self.model.contacts)
         return exact and not of_mesh and not self.pressure_dependent
 

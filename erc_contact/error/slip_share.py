@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.profile import SLIP
+from erc_contact.model.status import CLOSED, SLIP
 
 
 def small_slips(error: ConstitutiveError) -> dict[str, float]:
@@ -46,7 +46,7 @@ def _share(error: ConstitutiveError, contact: ContactOnMesh) -> float | None:
     None where nothing slips.
     """
     table = error.profile(contact.name)
-    if not np.any(table["status"] == SLIP):
+    if not np.any(np.isin(table["status"], (SLIP, CLOSED))):
         return None
     here = contact.trace.here
     local = np.array([here.owned_areas.sum(), here.owned_areas @ here.modulus])

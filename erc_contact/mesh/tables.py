@@ -11,7 +11,7 @@ Symbols: d dimension, n number of cells, N nodes of a cell.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import asdict, fields
 from typing import Any, cast
@@ -26,11 +26,12 @@ from erc_contact.mesh.assembled import Assembled, Member
 from erc_contact.mesh.bodies import Geometry
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.drawings.kept import check_kept
-from erc_contact.mesh.naming import NamedShape
+from erc_contact.mesh.naming import NamedShape, Rules
 from erc_contact.mesh.partition import distribute
 from erc_contact.mesh.shape import SIDES, Brick, Drawing
 from erc_contact.mesh.sides import connect_facets, facets_of_cells
 from erc_contact.mesh.simplex import node_between, node_vertices
+from erc_contact.mesh.size_field import Labels
 from erc_contact.mesh.tags import tag_table
 from erc_contact.mesh.transfer import GivenCells
 
@@ -118,7 +119,7 @@ def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
     """Return the true shape in plain data; its text comes from rank 0.
 
     Of a shape whose parts are named by rules, these are left out: they may be
-    functions. A run that goes on has them from its first mesh.
+    functions, see :func:`rules_of`. A run that goes on has them from its first mesh.
 
     Raises:
         InputError: If the shape is an object of a class of the user's.
@@ -126,7 +127,14 @@ def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
     if geometry is None:
         return None
     if isinstance(geometry, NamedShape):
-        return describe_shape(geometry.shape)
+        measures = [[*key, value] for key, value in geometry.measures.items()]
+        return {
+            "kind": "NamedShape",
+            "shape": describe_shape(geometry.shape),
+            "labels": asdict(geometry.labels),
+            "last_tag": geometry.last_tag,
+            "measures": measures,
+        }
     if isinstance(geometry, Assembled):
         members = []
         for member in geometry.members:
@@ -150,21 +158,47 @@ def _shallow(value: Any) -> dict[str, Any]:
     return {entry.name: getattr(value, entry.name) for entry in fields(value)}
 
 
-def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
+def rules_of(geometry: Any) -> list[Rules]:
+    """Return the rules by which parts of a true shape are named, outermost first."""
+    if isinstance(geometry, NamedShape):
+        return [geometry.rules, *rules_of(geometry.shape)]
+    rules = []
+    if isinstance(geometry, Assembled):
+        for member in geometry.members:
+            rules += rules_of(member.shape)
+    return rules
+
+
+def geometry_of(
+    plain: Mapping[str, Any] | None, rules: Iterator[Rules] | None = None
+) -> Geometry | None:
     """Return the true shape from what :func:`describe_shape` gave.
 
+    Args:
+        plain: The plain data.
+        rules: The rules of :func:`rules_of`; a shape for which there are none left
+            names no parts on new meshes.
+
     Raises:
-        InputError: If it is none.
+        InputError: If it is no shape.
     """
     if plain is None:
         return None
+    if plain["kind"] == "NamedShape":
+        given = None if rules is None else next(rules, None)
+        inner = geometry_of(plain["shape"], rules)
+        if given is None:
+            return inner
+        measures = {(kind, name): value for kind, name, value in plain["measures"]}
+        labels = Labels(**plain["labels"])
+        return NamedShape(inner, labels, given, plain["last_tag"], measures)
     if plain["kind"] == "Brick":
         corners = np.array([plain["low"], plain["high"]], dtype=float)
         if corners.shape[1] not in SIDES or not np.all(corners[0] < corners[1]):
             raise InputError("it has a brick without a volume.")
         return Brick(tuple(plain["low"]), tuple(plain["high"]))
     if plain["kind"] == "Assembled":
-        return _assembled_of(plain)
+        return _assembled_of(plain, rules)
     curved = plain["curved"]
     if plain["kind"] != "Drawing" or not all(type(mark) is int for mark in curved):
         raise InputError("it has a shape of an unknown kind.")
@@ -172,7 +206,7 @@ def geometry_of(plain: Mapping[str, Any] | None) -> Geometry | None:
     return Drawing(plain["suffix"], plain["text"], frozenset(curved))
 
 
-def _assembled_of(plain: Mapping[str, Any]) -> Assembled:
+def _assembled_of(plain: Mapping[str, Any], rules: Iterator[Rules] | None) -> Assembled:
     """Return the shape of several bodies from plain data.
 
     Raises:
@@ -181,7 +215,7 @@ def _assembled_of(plain: Mapping[str, Any]) -> Assembled:
     members = []
     tags = [*plain["names"].values(), *plain["regions"].values()]
     for member in plain["members"]:
-        shape: Any = geometry_of(member["shape"])
+        shape: Any = geometry_of(member["shape"], rules)
         region_tags = tuple(tuple(pair) for pair in member["region_tags"])
         members.append(Member(**{**member, "shape": shape, "region_tags": region_tags}))
         tags += [*member["names"].values(), *member["regions"].values()]

@@ -8,9 +8,10 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.mesh.simplex import lagrange
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.space import Space
+from erc_contact.model.space import Space, circumferences
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 
@@ -58,6 +59,39 @@ def spring_displacement(
     _, r_t, _ = split(r, contact.trace.normals_at(points))
     k = stiffness[..., None]
     return np.divide(-r_t, k, out=np.zeros_like(r_t), where=k > 0)
+
+
+def give_way(space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
+
+    The tractions r [force/area] are not about rings, as its stiffness is.
+    """
+    if space.axisymmetric:
+        r = circumferences(contact.trace.here.points_at(points))[..., None] * r
+    return spring_displacement(space, contact, r, points)
+
+
+def slip_at(
+    space: Space, contact: ContactOnMesh, u: np.ndarray, r: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """Compute the slip w_t at points of the facets [length], shape (f, q, d).
+
+    It counts from the end of the last step of a history, without what a foundation
+    gives way tangentially.
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        u: Displacement at all nodes of this rank [length], shape (nodes d,).
+        r: Contact traction at the points [force/area], shape (f, q, d).
+        points: Reference points of its facets, shape (q, d-1).
+    """
+    trace = contact.trace
+    shape = lagrange(space.d - 1, space.degree, points)
+    w = np.matmul(shape, trace.of(u) - trace.of_before)
+    if contact.tangential_stiffness is not None:
+        w = w - give_way(space, contact, r, points)
+    return split(w, trace.normals_at(points))[1]
 
 
 class ContactData:

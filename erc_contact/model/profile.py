@@ -13,7 +13,6 @@ from math import factorial, pi
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from erc_contact.base.ranks import of_all
 from erc_contact.base.ufl_types import Ufl
@@ -27,17 +26,16 @@ from erc_contact.mesh.simplex import (
     projection,
     rule,
 )
-from erc_contact.model.contact_values import spring_displacement
+from erc_contact.model.contact_values import slip_at
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import area_ratio
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
+from erc_contact.model.status import facet_status
 from erc_contact.model.trace import split, tangents
 from erc_contact.model.turning import turning_of
 
-OPEN, SLIP, STICK = 0, 1, 2
-"""Codes of the status of a contact."""
 FACET_POINTS = {1: 1, 2: 4}
 """Number of parts of a facet's edge between the points of a profile, by degree.
 
@@ -45,10 +43,6 @@ Linear functions need only their ends.
 """
 POINT_ON_SIDE = 1e-9
 """Barycentric coordinate below which a point of a facet lies on its side [-]."""
-ROUND_OFF_PRESSURE = 1e-10
-"""Share of a contact's greatest pressure up to which a pressure is round-off [-]."""
-ROUND_OFF_SHEAR = 1e-6
-"""Share of the friction bound by which the shear of slip may be below it [-]."""
 SAME_X = 1e-9
 """Way along x over the extent of the body that counts as none [-]."""
 PLACE_DIGITS = 9
@@ -102,54 +96,12 @@ def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.
     return np.matmul(bernstein(model.d - 1, model.degree, profile_points(model)), coefficients)
 
 
-def facet_status(
-    contact: ContactOnMesh,
-    pressure: np.ndarray,
-    shear: np.ndarray,
-    bound: np.ndarray,
-    peak: float,
-    margin: float = 0.0,
-) -> np.ndarray:
-    """Decide which facets of a contact are open, slip or stick.
-
-    A facet without pressure is ``OPEN``, except in a bilateral contact. A facet whose
-    shear reaches the friction bound, up to 1e-6, is ``SLIP``; without friction this is
-    every pressed facet. All others are ``STICK``. If the friction bound must be
-    sampled, less shear counts as ``SLIP``: its share of the bound may be below 1 by the
-    relative variation of bound over pressure on the facet.
-
-    Args:
-        contact: The contact.
-        pressure: -r_n [force/area], shape (f, q).
-        shear: Length of r_t [force/area], shape (f, q).
-        bound: Friction bound [force/area], shape (f, q).
-        peak: Greatest pressure of the contact, which tells pressure from round-off
-            [force/area].
-        margin: Share of the variation that is added to the variation [-].
-
-    Returns:
-        OPEN, SLIP or STICK, shape (f,).
-    """
-    slope = np.divide(bound, pressure, out=np.zeros_like(pressure), where=pressure > 0)
-    steepest = slope.max(axis=1, initial=0.0)
-    variation = np.zeros_like(steepest)
-    np.divide(np.ptp(slope, axis=1), steepest, out=variation, where=steepest > 0)
-    if not contact.sampled:
-        variation = np.zeros_like(variation)
-    least_share = 1 - ROUND_OFF_SHEAR - (1 + margin) * variation
-    slips = shear.sum(axis=1) >= least_share * bound.sum(axis=1)
-    unpressed = pressure.max(axis=1, initial=0.0) <= ROUND_OFF_PRESSURE * peak
-    opens = unpressed & (not contact.bilateral)
-    return np.where(opens, OPEN, np.where(slips, SLIP, STICK))
-
-
 def profile_table(
     model: Model,
     contact: ContactOnMesh,
     u: fem.Function,
     r: np.ndarray,
     bound: np.ndarray,
-    status: np.ndarray,
 ) -> np.ndarray:
     """Tabulate gap, slip, tractions and status along a contact; collective.
 
@@ -159,7 +111,6 @@ def profile_table(
         u: Displacement [length].
         r: Contact traction at the :func:`profile_points` [force/area], shape (f, q, d).
         bound: Friction bound there [force/area], shape (f, q).
-        status: OPEN, SLIP or STICK of the facets, shape (f,).
 
     Returns:
         A structured array for numpy and pandas, the same on all ranks, with the columns
@@ -170,7 +121,8 @@ def profile_table(
           [length], without what a foundation gives way tangentially,
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
           [force/area],
-        - ``status``: status of the facet, 0 open, 1 slip, 2 stick,
+        - ``status``: status of the facet, 0 open, 1 slip, 2 stick, 3 closed without
+          friction, see :func:`erc_contact.model.status.facet_status`,
         - ``weight``: part of the contact that the point stands for [length] in 2D,
           [area] in 3D. The sum of ``weight * pressure`` is the normal force up to
           round-off, because the tractions of an admissible pair are polynomials of
@@ -197,12 +149,9 @@ def profile_table(
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(model.d - 1, model.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
-    before = contact.sign * np.matmul(shape, contact.trace.of_before)
-    w_n = (w * n).sum(axis=-1)
-    w_t = w - before
-    if contact.tangential_stiffness is not None:
-        w_t = w_t - contact.sign * give_way(model, contact, r, points)
-    _, w_t, slip = split(w_t, n)
+    w_n, _, _ = split(w, n)
+    w_t = contact.sign * slip_at(model, contact, u.x.array, r, points)
+    slip = np.linalg.norm(w_t, axis=-1)
     r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
     gap = np.zeros(1)
     if contact.gap is not None:
@@ -212,6 +161,7 @@ def profile_table(
         (tangent,) = tangents(n)
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
+    status = facet_status(model, contact, u, r, bound, points, profile_weights(model))
     columns = _places(model, contact)
     columns["gap"] = gap - w_n
     columns["slip"] = slip
@@ -283,21 +233,6 @@ def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarra
     for name, column in zip(names, rows.T, strict=True):
         result[name] = column
     return result
-
-
-def greatest_pressure(model: Model, pressure: np.ndarray) -> float:
-    """Return the greatest pressure of all ranks, at least 0; collective."""
-    return model.comm.allreduce(float(pressure.max(initial=0.0)), MPI.MAX)
-
-
-def give_way(model: Model, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
-
-    The tractions r [force/area] are not about rings, as its stiffness is.
-    """
-    if model.axisymmetric:
-        r = circumferences(contact.trace.here.points_at(points))[..., None] * r
-    return spring_displacement(model, contact, r, points)
 
 
 def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:

@@ -23,7 +23,7 @@ from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.over_ranks import sum_over_ranks
-from erc_contact.model.profile import STICK
+from erc_contact.model.status import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene

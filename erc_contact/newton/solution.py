@@ -24,9 +24,6 @@ from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
-    STICK,
-    facet_status,
-    greatest_pressure,
     profile_points,
     profile_table,
     profile_traction,
@@ -268,16 +265,12 @@ class Solution:
         where = model.contact(contact)
         points = profile_points(model)
         r = profile_traction(model, where, self.traction(where))
-        r_n, _, shear = split(r, where.trace.normals_at(points))
+        r_n, _, _ = split(r, where.trace.normals_at(points))
         pressure = -r_n
         bound = self._bound(where, np.maximum(pressure, 0.0), points)
         if where in model.ties:
             bound = np.full_like(pressure, np.inf)
-            status = np.full(len(pressure), STICK)
-        else:
-            most = greatest_pressure(model, pressure)
-            status = facet_status(where, pressure, shear, bound, most)
-        return profile_table(model, where, self.u, r, bound, status)
+        return profile_table(model, where, self.u, r, bound)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.

@@ -14,7 +14,7 @@ images.
 
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import plot_history
-from erc_contact.output.deformed import draw_deformed
+from erc_contact.output.deformed import draw_deformed, draw_near
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.part_pictures import draw_parts
@@ -27,6 +27,7 @@ __all__ = [
     "draw_deformed",
     "draw_error",
     "draw_meshes",
+    "draw_near",
     "draw_parts",
     "draw_revolved",
     "draw_sizes",

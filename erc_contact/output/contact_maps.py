@@ -12,7 +12,7 @@ import numpy as np
 
 from erc_contact.base.names import in_picture
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.profile import OPEN, SLIP, STICK
+from erc_contact.model.status import OPEN
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,
@@ -25,12 +25,13 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import subdivide
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
-from erc_contact.results.profile import contact_status
 
 MAP_DIVISIONS = 4
 """Number of parts of an edge of a facet in the maps of tractions."""
 MAP_WIDTH = 2.9
 """Width of a map [inches]."""
+ROUND_OFF = 1e-10
+"""Shear that is round-off, over the greatest pressure [-]."""
 BAR_SHARE = 0.9
 """Length of a colour bar over the width of its map [-]."""
 BAR_ASPECT = 20.0
@@ -40,21 +41,23 @@ BAR_ASPECT = 20.0
 def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     """Draw the axes of :func:`erc_contact.output.plot_contact` in 3D; on rank 0."""
     traction = surface.traction
-    status = contact_status(traction)
+    status = surface.status
     n = mean_normal(surface)
     plane = tangents(n)
     u, v = plane @ surface.x[:, :3].reshape(-1, 3).T
     facets = np.arange(len(u)).reshape(-1, 3)
     closed = facets[status != OPEN] if np.any(status != OPEN) else facets
     ends = [_around(u, u[closed]), _around(v, v[closed])]
+    has_shear = bool(traction.friction_bound.any())
+    count = 3 if has_shear else 2
     if ax is None:
         ratio = float(np.ptp(ends[1]) / np.ptp(ends[0]))
-        figure = new_figure(3 * MAP_WIDTH, MAP_WIDTH * ratio)
-        panels = figure.subplots(1, 3, sharex=True, sharey=True)
+        figure = new_figure(count * MAP_WIDTH, MAP_WIDTH * ratio)
+        panels = figure.subplots(1, count, sharex=True, sharey=True)
         bars = [bar_axes(figure) for _ in panels]
     else:
-        panels = panels_of(ax, 3, "plot_contact in 3D")
-        bars = [None, None, None]
+        panels = panels_of(ax, count, "plot_contact in 3D")
+        bars = [None] * count
     points, parts = subdivide(2, MAP_DIVISIONS)
     pressure, tangential = traction.at_points(points)
     shear = np.linalg.norm(tangential, axis=-1)
@@ -64,8 +67,11 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     offset = np.arange(len(surface.x))[:, None, None] * len(points)
     triangles = (offset + parts).reshape(-1, 3)
     _draw_traction(panels[0], s, t, triangles, pressure, "pressure", bars[0])
-    _draw_traction(panels[1], s, t, triangles, shear, "shear", bars[1])
-    _draw_status(panels[2], u, v, facets, status, bars[2])
+    if has_shear:
+        # Round-off must not fill a range of colours of its own.
+        shear = np.where(shear > ROUND_OFF * abs(pressure).max(), shear, 0.0)
+        _draw_traction(panels[1], s, t, triangles, shear, "shear", bars[1])
+    _draw_status(panels[-1], u, v, facets, status, bars[-1])
     # The eye is in what the body touches, so one of the two axes may be turned round.
     is_turned = np.cross(*plane) @ n < 0
     ylim = ends[1][::-1] if is_turned else ends[1]
@@ -77,10 +83,11 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     seen = "seen from the foundation"
     if surface.partners is not None:
         seen = f"{in_picture(contact.name)} seen from {in_picture(contact.against or '')}"
-    panels[1].set_title(seen, fontsize=11)
+    panels[count // 2].set_title(seen, fontsize=11)
     if ax is None:
-        sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (3, 1))
-        bar_sizes = np.tile([BAR_SHARE * MAP_WIDTH, BAR_SHARE * MAP_WIDTH / BAR_ASPECT], (3, 1))
+        sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (count, 1))
+        bar_size = [BAR_SHARE * MAP_WIDTH, BAR_SHARE * MAP_WIDTH / BAR_ASPECT]
+        bar_sizes = np.tile(bar_size, (count, 1))
         place(panels, sizes, bars, bar_sizes)
     return panels
 
@@ -120,16 +127,20 @@ def _draw_traction(
 def _draw_status(
     panel: Any, u: np.ndarray, v: np.ndarray, facets: np.ndarray, status: np.ndarray, room: Any
 ) -> None:
-    """Draw a map of the status of the facets with its colour bar."""
+    """Draw a map of the status of the facets with its colour bar.
+
+    The bar has the states that occur.
+    """
     from matplotlib.colors import BoundaryNorm, ListedColormap  # noqa: PLC0415
 
-    colours = ListedColormap(STATUS_COLOURS)
-    norm = BoundaryNorm([-0.5, 0.5, 1.5, 2.5], 3)
+    codes, numbers = np.unique(status, return_inverse=True)
+    colours = ListedColormap([STATUS_COLOURS[code] for code in codes])
+    norm = BoundaryNorm(np.arange(len(codes) + 1) - 0.5, len(codes))
     look = {"cmap": colours, "norm": norm, "edgecolors": "0.6", "lw": 0.2}
-    drawn = panel.tripcolor(u, v, facets, facecolors=status.astype(float), **look)
+    drawn = panel.tripcolor(u, v, facets, facecolors=numbers.astype(float), **look)
     drawn.set_in_layout(False)
-    bar = _bar(panel, drawn, room, ticks=[OPEN, SLIP, STICK], label="status")
-    bar.ax.set_xticklabels(STATUS_NAMES)
+    bar = _bar(panel, drawn, room, ticks=np.arange(len(codes)), label="status")
+    bar.ax.set_xticklabels([STATUS_NAMES[code] for code in codes])
 
 
 def _bar(panel: Any, drawn: Any, room: Any, **look: Any) -> Any:

@@ -15,7 +15,7 @@ from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.names import in_picture
 from erc_contact.mesh.simplex import bernstein
-from erc_contact.model.profile import OPEN
+from erc_contact.model.status import OPEN
 from erc_contact.output.along import along, through_means
 from erc_contact.output.contact_maps import contact_maps
 from erc_contact.output.drawing import (
@@ -29,7 +29,6 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS, subdivide
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
-from erc_contact.results.profile import contact_of, contact_status
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""
@@ -50,29 +49,30 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
     """Draw the traction r^ on a contact and its status; collective.
 
     In 2D curves show the pressure, the shear along (-n_2, n_1), and the band from
-    -b to b. Of degree 2 they are r^, facet by facet. Of degree 1 r^ jumps from one
-    facet to the next as much as it is wrong; the curves then are continuous and have
-    the mean of r^ on each facet (:func:`erc_contact.output.along.through_means`), and
-    thin lines show r^. So the area under the curve of the pressure is the normal force.
-    Strips in the background have the colours of the status of the facets
+    -b to b; without friction the pressure alone. Of degree 2 they are r^, facet by
+    facet. Of degree 1 r^ jumps from one facet to the next as much as it is wrong; the
+    curves then are continuous and have the mean of r^ on each facet
+    (:func:`erc_contact.output.along.through_means`), and thin lines show r^. So the
+    area under the curve of the pressure is the normal force. Strips in the background
+    have the colours of the status of the facets
     (:func:`erc_contact.results.contact_status`). The abscissa is the coordinate along
     a straight contact, or the arc length of a curved one. Nothing is cut off: where a
     peak is high, the axis is logarithmic above a dotted line. No bound of r^ at single
     points is known, so none is drawn.
 
     In 3D maps in the tangent plane, as the foundation or the other body sees it, show
-    the pressure, the length of the shear, and the status of the facets. The tractions
-    are r^ itself, which jumps from one facet to the next as much as it is wrong, so
-    maps of degree 1 on coarse meshes look rough. They are not smoothed: a continuous
-    map of degree 1 has one value at a node, there are about twice as many facets as
-    nodes, and so it cannot have the mean of r^ on each of them.
+    the pressure, with friction the length of the shear, and the status of the facets.
+    The tractions are r^ itself, which jumps from one facet to the next as much as it is
+    wrong, so maps of degree 1 on coarse meshes look rough. They are not smoothed: a
+    continuous map of degree 1 has one value at a node, there are about twice as many
+    facets as nodes, and so it cannot have the mean of r^ on each of them.
 
     Args:
         result: An admissible pair, an error, or a history.
         name: Name of the contact.
         path: Picture file, or None.
-        ax: Axes of matplotlib to draw on, one in 2D and three in 3D; by default of a
-            new figure.
+        ax: Axes of matplotlib to draw on, one in 2D and three in 3D, two of them
+            without friction; by default of a new figure.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -89,7 +89,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
             f"plot_contact: no contact is called {name!r}; the scene has "
             f"{', '.join(names) or 'none'}."
         )
-    surface = whole_contact(admissible, admissible.per_area(contact_of(admissible, name)))
+    surface = whole_contact(admissible, admissible.per_area(admissible.traction(name)))
     # Only rank 0 knows all facets, and all ranks raise.
     has_facets = model.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:
@@ -108,14 +108,15 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     """Draw the axes of :func:`plot_contact` in 2D; on rank 0."""
     traction = surface.traction
     n = traction.contact.trace.normals
-    status = contact_status(traction)
+    status = surface.status
     abscissa, label = along(surface)
     line = _Line(surface, abscissa)
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
         _draw_strips(axes, abscissa, status)
+        # A tied joint has no bound, and without friction there is no shear.
         limited = bool(np.isfinite(traction.friction_bound).all())
-        # A tied joint has no bound.
-        if limited:
+        has_shear = bool(traction.friction_bound.any())
+        if limited and has_shear:
             bound = line.path(line.curve(traction.friction_bound))
             look = {"fc": "0.35", "ec": "none", "alpha": 0.25}
             axes.fill_between(line.abscissa, -bound, bound, label="friction bound", **look)
@@ -124,7 +125,8 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
         pressure = -traction.normal_component
         shear = (traction.tangential_part * tangent).sum(axis=-1)
         _draw_traction(axes, line, pressure, PRESSURE, "pressure")
-        _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
+        if has_shear:
+            _draw_traction(axes, line, shear, SHEAR, f"shear along {direction}")
         axes.axhline(0.0, color="0.4", lw=0.6)
         closed = abscissa[status != OPEN] if np.any(status != OPEN) else abscissa
         # The closed part is shown with as much beside it, where the contact goes on.

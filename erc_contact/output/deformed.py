@@ -1,8 +1,9 @@
 """Draw pictures of deformed bodies: by matplotlib in the plane, by pyvista in space.
 
-Bodies of degree 2 are drawn with curved edges. A body in space is seen twice: from
-above with the foundation, and from the other side and below without it, to show the
-contact. Between two bodies nothing else is drawn.
+Bodies of degree 2 are drawn with curved edges. Where a contact is small beside its body
+in the plane, a picture of its surroundings shows it, with its gap magnified. A body in
+space is seen twice: from above with the foundation, and from the other side and below
+without it, to show the contact. Between two bodies nothing else is drawn.
 
 Symbols: u^ and sigma^ admissible displacement and stress, X position before the
 deformation.
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +21,14 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.checks import positive
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.names import in_picture
+from erc_contact.base.ranks import greatest
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.mesh.rows import in_space
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
-from erc_contact.output.bodies import Skin, outline, skin_of
+from erc_contact.output.bodies import DIVISIONS, Skin, outline, sample, skin_of, straight
 from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned, weighted_level
 from erc_contact.output.files import gather
 from erc_contact.output.foundations import (
@@ -40,17 +45,25 @@ from erc_contact.output.foundations import (
     ground,
     round_factor,
 )
+from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import (
     WholeContact,
+    body_mesh,
     colours_in_words,
     is_symmetry,
     letters_of,
+    mean_normal,
     whole_body,
 )
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import ShownPart, upward, views_of
+from erc_contact.output.windows import contact_zone, window_around
 from erc_contact.results.stresses import linear_mises
 
+STRAIN_ROUND_OFF = 1e-12
+"""Strain that is round-off, over the displacement over the size of the body [-]."""
+ROOM = 0.08
+"""Room for what a body touches in a picture, over the diagonal of its window [-]."""
 COLOURED_SHARE = 0.998
 """Share of the volume whose stress is below the top of the colour scale [-].
 
@@ -125,7 +138,10 @@ def draw_deformed(
     cells = gather_mises(admissible, stress)
     up = upward(admissible)
     letters = letters_of(model)
+    # A rigid motion has stresses of round-off.
+    strain = greatest(model.comm, admissible.displacement.x.array) / size
     only_round_off = error.scale == 0 or error.solution.at_rest
+    least = STRAIN_ROUND_OFF * strain * model.stiffest()
     part = "" if tells_out_of_plane(model) else " of the plane part"
     kind = "" if stress == "admissible" else f" ({stress})"
     label = f"von Mises stress{kind}{part} [force/area]"
@@ -146,7 +162,7 @@ def draw_deformed(
         scale = mises_scale(cells, label)
         colours = mises_on_skin(skin, cells)
         # Round-off would else fill the whole range of colours.
-        if only_round_off:
+        if only_round_off or colours.max() <= least:
             colours = 0 * colours
         closed = _closed_lines(contacts, x)
         lines = outline(body, d) + closed
@@ -159,6 +175,132 @@ def draw_deformed(
         return draw_map(ax, *drawn, mirrored=mirrored)
 
     return draw_figure(model.comm, path, ax, draw)
+
+
+def draw_near(
+    error: ConstitutiveError, contact: str, path: str | Path | None = None, *, ax: Any = None
+) -> Any:
+    """Draw the deformed body near a contact, in the plane; collective.
+
+    The picture has what is closed and what has yielded, with three quarters as much
+    beside it. Points are drawn at ``X + s (u^ - u_0)``, and the foundation at ``X + s
+    (g n - u_0)``: gap and displacement are magnified alike, so that what is closed
+    looks closed, and an imprint is seen below the ball that made it.
+
+    Args:
+        error: The error, whose admissible pair is drawn.
+        contact: Name of the contact.
+        path: Picture file, or None.
+        ax: Axes of matplotlib to draw on; by default of a new figure.
+
+    Returns:
+        The axes on rank 0, None on the other ranks.
+
+    Raises:
+        InputError: If no contact has this name, or nothing is closed or has yielded in
+            a small part of a body in the plane.
+    """
+    window = near_window(error, contact)
+    if window is None:
+        raise InputError(
+            f"draw_near: {contact!r} has no small part of a body in the plane near it that is "
+            "closed or has yielded; draw_deformed draws the whole."
+        )
+    body, gathered_contacts = whole_body(error.admissible)
+    cells = gather_mises(error.admissible)
+    letters = letters_of(error.model)
+    name = error.model.contact(contact).name
+
+    def draw(ax: Any) -> Any:
+        x = body["points"][:, :2]
+        inside = np.all((x >= window[0]) & (x <= window[1]), axis=1)
+        u = body["u"][inside]
+        frame = (u.min(axis=0) + u.max(axis=0)) / 2
+        size = float(np.linalg.norm(window[1] - window[0]))
+        largest = float(np.linalg.norm(u - frame, axis=1).max(initial=0.0))
+        factor = round_factor(DISPLACEMENT_SHARE * size / largest if largest > 0 else 1.0)
+        contacts = gathered_contacts
+        skin = skin_of(body["points"], body["cells"], 2)
+        drawn = skin.points + factor * (body["u"] - frame)
+        if pairs_of(contacts):
+            drawn = drawn + shift_of(body, contacts, factor)
+        seen = inside[cells["vertices"]].any(axis=1)
+        cells_seen = {key: values[seen] for key, values in cells.items()}
+        scale = mises_scale(cells_seen, "von Mises stress [force/area]")
+        colours = mises_on_skin(skin, cells)
+        (n,) = (mean_normal(each) for each in contacts if each.traction.contact.name == name)
+        closed = _closed_lines(contacts, drawn)
+        lines = outline(body, 2) + closed
+        alone = _on_foundations(contacts)
+        grounds: list[ShownPart] = []
+        for foundation in _with_gaps(alone, factor, frame[:2]):
+            grounds += ground(foundation, size)
+        title = f"near {contact}: displacement and gap × {factor:g}"
+        title += colours_in_words(contacts) if closed else ""
+        where = (skin, drawn, colours, scale, views_of(2, np.eye(3)[1]), lines, grounds, title)
+        return draw_map(ax, *where, letters, window=_with_room(window, n))
+
+    return draw_figure(error.model.comm, path, ax, draw)
+
+
+def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
+    """Find what :func:`draw_near` shows before the deformation; collective.
+
+    Args:
+        error: The error.
+        contact: Name of a contact.
+
+    Returns:
+        Low and high corner [length], shape (2, 2); None in space, and where nothing is
+        closed or has yielded, or no small part of the body.
+
+    Raises:
+        InputError: If no contact has this name.
+    """
+    model = error.model
+    name = model.contact(contact).name
+    if model.d == 3:
+        return None
+    zone, whole = contact_zone(error.admissible, name)
+    body = gather(model.comm, **body_mesh(error.domain))
+    window = window_around(zone, body["points"], whole) if body else None
+    return model.comm.bcast(window)
+
+
+def add_near(gallery: Gallery, error: ConstitutiveError, contact: str, code: str) -> None:
+    """Add :func:`draw_near` of a contact to a gallery if it shows more; collective.
+
+    Args:
+        gallery: The gallery.
+        error: The error.
+        contact: Name of the contact.
+        code: The error as a user writes it.
+    """
+    if near_window(error, contact) is None:
+        return
+    file = f"near_{contact}.png"
+    words = f"The deformed body near {contact}, with the gap magnified as the displacement."
+    line = f'erc_contact.output.draw_near({code}, "{contact}", "{file}")'
+    gallery.add(file, words, line, partial(draw_near, error, contact), is_body=True)
+
+
+def _with_room(window: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Return a window with room for what a body touches, along the normal n (2,)."""
+    room = ROOM * float(np.linalg.norm(window[1] - window[0])) * n
+    return np.array([window[0] + np.minimum(room, 0.0), window[1] + np.maximum(room, 0.0)])
+
+
+def _with_gaps(contacts: Sequence[WholeContact], factor: float, frame: np.ndarray) -> list[Any]:
+    """Draw foundations at ``X + s (g n - u_0)``, as lines for pyvista."""
+    drawn = []
+    for surface in contacts:
+        n = surface.traction.contact.direction[:, None]
+        position = surface.place + factor * (surface.gap[..., None] * n - frame)
+        points, parts = sample(position, 1, DIVISIONS)
+        line = straight(in_space(points), parts)
+        line.point_data["normal"] = in_space(np.repeat(n[:, 0], len(points) // len(n), axis=0))
+        drawn.append(line)
+    return drawn
 
 
 def gather_mises(admissible: Admissible, stress: str = "admissible") -> dict[str, np.ndarray]:
@@ -216,7 +358,7 @@ def greatest_magnification(
     """
     largest = float(np.linalg.norm(body["u"], axis=1).max())
     magnified = max(largest, greatest_gap(contacts))
-    factor = greatest_factor(_rigid(_foundations(contacts)), magnified, size)
+    factor = greatest_factor(_foundations(contacts), magnified, size)
     pairs = pairs_of(contacts)
     if pairs:
         share = greatest_share(body, pairs)
@@ -226,13 +368,13 @@ def greatest_magnification(
 
 def _foundations(contacts: Sequence[WholeContact]) -> list[Foundation]:
     """Fit the foundations of contacts with a foundation; on rank 0."""
+    return [foundation_of(contact) for contact in _on_foundations(contacts)]
+
+
+def _on_foundations(contacts: Sequence[WholeContact]) -> list[WholeContact]:
+    """Return the contacts with a foundation, without planes of symmetry."""
     alone = [contact for contact in contacts if contact.partners is None]
-    return [foundation_of(contact) for contact in alone if not is_symmetry(contact)]
-
-
-def _rigid(foundations: Sequence[Foundation]) -> list[Foundation]:
-    """Return the foundations that do not give way: the others are truly entered."""
-    return [each for each in foundations if each.surface.traction.contact.stiffness is None]
+    return [contact for contact in alone if not is_symmetry(contact)]
 
 
 def _shift(contact: WholeContact, shift: np.ndarray) -> WholeContact:
@@ -248,8 +390,8 @@ def mises_scale(cells: Mapping[str, np.ndarray], label: str) -> Scale:
     """Find the colours of the von Mises stress in all cells."""
     from matplotlib.colors import Normalize  # noqa: PLC0415
 
-    greatest = cells["stress"].max(axis=1)
-    top = weighted_level(greatest, cells["volume"], COLOURED_SHARE)
+    of_cells = cells["stress"].max(axis=1)
+    top = weighted_level(of_cells, cells["volume"], COLOURED_SHARE)
     return Scale(Normalize(0, top or 1.0), "max", label)
 
 
@@ -314,10 +456,9 @@ def _title(
         title += f"\nbodies pulled apart by {pull:g} [length]"
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
-    rigid = _rigid(foundations)
-    if len(rigid) < len(foundations):
+    if any(each.surface.traction.contact.stiffness is not None for each in foundations):
         title += "\nthe foundation is drawn without giving way"
-    entry = max((foundation.entry(factor) for foundation in rigid), default=0.0)
+    entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"
     return title

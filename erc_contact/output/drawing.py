@@ -27,12 +27,12 @@ DPI = 150
 """Pixels of a picture [1/inch]; a picture is then as wide as a page on a screen."""
 PNG_LEVEL = 4
 """Level of compression of a png file: half the time of the default, 5% more bytes."""
-STATUS_NAMES = ("open", "slip", "stick")
-"""Names of the codes OPEN, SLIP and STICK."""
-STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2")
-"""Colours of open, slip and stick, which the colour-blind can tell apart.
+STATUS_NAMES = ("open", "slip", "stick", "closed")
+"""Names of the codes OPEN, SLIP, STICK and CLOSED."""
+STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2", "#d9e6c8")
+"""Colours of open, slip, stick and closed, which the colour-blind can tell apart.
 
-They are grey, orange and blue.
+They are grey, orange, blue and green; green is alone or beside grey.
 """
 
 

@@ -15,6 +15,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import LoadingHistory
 from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.status import OPEN
 from erc_contact.output.deformed import draw_deformed, magnification
 from erc_contact.output.drawing import (
     COLOUR_CYCLE,
@@ -194,15 +195,21 @@ def plot_zones(
         if len(time) == 1:
             times = time[0] + np.array([-0.5, 0.5])
         places = np.linspace(0, length, ZONE_POINTS + 1)
-        colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 2.5}
+        colours = {"cmap": ListedColormap(STATUS_COLOURS), "vmin": -0.5, "vmax": 3.5}
         patches = []
-        for name, colour in zip(STATUS_NAMES, STATUS_COLOURS, strict=True):
-            patches.append(Patch(fc=colour, ec="0.6", label=name))
+        for code in np.unique(status):
+            patches.append(Patch(fc=STATUS_COLOURS[code], ec="0.6", label=STATUS_NAMES[code]))
         where = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
         with panels("plot_zones", ax, [ZONES_SIZE]) as (axes,):
             axes.pcolormesh(times, places, status.T, **colours)
             axes.set(xlabel="t", ylabel=f"s along {in_picture(contact)} [length]")
-            axes.legend(handles=patches, ncols=3, frameon=False, **where)
+            # What is ever closed is shown with as much beside it.
+            closed = np.flatnonzero(np.any(status != OPEN, axis=0))
+            if len(closed):
+                low, high = places[closed[0]], places[closed[-1] + 1]
+                beside = high - low
+                axes.set_ylim(max(low - beside, 0.0), min(high + beside, length))
+            axes.legend(handles=patches, ncols=len(patches), frameon=False, **where)
         return axes
 
     return draw_figure(comm, path, ax, draw)

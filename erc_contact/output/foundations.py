@@ -7,7 +7,8 @@ that is nearest to the gap g where the contact is closed. So a plane below a fla
 with a gap that is constant or linear, is met exactly where the contact is closed.
 Elsewhere closed parts look open or entered by (s - 1) (u^_n - rho_n), and parts beside
 them, too. The magnification that is chosen by default is so small that this is hardly
-seen, and a coloured line shows what is closed.
+seen, and a coloured line shows what is closed. A foundation that gives way is drawn
+without it.
 
 Symbols: X position before the deformation, g gap, n normal of the foundation, u^
 admissible displacement, v_n = v . n, d dimension.
@@ -24,11 +25,10 @@ import numpy as np
 
 from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.simplex import edges
-from erc_contact.model.profile import OPEN
+from erc_contact.model.status import OPEN
 from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal
-from erc_contact.results.profile import contact_status
 
 FOUNDATION_REACH = 0.15
 """Share of the body's size below which a gap has its foundation drawn [-]."""
@@ -116,7 +116,7 @@ class Foundation:
         left = surface.gap - (self.motion(position(surface)) * n).sum(axis=-1)
         # The gap that is left is g - u^_n.
         missing = left - surface.gap_left
-        closed = np.repeat(contact_status(surface.traction) != OPEN, left.shape[1])
+        closed = np.repeat(surface.status != OPEN, left.shape[1])
         return left.ravel(), missing.ravel(), closed
 
 
@@ -133,7 +133,7 @@ def nearest_nodes(surface: WholeContact) -> np.ndarray:
 
     Where all are open, they are those with the least gap left.
     """
-    closed = contact_status(surface.traction) != OPEN
+    closed = surface.status != OPEN
     if not closed.any():
         return surface.gap_left <= surface.gap_left.min()
     return np.broadcast_to(closed[:, None], surface.gap.shape)
@@ -143,9 +143,12 @@ def foundation_of(surface: WholeContact) -> Foundation:
     """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
     The fit is by least squares. Of all motions with the same normal part it is the
-    smallest.
+    smallest. A foundation that gives way is entered there, and moves with the body.
     """
     d = surface.d
+    target = surface.gap
+    if surface.traction.contact.stiffness is not None and np.any(surface.status != OPEN):
+        target = surface.gap - surface.gap_left
     nearest = nearest_nodes(surface)
     root_of_area = np.sqrt(surface.traction.area)[:, None]
     weight = np.broadcast_to(root_of_area, nearest.shape)[nearest]
@@ -153,7 +156,7 @@ def foundation_of(surface: WholeContact) -> Foundation:
     n = np.broadcast_to(direction, (*nearest.shape, d))[nearest]
     positions = position(surface)
     y = positions[nearest]
-    gap = surface.gap[nearest]
+    gap = target[nearest]
     centre = np.average(y, axis=0, weights=weight**2)
     # Turns are relative to the size, so that their columns are as long as the columns
     # of shifts.
@@ -252,7 +255,7 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
         Straight lines for pyvista; None if the contact is open, or its closed part has
         no border.
     """
-    closed = contact_status(surface.traction) != OPEN
+    closed = surface.status != OPEN
     if not closed.any():
         return None
     nodes = nodes[closed]

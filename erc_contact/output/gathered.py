@@ -20,14 +20,15 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.mesh.domain import Domain
 from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.simplex import at_nodes, determinants, node_between, node_vertices
-from erc_contact.model.contact_values import gap_at_nodes
+from erc_contact.model.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.model import Model
-from erc_contact.model.profile import give_way
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gather
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
+OF_FACETS = ("x", "gap", "gap_left", "slip", "place", "drawn", "status")
+"""Fields of a contact that are gathered as they are."""
 AXIS = 1e-6
 """Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
 
@@ -49,6 +50,8 @@ class WholeContact:
             shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).
+        status: OPEN, SLIP, STICK or CLOSED of each facet, shape (n,), see
+            :func:`erc_contact.results.contact_status`.
         partners: Global numbers of the facing nodes of the other body, shape (n, m);
             None on a foundation.
         drawn: The part of the gap with which both bodies are drawn [length], shape (n,
@@ -64,6 +67,7 @@ class WholeContact:
     slip: np.ndarray
     place: np.ndarray
     drawn: np.ndarray
+    status: np.ndarray
     partners: np.ndarray | None = None
     letters: str = "xyz"
 
@@ -116,12 +120,10 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     contact = traction.contact
     owned = contact.trace.here.owned
     gap = gap_at_nodes(model, contact)
-    displacement = contact.trace.since(admissible.displacement.x.array)
-    if contact.tangential_stiffness is not None:
-        # The slip is what the foundation does not give way.
-        r = np.matmul(at_nodes(model.d - 1, model.degree), traction.values)
-        displacement = displacement - give_way(model, contact, r, model.facet_points)
-    w_n, slip, _ = split(displacement, contact.trace.normals)
+    u = admissible.displacement.x.array
+    w_n, _, _ = split(contact.trace.of(u), contact.trace.normals)
+    r = np.matmul(at_nodes(model.d - 1, model.degree), traction.values)
+    slip = slip_at(model, contact, u, r, model.facet_points)
     nodes = traction.nodes
     # On a foundation this side stands for the other one, which is left out below.
     partners = nodes if contact.against is None else contact.trace.partners
@@ -140,6 +142,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         x=model.V.tabulate_dof_coordinates()[nodes[owned]],
         gap=gap[owned],
         gap_left=(gap - w_n)[owned],
+        status=admissible.status(admissible.traction(contact.name))[owned],
         slip=contact.sign * slip[owned],
         place=place[owned],
         drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
@@ -158,7 +161,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         friction_bound=parts["friction_bound"],
         nodes=parts["nodes"],
     )
-    fields = {name: parts[name] for name in ("x", "gap", "gap_left", "slip", "place", "drawn")}
+    fields = {name: parts[name] for name in OF_FACETS}
     return WholeContact(
         whole_traction,
         vertices=parts["nodes"][:, : model.d],

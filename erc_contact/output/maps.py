@@ -11,7 +11,7 @@ import numpy as np
 from erc_contact.output.bodies import Skin
 from erc_contact.output.drawing import bar_axes, log_ticks, new_figure
 from erc_contact.output.placing import place
-from erc_contact.output.views import SPACE, ShownPart, corners_seen, mirror_images, show
+from erc_contact.output.views import SPACE, ShownPart, corners_seen, limits, mirror_images, show
 
 WIDE_BODY = 1.6
 """Width over height of a body above which its colour bar is below [-]."""
@@ -59,6 +59,7 @@ def draw_map(
     letters: str = "xyz",
     *,
     mirrored: bool = False,
+    window: np.ndarray | None = None,
 ) -> Any:
     """Draw a body with coloured elements and a colour bar in axes.
 
@@ -77,6 +78,8 @@ def draw_map(
         letters: Names of the coordinates.
         mirrored: Whether the mirror image at the axis is drawn, too, as of a turned
             body that is cut along its axis.
+        window: Low and high corner of what is shown in the plane [length], shape (2,
+            2); None shows all.
     """
     from matplotlib.cm import ScalarMappable  # noqa: PLC0415
 
@@ -96,7 +99,7 @@ def draw_map(
         # Foundations come first, so the body is never hidden by them.
         shown[name] = parts if name == "from below" else [*grounds, *parts]
         corners.append(np.ptp(corners_seen(shown[name], view), axis=0)[:2])
-    sizes = np.array(corners)
+    sizes = np.array(corners if window is None else [np.ptp(window, axis=0)])
     ratio = float(sizes[:, 0].sum() / sizes[:, 1].max())
     is_flat = len(views) == 1
     is_below = is_flat and ratio > WIDE_BODY
@@ -107,6 +110,8 @@ def draw_map(
         ax = new_figure(width, width / ratio).subplots(1, len(views))
     panels = np.ravel(ax)
     show(panels, [(shown[name], view) for name, view in views.items()], letters)
+    if window is not None:
+        panels[0].set(**limits(*window))
     if mirrored:
         panels[0].xaxis.set_major_formatter(lambda r, _: f"{abs(r):g}")
     if not is_flat:

@@ -23,7 +23,6 @@ from erc_contact.mesh.rows import in_space
 from erc_contact.mesh.simplex import bernstein, lagrange, nodes
 from erc_contact.output.files import PARTS, gather, grid_of, on_root, save_grid, subdivide
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
-from erc_contact.results.profile import contact_status
 from erc_contact.results.states import state, states_of
 from erc_contact.results.stresses import cell_stresses
 
@@ -65,7 +64,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     and in the cells
 
     - ``mean_traction``: mean of r^ on the facet [force/area],
-    - ``status``: 0 open, 1 slip, 2 stick.
+    - ``status``: 0 open, 1 slip, 2 stick, 3 closed without friction.
 
     ``<name>`` is the name of the part, see :class:`erc_contact.History`; ``part`` at
     the root of the file tells it in full.
@@ -124,7 +123,7 @@ def _contact_grid(surface: WholeContact) -> Any:
     grid.point_data["gap"] = (surface.gap_left @ nodal.T).ravel()
     grid.point_data["slip"] = in_space(slip.reshape(-1, d))
     grid.cell_data["mean_traction"] = in_space(traction.values.mean(axis=1))
-    grid.cell_data["status"] = contact_status(traction)
+    grid.cell_data["status"] = surface.status
     return grid
 
 

@@ -22,6 +22,7 @@ from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import upward, views_of
+from erc_contact.output.windows import YIELDED, window_around
 from erc_contact.results.states import state, states_of
 
 
@@ -73,6 +74,8 @@ def draw_state(
 ) -> Any:
     """Draw a number that the body remembers in each element; collective.
 
+    In the plane a zone that is small beside the body fills the picture.
+
     Args:
         result: An admissible pair, an error, or a history.
         name: Name of the entry of the state; of a tensor its norm is drawn.
@@ -100,7 +103,7 @@ def draw_state(
         top = float(shown.max())
         return Scale(Normalize(0, top if top > 0 else 1), "neither", name.replace("_", " "))
 
-    return draw_cells(pair, values, scale, path, ax, mirrored=mirrored)
+    return draw_cells(pair, values, scale, path, ax, mirrored=mirrored, zooms=True)
 
 
 def add_states(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
@@ -128,6 +131,7 @@ def draw_cells(
     ax: Any,
     *,
     mirrored: bool = False,
+    zooms: bool = False,
 ) -> Any:
     """Draw a value in each element on the body before the deformation; collective.
 
@@ -138,6 +142,8 @@ def draw_cells(
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on, in 2D, or None.
         mirrored: Whether the mirror image at the axis is drawn, too.
+        zooms: Whether a small part of a body in the plane fills the picture if all
+            other values are small.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -155,6 +161,11 @@ def draw_cells(
         shown = cells["values"]
         views = views_of(domain.dim, up)
         values = (skin, skin.points, shown, scale(shown), views)
-        return draw_map(ax, *values, letters=letters, mirrored=mirrored)
+        window = None
+        if zooms and domain.dim == 2 and not mirrored:
+            zone = body["cells"][shown > YIELDED * shown.max()]
+            corners = body["points"][zone].reshape(-1, 3)
+            window = window_around(corners, body["points"], body["points"])
+        return draw_map(ax, *values, letters=letters, mirrored=mirrored, window=window)
 
     return draw_figure(comm, path, ax, draw)

@@ -284,12 +284,15 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def run_as_code(scene: Scene, domain: Domain, arguments: Mapping[str, Any]) -> str:
+def run_as_code(
+    scene: Scene, domain: Domain, domain_code: str, arguments: Mapping[str, Any]
+) -> str:
     """Return the code of an adaptive run.
 
     Args:
         scene: Its scene.
         domain: Its first mesh, which is told in words.
+        domain_code: The code that makes or reads it.
         arguments: The other arguments of :func:`erc_contact.adapt` by their names.
     """
     lines = [f"    material={code_of(scene.material)},"]
@@ -297,37 +300,52 @@ def run_as_code(scene: Scene, domain: Domain, arguments: Mapping[str, Any]) -> s
         entries = [f"        {code_of(entry)}," for entry in getattr(scene, name)]
         if entries:
             lines += [f"    {name}=[", *entries, "    ],"]
-    scene_code = "\n".join([*definitions(scene), "scene = ec.Scene(", *lines, ")"])
-    return _script(scene_code, domain, "history = ec.adapt", "scene", arguments)
+    scene_lines = ["scene = ec.Scene(", *lines, ")", *_domain_lines(domain, domain_code)]
+    return _script(definitions(scene), scene_lines, "history = ec.adapt(\n    scene", arguments)
 
 
 def evolution_as_code(
-    scene_at: Callable[[float], Scene], domain: Domain, arguments: Mapping[str, Any]
+    scene_at: Callable[[float], Scene],
+    domain: Domain,
+    domain_code: str,
+    arguments: Mapping[str, Any],
 ) -> str:
     """Return the code of a loading history.
 
     Args:
         scene_at: The scene of each time.
         domain: Its first mesh, which is told in words.
+        domain_code: The code that makes or reads it.
         arguments: The other arguments of :func:`erc_contact.evolve` by their names.
     """
-    scene_code = "\n".join(definitions([scene_at]))
-    return _script(scene_code, domain, "evolution = ec.evolve", code_of(scene_at), arguments)
+    call = f"evolution = ec.evolve(\n    {code_of(scene_at)}"
+    return _script(definitions([scene_at]), _domain_lines(domain, domain_code), call, arguments)
 
 
-def _script(
-    scene_code: str, domain: Domain, call: str, first: str, arguments: Mapping[str, Any]
-) -> str:
-    """Return the call of a run with its arguments, below the code of the scene."""
+def _domain_lines(domain: Domain, code: str) -> list[str]:
+    """Return the code of a domain below its words."""
     shape = shape_in_words(domain.geometry, domain.dim, curved=domain.curved_facets is not None)
     parts = ", ".join(map(printable, domain.names))
     facts = f"{domain.cells} cells and {domain.vertices} vertices; parts {parts}"
-    lines = ["import ufl\n\nimport erc_contact as ec\n"]
-    if scene_code:
-        lines.append(scene_code)
-    lines.append(f"# domain: {shape}; the first mesh has {facts}")
-    lines.append(f"{call}(\n    {first},\n    domain,")
-    for name, argument in arguments.items():
-        lines.append(f"    {name}={code_of(argument)},")
-    lines.append(")")
-    return "\n".join(lines)
+    return [f"# {shape}; the first mesh has {facts}", code]
+
+
+def _script(
+    needed: Sequence[str], lines: Sequence[str], call: str, arguments: Mapping[str, Any]
+) -> str:
+    """Return the code of a run.
+
+    Args:
+        needed: Imports and definitions that it needs.
+        lines: The lines that make its scene and its domain.
+        call: The beginning of its call.
+        arguments: The arguments of the call by their names.
+    """
+    imports = [line for line in needed if line.startswith(("import ", "from "))]
+    made = [text for text in needed if text not in imports]
+    script = [*sorted(imports), "import ufl\n", "import erc_contact as ec\n"]
+    for text in made:
+        script.append(f"\n{text}\n" if "\n" in text else text)
+    script += [*lines, f"{call},", "    domain,"]
+    script += [f"    {name}={code_of(argument)}," for name, argument in arguments.items()]
+    return "\n".join([*script, ")"])

@@ -7,8 +7,8 @@ fields as members.
 
 from erc_contact.model.forces import Force
 from erc_contact.model.maximum import Maximum
-from erc_contact.model.profile import OPEN, SLIP, STICK
 from erc_contact.model.rigid_faces import Motion
+from erc_contact.model.status import CLOSED, OPEN, SLIP, STICK
 from erc_contact.model.stress import von_mises
 from erc_contact.results.forces import force, reactions, whole_force
 from erc_contact.results.points import Values, at
@@ -18,6 +18,7 @@ from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
 
 __all__ = [
+    "CLOSED",
     "OPEN",
     "SLIP",
     "STICK",

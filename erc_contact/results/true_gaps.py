@@ -20,7 +20,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.mesh.closest import closest
 from erc_contact.mesh.quadrature import facet_pieces
 from erc_contact.mesh.simplex import lagrange
-from erc_contact.model.profile import OPEN, facet_status, greatest_pressure
+from erc_contact.model.status import is_open
 
 
 def gap_deviation(result: Any, name: str) -> float:
@@ -54,9 +54,8 @@ def gap_deviation(result: Any, name: str) -> float:
     of_ranks = model.comm.allgather(of_pieces.reshape(-1, model.d, model.d))
     corners = np.concatenate(of_ranks)
 
-    law = pair.tractions[model.contacts.index(contact)].in_law()
-    peak = greatest_pressure(model, law[0])
-    is_closed = owned & (facet_status(contact, *law, peak) != OPEN)
+    pressure, _, _ = pair.tractions[model.contacts.index(contact)].in_law()
+    is_closed = owned & ~is_open(model, contact, pressure)
     n = np.broadcast_to(trace.normals, (*trace.here.nodes.shape, model.d))[is_closed]
     left = ((contact.to_partners - trace.of(u))[is_closed] * n).sum(axis=-1)
     x = places[trace.here.nodes[is_closed]].reshape(-1, model.d)

@@ -47,18 +47,30 @@ def check_contents(about: Any, tables: Mapping[str, np.ndarray]) -> None:
             if it is not there.
     """
     _check_rows(about["rows"])
-    for key in ("names", "regions"):
-        _check_names(about[key])
-    for plain in about["interfaces"]:
-        _check_interface(Interface.of(plain))
     error = about["error"]
     numbers = [about["accuracy"], *(error[name] for name in ERROR_NUMBERS)]
     _demand(all(_is_real(number) for number in numbers), "numbers of the error")
     _demand(isinstance(about["method"], str), "the method")
     _demand(isinstance(about.get("carried", {}), dict), "what is carried on")
     _demand(isinstance(about.get("shifts", {}), dict), "the shifts")
+    _demand(about["degree"] in (1, 2), "the degree")
+    _check_mesh(about, tables, about["degree"])
+    _check_fields(about, tables)
+
+
+def check_domain(about: Any, tables: Mapping[str, np.ndarray]) -> None:
+    """Check what is told of a mesh alone, as :func:`check_contents`."""
+    _check_mesh(about, tables, 1)
+
+
+def _check_mesh(about: Any, tables: Mapping[str, np.ndarray], degree: int) -> None:
+    """Check names, shape and tables of a mesh with the nodes of a degree."""
+    for key in ("names", "regions"):
+        _check_names(about[key])
+    for plain in about["interfaces"]:
+        _check_interface(Interface.of(plain))
     geometry_of(about["geometry"])
-    _check_tables(about, tables)
+    _check_cells(about, tables, degree)
 
 
 def _demand(condition: object, what: str) -> None:
@@ -103,10 +115,10 @@ def _check_interface(interface: Interface) -> None:
     _demand(len(interface.tags) == 2 and all(type(tag) is int for tag in tags), "tags of a pair")
 
 
-def _check_tables(about: Mapping[str, Any], tables: Mapping[str, np.ndarray]) -> None:
-    """Check the tables of the mesh and of the solution."""
-    d, degree = about["dim"], about["degree"]
-    _demand(d in (2, 3) and degree in (1, 2), "dimension and degree")
+def _check_cells(about: Mapping[str, Any], tables: Mapping[str, np.ndarray], degree: int) -> None:
+    """Check the tables of the mesh."""
+    d = about["dim"]
+    _demand(d in (2, 3), "the dimension")
     points = tables["VTKHDF/Points"]
     cells = tables["cells"]
     n, c = len(points), len(cells)
@@ -128,6 +140,13 @@ def _check_tables(about: Mapping[str, Any], tables: Mapping[str, np.ndarray]) ->
         _check_corners(tables["glued"], "the joined cells")
     if "closed" in tags:
         _check_floats(tables["closed"], (c, (d + 1) * d), "the corners")
+
+
+def _check_fields(about: Mapping[str, Any], tables: Mapping[str, np.ndarray]) -> None:
+    """Check the tables of the solution on a mesh that was checked."""
+    d = about["dim"]
+    n = len(tables["VTKHDF/Points"])
+    c = len(tables["cells"])
     _check_floats(tables["VTKHDF/CellData/eps_E"], (c,), "the shares of the error")
     count = about["multipliers"]
     _demand(type(count) is int and 0 <= count < c, "the multipliers")

@@ -81,7 +81,6 @@ from erc_contact.model.law_state import ValuesAt
 from erc_contact.model.model import Model
 from erc_contact.model.potential import StrainOf
 from erc_contact.newton.solution import Solution
-from erc_contact.results.profile import contact_of
 
 PLASTIC_STRAIN = "plastic_strain"
 """Name of the entry of a state, a tensor, whose growth takes work."""
@@ -202,7 +201,7 @@ def _traction_at_begin(
         return replace(traction, values=np.zeros_like(traction.values))
     old = before.model
     if old.domain is model.domain and old.degree == model.degree:
-        last = contact_of(before, contact.name)
+        last = before.traction(contact.name)
         friction = last.contact.friction
         values = contact.sign * last.contact.sign * last.values
     else:

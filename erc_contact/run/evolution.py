@@ -17,7 +17,7 @@ from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.mesh.domain import Domain
-from erc_contact.output.deformed import draw_deformed
+from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
@@ -26,17 +26,10 @@ from erc_contact.output.report import evolution_as_code, write_record, write_rep
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
+from erc_contact.run.columns import header, line, page_rows
+from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
-from erc_contact.run.time_row import (
-    ENERGIES,
-    HEADER,
-    ROW_NUMBERS,
-    SECONDS,
-    SHOWN,
-    TimeStep,
-    line,
-    shown,
-)
+from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
 from erc_contact.scene.scene import Scene
 
 NOTE = (
@@ -95,34 +88,47 @@ class Evolution(RunResult):
 
     def __str__(self) -> str:
         """Write the table, and why the run ended."""
-        return "\n".join([HEADER, *map(line, self.steps), self.outcome])
+        columns = columns_of(self.steps)
+        rows = [line(columns, step) for step in self.steps]
+        return "\n".join([header(columns), *rows, self.outcome])
 
     def _repr_html_(self) -> str:
         """Write the table for a notebook; nothing is computed, so one rank may ask."""
-        return table(map(shown, self.steps), SHOWN, self.outcome)
+        return self._table(self.outcome)
+
+    def _table(self, caption: str = "") -> str:
+        """Write the table as HTML."""
+        titles, rows = page_rows(columns_of(self.steps), self.steps)
+        return table(rows, titles, caption)
 
     @property
     def error(self) -> ConstitutiveError:
         """Return the error at the end of the last step."""
         return self.errors[-1]
 
-    def force(self, contact: str) -> np.ndarray:
-        """Return the resultant on a contact at the end of each step [force].
+    def force(self, part: str) -> np.ndarray:
+        """Return the resultant on a part at the end of each step; collective.
+
+        Of contacts and tied joints it is in the rows, so that one rank may ask.
 
         Args:
-            contact: Its name, or the name of a tied joint. Between two bodies either
-                side has one, and their forces are opposite.
+            part: Name of a boundary part: a contact, a tied joint, a support or a
+                loaded part, see :func:`erc_contact.results.force`. Between two bodies
+                either side has a name, and their forces are opposite.
 
         Returns:
-            Forces, shape (steps, d).
+            Forces [force], shape (steps, d).
 
         Raises:
-            InputError: If no contact has this name.
+            InputError: If no boundary part has this name.
         """
-        joint = self.error.model.contact(contact)
-        of_first = np.array([step.force[joint.name] for step in self.steps])
-        # The rows have the force on the side that the scene names first.
-        return of_first if contact == joint.name else -of_first
+        model = self.error.model
+        for joint in (*model.contacts, *model.ties):
+            if part in (joint.name, joint.against):
+                # The rows have the force on the side that the scene names first.
+                of_first = np.array([step.force[joint.name] for step in self.steps])
+                return of_first if part == joint.name else -of_first
+        return np.array([error.force(part).force for error in self.errors])
 
     def profile(self, contact: str) -> list[np.ndarray]:
         """Compute the profile of a contact at the end of each step; collective.
@@ -233,6 +239,8 @@ class Evolution(RunResult):
                 file = f"zones_{file_stem(name)}.png"
                 code = f"erc_contact.output.evolutions.plot_zones(evolution, {name!r}, {file!r})"
                 gallery.add(file, words, code, partial(plot_zones, self, name))
+        for contact in self.error.model.contacts:
+            add_near(gallery, self.error, contact.name, "evolution.error")
         add_states(gallery, self.error, "evolution.error")
         words = "The deformed body at the end."
         code = 'erc_contact.output.draw_deformed(evolution.error, "deformed.png")'
@@ -250,16 +258,17 @@ class Evolution(RunResult):
             self._draw(gallery)
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         arguments = {"accuracy": self.accuracy, **self.settings}
+        domain_code = keep_domain(self.domain, folder)
         claims = [*verdict(self.error), *of_gaps(self.error)]
         write_report(
             self,
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
-            {"Steps": table(map(shown, self.steps), SHOWN)},
+            {"Steps": self._table()},
             gallery,
             claims=claims,
             forces=forces,
-            code=evolution_as_code(self.scene_at, self.domain, arguments),
+            code=evolution_as_code(self.scene_at, self.domain, domain_code, arguments),
             note=NOTE,
         )
 
@@ -275,5 +284,4 @@ class Evolution(RunResult):
 
 def _slides(profile: np.ndarray) -> bool:
     """Tell whether a contact slides somewhere with friction."""
-    slips = profile["status"] == SLIP
-    return bool(np.any(slips & (profile["friction_bound"] > 0)))
+    return bool(np.any(profile["status"] == SLIP))

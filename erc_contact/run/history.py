@@ -23,7 +23,7 @@ from erc_contact.error.slip_share import small_slips
 from erc_contact.mesh.domain import Domain
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
-from erc_contact.output.deformed import draw_deformed
+from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
@@ -34,8 +34,10 @@ from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
+from erc_contact.run.columns import Column, header, line, page_rows
+from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
-from erc_contact.run.step import COLUMNS, CURVED, HEADER, SHOWN, Step, line, shown
+from erc_contact.run.step import COLUMNS, Step, columns_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +89,8 @@ class History(RunResult):
 
     def __str__(self) -> str:
         """Write the table, and why the run ended."""
-        curved = self.best.domain.curved_facets is not None
-        rows = [line(step, curved=curved) for step in self.steps]
-        header = CURVED if curved else HEADER
-        return "\n".join([header, *rows, self.outcome])
+        rows = [line(self._columns, step) for step in self.steps]
+        return "\n".join([header(self._columns), *rows, self.outcome])
 
     def _repr_html_(self) -> str:
         """Write the table for a notebook; nothing is computed, so one rank may ask."""
@@ -98,8 +98,17 @@ class History(RunResult):
 
     def _table(self, caption: str = "") -> str:
         """Write the table as HTML."""
-        rows = [shown(number, step) for number, step in enumerate(self.steps, start=1)]
-        return table(rows, SHOWN, caption)
+        titles, rows = page_rows(self._columns, self.steps)
+        numbered = [[str(number), *row] for number, row in enumerate(rows, start=1)]
+        return table(numbered, ["mesh", *titles], caption)
+
+    @property
+    def _columns(self) -> list[Column]:
+        """Return the columns of the table."""
+        # Rows without a contact have no pressure.
+        has_contact = not np.isnan(self.steps[-1].peak_pressure)
+        curved = self.best.domain.curved_facets is not None
+        return columns_of(curved=curved, has_contact=has_contact)
 
     @property
     def error(self) -> ConstitutiveError:
@@ -221,7 +230,8 @@ class History(RunResult):
         if gallery is not None:
             self._draw(gallery)
         arguments = {"accuracy": self.accuracy, **self.settings}
-        code = run_as_code(self.solution.scene, self.meshes[0][0], arguments)
+        first = self.meshes[0][0]
+        code = run_as_code(self.solution.scene, first, keep_domain(first, folder), arguments)
         # pressure and shear exist on a contact alone
         quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}
@@ -255,6 +265,8 @@ class History(RunResult):
                 file = f"contact_{file_stem(name)}.png"
                 code = f"erc_contact.output.plot_contact(history, {name!r}, {file!r})"
                 gallery.add(file, words, code, partial(plot_contact, best.admissible, name))
+        for contact in best.model.contacts:
+            add_near(gallery, best, contact.name, "history.best")
         add_states(gallery, best, "history.best")
         if best.absolute > 0:
             words = "Share of each element in eps."

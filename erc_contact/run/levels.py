@@ -20,6 +20,7 @@ import io
 import json
 import os
 import re
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,6 +50,10 @@ ASIDE = ".damaged"
 
 class Damaged(ValueError):
     """Report that a file is not what was written."""
+
+
+Check = Callable[[Any, Mapping[str, np.ndarray]], None]
+"""A function of plain data and tables that raises an error if they make no sense."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +86,12 @@ def pack(level: Level) -> tuple[bytes, memoryview]:
     return _block(FORMAT, content), content
 
 
-def unpack(whole: bytes) -> Level:
+def unpack(whole: bytes, check: Check = check_contents) -> Level:
     """Read a level from the contents of a file.
+
+    Args:
+        whole: The contents.
+        check: Function that checks what was read.
 
     Raises:
         Damaged: If they are not what was written.
@@ -102,7 +111,7 @@ def unpack(whole: bytes) -> Level:
     # What has a checksum may still be of anybody.
     try:
         level = _read_contents(whole)
-        check_contents(level.about, level.tables)
+        check(level.about, level.tables)
     except Exception as reason:
         words = str(reason).rstrip(".")
         raise Damaged(f"it is no level of a run ({words})") from reason

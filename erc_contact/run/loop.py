@@ -30,10 +30,11 @@ from erc_contact.newton.plausibility import DoubtsOfRun, check_upright
 from erc_contact.newton.solve import solve_quietly
 from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.columns import header, line
 from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
 from erc_contact.run.plan import SETTINGS, Plan
-from erc_contact.run.step import CURVED, HEADER, Step, line
+from erc_contact.run.step import Step, columns_of
 
 NEWTON_SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.
@@ -162,7 +163,9 @@ class Loop:
 
     def go(self, domain: Domain) -> History:
         """Run from a first mesh, or from what is kept, to the end; collective."""
-        self._log(HEADER if domain.curved_facets is None else CURVED)
+        curved = domain.curved_facets is not None
+        self.columns = columns_of(curved=curved, has_contact=bool(self.plan.scene.contacts))
+        self._log(header(self.columns))
         with Interrupts(self.comm) as interrupts:
             try:
                 error = self._resume() or self._level(domain, None, 0.0, interrupts)
@@ -207,7 +210,7 @@ class Loop:
         self.best = kept.best
         self.began -= self.steps[-1].seconds
         for step in self.steps:
-            self._log(line(step, curved=error.domain.curved_facets is not None))
+            self._log(line(self.columns, step))
         self.doubts.see(error.solution)
         self._aim(error, kept.carried)
         log_of(self.comm).info("Read from %s; the run goes on from here.", store.folder.path)
@@ -283,7 +286,9 @@ class Loop:
                 start = solution
                 domain = domain.refined(coarse.cells)
                 if domain.cells > plan.max_cells:
-                    raise
+                    most = f"{domain.cells} cells, more than max_cells = {plan.max_cells}"
+                    told = f"{coarse} The run has refined there, and the next mesh has {most}."
+                    raise TooCoarse(told, coarse.cells) from coarse
                 self._log(words)
             interrupts.check()
         with stage(self.comm, "error"):
@@ -297,7 +302,7 @@ class Loop:
         self.meshes.append((error.domain, error.indicators))
         if self.best is None or error.total < self.best.total:
             self.best = error
-        self._log(line(step, curved=error.domain.curved_facets is not None))
+        self._log(line(self.columns, step))
         return step
 
     def _log(self, text: str, level: int = logging.INFO) -> None:

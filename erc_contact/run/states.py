@@ -24,15 +24,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.releases import cell_nodes
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.interface_map import Interface
-from erc_contact.mesh.tables import (
-    CellRows,
-    corner_places,
-    describe_shape,
-    geometry_of,
-    glued_mesh,
-    tag_tables,
-)
+from erc_contact.mesh.tables import CellRows, tag_tables
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
@@ -41,10 +33,11 @@ from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
 from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
-from erc_contact.output.files import gather, vtk_cells
+from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 from erc_contact.run.contents import ERROR_NUMBERS
+from erc_contact.run.kept_mesh import about_mesh, drawn_tables, mesh_of
 from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
@@ -79,7 +72,6 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     domain = error.domain
     model = solution.model
     comm = model.comm
-    geometry = comm.bcast(describe_shape(domain.geometry))  # its text is on rank 0
     x = model.V.tabulate_dof_coordinates()
     # nodes at vertices have the coordinates of these to the last digit
     x[model.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
@@ -90,6 +82,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     if model.linearised is not None and not model.linearised.at_rest:
         at_nodes[ABOUT] = _pick_owned(error, model.linearised.u)
     tags = tag_tables(domain)
+    mesh = about_mesh(domain, tags)
     cells = model.global_numbers(model.nodes[: domain.owned_cells])
     u_hat = nodal_displacement(error.admissible)
     points = gather(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
@@ -99,14 +92,8 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     in_cells = gather(comm, **single, eps_E=error.indicators)
     about = {
         "rows": [asdict(step) for step in steps],
-        "dim": domain.dim,
         "degree": model.degree,
-        # the names of a split domain follow from its glued one and the interfaces
-        "names": dict(domain.whole.names),
-        "regions": dict(domain.regions),
-        "geometry": geometry,
-        "tags": sorted(tags),
-        "interfaces": [asdict(interface) for interface in domain.interfaces],
+        **mesh,
         "multipliers": len(solution.multipliers),
         ABOUT: ABOUT in at_nodes,
         "method": repr(solution.method),
@@ -117,7 +104,7 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     }
     if not rows:  # not on rank 0
         return Level(about, {})
-    tables = _drawn(points.pop("points"), rows.pop("drawn"), domain.dim)
+    tables = drawn_tables(points.pop("points"), rows.pop("drawn"), domain.dim)
     tables["VTKHDF/PointData/displacement"] = points.pop("displacement")
     for name, values in in_cells.items():
         tables[f"VTKHDF/CellData/{name}"] = values
@@ -128,21 +115,6 @@ def _pick_owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
     """Return the values of a function at the nodes of this rank, shape (n, d)."""
     owned = function.function_space.dofmap.index_map.size_local
     return function.x.array.reshape(-1, error.domain.dim)[:owned]
-
-
-def _drawn(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.ndarray]:
-    """Return points (n, d) and cells (c, N) as the arrays of VTKHDF."""
-    kind, cells = vtk_cells(cells, d)
-    whole = {
-        "Points": points,
-        "Connectivity": cells.ravel(),
-        "Offsets": np.arange(0, cells.size + 1, cells.shape[1]),
-        "Types": np.full(len(cells), kind, dtype=np.uint8),
-        "NumberOfPoints": np.array([len(points)]),
-        "NumberOfCells": np.array([len(cells)]),
-        "NumberOfConnectivityIds": np.array([cells.size]),
-    }
-    return {f"VTKHDF/{name}": array for name, array in whole.items()}
 
 
 class Restored:
@@ -168,13 +140,12 @@ class Restored:
         shape: Geometry | None = None,
     ) -> None:
         self.about = level.about
-        self._shape = shape
         self._tables = level.tables
         if before is not None and comm.bcast(_same_mesh(level, before)):
             self._rows: CellRows = before._rows
             self.domain: Domain = before.domain
         else:
-            self._rows, self.domain = self._mesh(comm)
+            self._rows, self.domain = mesh_of(comm, level, shape)
         indicators = self._rows.of_cells(self._table("VTKHDF/CellData/eps_E"))
         self.indicators = indicators[: self.domain.owned_cells]
 
@@ -257,57 +228,6 @@ class Restored:
     def _table(self, name: str) -> np.ndarray | None:
         """Return a table of the level on rank 0; None on the other ranks."""
         return self._tables.get(name)
-
-    def _mesh(self, comm: MPI.Comm) -> tuple[CellRows, Domain]:
-        """Return the rows of the cells, and the domain; collective."""
-        about = self.about
-        points = self._table("VTKHDF/Points")
-        cells = self._table("cells")
-        is_split = "glued" in about["tags"]
-        keep_shapes = "closed" in about["tags"]
-        places = None
-        if is_split and points is not None and cells is not None:
-            places = corner_places(points, cells, about["dim"])
-            of_glued = self._tables["closed"].reshape(places.shape) if keep_shapes else places
-            points, cells = glued_mesh(of_glued, self._tables["glued"])
-        rows = CellRows(comm, points, cells, about["dim"])
-        domain = self._domain(rows, rows.of_corners(places) if keep_shapes else None)
-        if not is_split:
-            return rows, domain
-        split = domain.cut(tuple(Interface.of(plain) for plain in about["interfaces"]))
-        return rows.of_split(split), split
-
-    def _domain(self, rows: CellRows, places: np.ndarray | None) -> Domain:
-        """Return the mesh with names, tags and true shape; collective.
-
-        Args:
-            rows: The rows of its cells.
-            places: Places of its corners if its bodies keep their shapes, else None.
-        """
-        about = self.about
-        facets = rows.facet_tags(self._table("facets"))
-        # all ranks know from `about` which tags there are
-        curved = None
-        marks = None
-        if "curved" in about["tags"]:
-            if places is None:
-                curved = rows.facet_tags(self._table("curved"))
-            else:
-                marks = rows.of_sides(self._table("curved"))
-        cells = None
-        if "regions" in about["tags"]:
-            cells = rows.cell_tags(self._table("regions"))
-        return Domain(
-            rows.mesh,
-            facets,
-            about["names"],
-            cells,
-            about["regions"],
-            self._shape or geometry_of(about["geometry"]),
-            curved,
-            places=places,
-            marks=marks,
-        )
 
     def _function(self, model: Model, name: str) -> fem.Function:
         """Return a vector field from the table of its values; collective."""

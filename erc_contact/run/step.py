@@ -7,6 +7,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from erc_contact.base.percent import percent
+from erc_contact.run.columns import Column
+
+CONTACT = "a contact"
+CURVED = "curved parts"
+FLAT = "flat parts alone"
+"""What columns need."""
 
 
 @dataclass(frozen=True)
@@ -75,45 +81,37 @@ class Step:
 COLUMNS = tuple(column.name for column in fields(Step))
 """Names of the columns in the CSV file, in order."""
 SHOWN = (
-    "mesh",
-    "cells",
-    "unknowns",
-    "Newton",
-    "eps",
-    "bulk",
-    "contact",
-    "geometry",
-    "method",
-    "seconds",
+    Column("cells", "cells", 6, lambda step: str(step.cells)),
+    Column("verts", "", 6, lambda step: str(step.vertices)),
+    Column("dofs", "unknowns", 7, lambda step: str(step.dofs)),
+    Column("N", "Newton", 2, lambda step: str(step.newton_steps)),
+    Column("total", "total", 7, lambda step: percent(step.total, 3), CURVED),
+    Column("eps", "eps", 7, lambda step: percent(step.eps, 3)),
+    Column("bulk", "bulk", 7, lambda step: percent(step.eps_bulk, 3), CONTACT),
+    Column("cont", "contact", 7, lambda step: percent(step.eps_contact, 3), CONTACT),
+    Column("geom", "geometry", 7, lambda step: percent(step.eps_geometry, 3), CURVED),
+    Column("", "method", 0, lambda step: step.method),
+    Column("s_sol", "", 5, lambda step: f"{step.solve_seconds:.2f}"),
+    Column("s_equ", "", 5, lambda step: f"{step.equilibrate_seconds:.2f}"),
+    Column("s_err", "", 5, lambda step: f"{step.error_seconds:.2f}", FLAT),
+    Column("s_mes", "", 5, lambda step: f"{step.mesh_seconds:.2f}", FLAT),
+    Column("seconds", "seconds", 7, lambda step: f"{step.seconds:.2f}"),
 )
-"""Columns of the table in notebooks and reports."""
-HEADER = "  cells  verts    dofs  N     eps    bulk    cont solve equil error  mesh   time"
-CURVED = "  cells  verts    dofs  N   total     eps    bulk    cont    geom solve equil   time"
-"""The header for a body with curved parts, whose flat facets cost something.
+"""Columns of the table.
 
-The column "total" is eps with that: the number that a run lowers to its accuracy.
+"total" is eps with what the flat facets of a curved body cost: the number that a run
+lowers to its accuracy. "bulk" and "cont" are parts of eps, which without a contact has
+one. Columns s_... are seconds of the stages.
 """
 
 
-def line(step: Step, *, curved: bool) -> str:
-    """Write the row of a step below :data:`HEADER` or :data:`CURVED`."""
-    counts = f"{step.cells:7d} {step.vertices:6d} {step.dofs:7d} {step.newton_steps:2d}"
-    bulk = percent(step.eps_bulk, 3)
-    contact = percent(step.eps_contact, 3)
-    errors = f"{percent(step.eps, 3):>7} {bulk:>7} {contact:>7}"
-    times = f"{step.solve_seconds:5.2f} {step.equilibrate_seconds:5.2f}"
-    if curved:
-        total = percent(step.total, 3)
-        geometry = percent(step.eps_geometry, 3)
-        return f"{counts} {total:>7} {errors} {geometry:>7} {times} {step.seconds:6.1f}"
-    times += f" {step.error_seconds:5.2f} {step.mesh_seconds:5.2f}"
-    return f"{counts} {errors} {times} {step.seconds:6.1f}"
+def columns_of(*, curved: bool, has_contact: bool) -> list[Column]:
+    """Return the columns that mean something.
 
-
-def shown(number: int, step: Step) -> list[str]:
-    """Return the entries of a step below :data:`SHOWN`."""
-    counts = (number, step.cells, step.dofs, step.newton_steps)
-    errors = (step.eps, step.eps_bulk, step.eps_contact, step.eps_geometry)
-    row = [str(count) for count in counts]
-    row += [percent(error, 3) for error in errors]
-    return [*row, step.method, f"{step.seconds:.2f}"]
+    Args:
+        curved: Whether the body has curved parts, so that its flat facets cost
+            something.
+        has_contact: Whether the scene has a contact.
+    """
+    has = {"": True, CURVED: curved, FLAT: not curved, CONTACT: has_contact}
+    return [column for column in SHOWN if has[column.needs]]

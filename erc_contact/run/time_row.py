@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from erc_contact.base.percent import percent
+from erc_contact.run.columns import Column
 
-HEADER = "       t  cells meshes  N     eps    cont  shear  dissipated  in_time  balance  total"
-"""Header of the table of a history.
-
-``shear`` is the shear over the pressure of the first contact, ``balance`` the imbalance
-over the greatest energy so far.
-"""
-WIDTHS = (8, 6, 6, 2, 7, 7, 6, 11, 8, 8, 6)
-"""Widths of the columns below it."""
-SHOWN = (
-    "t",
-    "cells",
-    "meshes",
-    "Newton",
-    "eps",
-    "contact",
-    "shear",
-    "dissipated",
-    "in_time",
-    "balance",
-    "seconds",
-)
-"""The same columns in notebooks and reports."""
 ROW_NUMBERS = (
     "time",
     "cells",
@@ -85,6 +65,9 @@ class TimeStep:
             length], without those that are round-off.
         plastic_work: What plastic strains took [force length], heat and the energy of
             hardening, of second order in the length of the steps.
+        shear: Shear over pressure of the first contact with friction [-], the length of
+            the resultant of r^_t over the sum of the pressure; nan without pressure or
+            friction.
         moved: What a new mesh changed of the plastic strain and the hardening from
             which the step begins [-], 0 on the same mesh and where cells are refined.
 
@@ -116,6 +99,7 @@ class TimeStep:
     greatest_energy: float = 0.0
     plastic_work: float = 0.0
     moved: float = 0.0
+    shear: float = np.nan
 
     @property
     def imbalance(self) -> float:
@@ -139,27 +123,44 @@ class TimeStep:
         return self.dissipated + self.friction_work
 
 
-def shown(row: TimeStep) -> list[str]:
-    """Return the entries of a step below :data:`SHOWN`."""
-    balance = "-"
-    if row.greatest_energy > 0:
-        balance = f"{row.imbalance / row.greatest_energy:.0e}"
-    ratio = "-"
-    if row.force:
-        force = np.array(next(iter(row.force.values())))
-        # the greatest component stands for the pressure, the others for the shear
-        axis = int(abs(force).argmax())
-        pressure = abs(force[axis])
-        shear = np.linalg.norm(np.delete(force, axis))
-        if pressure != 0 and row.scale > 0:
-            ratio = f"{shear / pressure:.4f}"
-    counts = [str(row.cells), str(row.meshes), str(row.newton_steps)]
-    errors = [percent(row.eps, 3), percent(row.eps_contact, 3)]
-    energies = [f"{row.dissipated:.4g}", f"{row.in_time:.1e}", balance]
-    return [f"{row.time:.4g}", *counts, *errors, ratio, *energies, f"{row.seconds:.1f}"]
+def _balance(row: TimeStep) -> str:
+    """Write the imbalance over the greatest energy so far."""
+    if row.greatest_energy <= 0:
+        return "-"
+    return f"{row.imbalance / row.greatest_energy:.0e}"
 
 
-def line(row: TimeStep) -> str:
-    """Write the row of a step below :data:`HEADER`."""
-    entries = zip(shown(row), WIDTHS, strict=True)
-    return " ".join(f"{entry:>{width}}" for entry, width in entries)
+def _shear(row: TimeStep) -> str:
+    """Write shear over pressure."""
+    return "-" if np.isnan(row.shear) else f"{row.shear:.4f}"
+
+
+CONTACT = "a contact"
+FRICTION = "a contact with friction"
+"""What columns need."""
+SHOWN = (
+    Column("t", "t", 8, lambda row: f"{row.time:.4g}"),
+    Column("cells", "cells", 6, lambda row: str(row.cells)),
+    Column("meshes", "meshes", 6, lambda row: str(row.meshes)),
+    Column("N", "Newton", 2, lambda row: str(row.newton_steps)),
+    Column("eps", "eps", 7, lambda row: percent(row.eps, 3)),
+    Column("cont", "contact", 7, lambda row: percent(row.eps_contact, 3), CONTACT),
+    Column("shear", "shear", 6, _shear, FRICTION),
+    Column("dissipated", "dissipated", 11, lambda row: f"{row.dissipated:.4g}", FRICTION),
+    Column("in_time", "in_time", 8, lambda row: f"{row.in_time:.1e}", FRICTION),
+    Column("balance", "balance", 8, _balance),
+    Column("seconds", "seconds", 7, lambda row: f"{row.seconds:.1f}"),
+)
+"""Columns of the table.
+
+"cont" is the contact part of eps, "shear" the shear over the pressure of the first
+contact with friction, "balance" the imbalance over the greatest energy so far.
+"""
+
+
+def columns_of(rows: Sequence[TimeStep]) -> list[Column]:
+    """Return the columns that mean something in the rows of a history."""
+    has_friction = any(row.dissipated != 0 or not np.isnan(row.shear) for row in rows)
+    has_contact = has_friction or any(row.eps_contact > 0 for row in rows)
+    has = {"": True, CONTACT: has_contact, FRICTION: has_friction}
+    return [column for column in SHOWN if has[column.needs]]

@@ -30,12 +30,13 @@ from erc_contact.newton.plausibility import DoubtsOfRun
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
 from erc_contact.run.checkpoint import Checkpoint
+from erc_contact.run.columns import header, line
 from erc_contact.run.energy import energies
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop, ending
 from erc_contact.run.plan import SETTINGS, Plan
-from erc_contact.run.time_row import HEADER, SUMS, TimeStep, line
+from erc_contact.run.time_row import SUMS, TimeStep, columns_of
 from erc_contact.scene.scene import Scene
 
 HALVINGS = 8
@@ -83,7 +84,6 @@ class Walk:
         self.log = log_of(self.comm)
         self.doubts = DoubtsOfRun(self.comm, refines=False)
         self.began = self.comm.bcast(perf_counter() if self.comm.rank == 0 else None)
-        self.log.info(HEADER)
         with Interrupts(self.comm) as interrupts:
             try:
                 self._resume()
@@ -120,8 +120,7 @@ class Walk:
             after = self.errors[-1].solution if self.errors else None
             scene = self._scene(row.time, after)
             self.errors.append(level.error(scene, methods, plan.tighten, after))
-            self.rows.append(row)
-            self.log.info(line(row))
+            self._add(row)
         store.go_on_from(len(self.rows))
         if self.rows:
             self.began -= self.rows[-1].seconds
@@ -226,14 +225,22 @@ class Walk:
     def _accept(self, error: ConstitutiveError, row: TimeStep) -> None:
         """Add a step; collective."""
         row = replace(row, seconds=self.comm.allreduce(perf_counter() - self.began, MPI.MAX))
-        self.rows.append(row)
         self.errors.append(error)
-        self.log.info(line(row))
+        self._add(row)
         self.doubts.see(error.solution)
         if self.store is not None:
             self.store.add(error, self.rows)
         if self.callback is not None:
             together(self.comm, self.callback, error, row)
+
+    def _add(self, row: TimeStep) -> None:
+        """Add a row, and log it below the header of what the rows so far have."""
+        before = header(columns_of(self.rows)) if self.rows else ""
+        self.rows.append(row)
+        columns = columns_of(self.rows)
+        if header(columns) != before:
+            self.log.info(header(columns))
+        self.log.info(line(columns, row))
 
     def _end(self, failure: BaseException, interrupts: Interrupts) -> None:
         """End the run with what it has, or raise.
@@ -260,6 +267,8 @@ class Walk:
             outcome += f" {missed} of {count} steps are above {percent(self.plan.accuracy)}."
         outcome = outcome.rstrip() + self.doubts.end()
         self.log.log(logging.INFO if reached else logging.WARNING, outcome)
+        # A history has no goal.
+        names = [name for name in SETTINGS if name != "goal"]
         settings = {"times": self.times, **self.in_time.arguments()}
         return Evolution(
             tuple(self.rows),
@@ -269,7 +278,7 @@ class Walk:
             tuple(self.errors),
             scene_at=self.scene_at,
             domain=self.domain,
-            settings=settings | self.plan.arguments(SETTINGS),
+            settings=settings | self.plan.arguments(names),
         )
 
 
@@ -307,6 +316,7 @@ def new_time_step(
         forces[joint.name] = resultant.force.tolist()
         moments[joint.name] = resultant.moment.tolist()
     return TimeStep(
+        shear=_shear_of(error),
         time=time,
         cells=error.domain.cells,
         meshes=len(history.steps),
@@ -431,3 +441,26 @@ def difference_from_halves(
     if size > 0:
         return float(np.sqrt(square / size))
     return 0.0
+
+
+def _shear_of(error: ConstitutiveError) -> float:
+    """Compute shear over pressure of the first contact with friction; collective.
+
+    Returns:
+        ``|int r^_t| / int p`` [-], which Coulomb's law bounds by mu whatever the
+        normals are; nan without pressure or friction.
+    """
+    pair = error.admissible
+    for traction in pair.tractions:
+        contact = traction.contact
+        if contact.friction is None:
+            continue
+        area = contact.trace.here.owned_areas
+        # The mean of Bernstein coefficients is the mean of the polynomial.
+        pressure = area @ -traction.normal_component.mean(axis=1)
+        shear = area @ traction.tangential_part.mean(axis=1)
+        sums = pair.model.comm.allreduce(np.append(shear, pressure))
+        if sums[-1] > 0 and error.scale > 0:
+            return float(np.linalg.norm(sums[:-1]) / sums[-1])
+        return np.nan
+    return np.nan

@@ -25,7 +25,7 @@ from erc_contact.base.releases import cell_nodes
 from erc_contact.error.sizes import RATIO
 from erc_contact.mesh.nodal import GROW, NodalMesh
 from erc_contact.output.gathered import whole_contact
-from erc_contact.results import OPEN, SLIP, STICK, contact_status
+from erc_contact.results import OPEN, SLIP, STICK
 from erc_contact.run.foreseen import foresee_by_sizes, foresee_cells
 
 
@@ -196,7 +196,7 @@ def test_greco_to_half_a_percent():
     )
     assert history.reached
     surface = whole_contact(history.best.admissible, history.best.admissible.tractions[0])
-    status, ends = contact_status(surface.traction), np.sort(surface.x[..., 0], axis=1)
+    status, ends = surface.status, np.sort(surface.x[..., 0], axis=1)
     opened, stuck = ends[status == OPEN].max(), ends[status == STICK].min()
     print(f"\nopen to {opened:.3f}, stick from {stuck:.3f}, {history.steps[-1].cells} cells")
     assert opened == pytest.approx(3.34, abs=0.1)

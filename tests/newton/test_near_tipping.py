@@ -67,6 +67,29 @@ def test_cells_that_press_are_named():
     assert (middles[:, 0] > 0.6).all()
 
 
+def pair_or_failure(scene, domain):
+    try:
+        return ec.equilibrate(ec.solve(scene, domain))
+    except TooCoarse as coarse:
+        return coarse
+
+
+@pytest.mark.serial
+def test_the_message_says_how_to_go_on():
+    """By a run, which refines there, or by hand; a run that may not says so."""
+    block = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(6, 12))
+    scene = pushed(0.97)
+    found = pair_or_failure(scene, block)
+    assert "adapt does so by itself" in str(found)
+    while isinstance(found, TooCoarse):
+        block = block.refined(found.cells)
+        assert block.cells < 1000
+        found = pair_or_failure(scene, block)
+    first = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(6, 12))
+    with pytest.raises(TooCoarse, match="more than max_cells = 145"):
+        ec.adapt(scene, first, accuracy=0.5, max_cells=145)
+
+
 def test_stacks():
     """The upper of two blocks is near tipping, the lower one is pressed at its edge."""
     lower = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))

@@ -250,7 +250,7 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
     force = resultant(traction)
     own = traction.contact.facets[:, 0] < error.domain.owned_cells
     counts = COMM.allreduce(
-        np.bincount(results.contact_status(traction)[own], minlength=3), MPI.SUM
+        np.bincount(results.contact_status(error, "bottom")[own], minlength=3), MPI.SUM
     )
     profile = error.profile("bottom")
     output.write_fields(error, shared_tmp_path)
@@ -280,45 +280,6 @@ def contact_with(direction):
     """Return what pictures read of a contact whose facets have given normals."""
     trace = SimpleNamespace(corner_normals=None, normals=direction[:, None])
     return SimpleNamespace(direction=direction, trace=trace, bilateral=False, sampled=False)
-
-
-@pytest.mark.serial
-def test_status_of_tractions():
-    contact = contact_with(np.array([[0.0, -1.0]] * 5))
-    values = np.array(
-        [
-            [[0.0, 0.0], [0.0, 0.0]],  # open
-            [[0.3, 1.0], [0.6, 2.0]],  # both nodes on the cone
-            [[0.3, 1.0], [0.5, 2.0]],  # one of them
-            [[0.0, 0.0], [-0.3, 1.0]],  # open at one node, slips at the other
-            [[0.0, 1e-14], [0.0, 0.0]],  # pressure of round-off
-        ]
-    )
-    traction = ContactTraction(
-        contact, np.zeros((5, 2), dtype=int), np.ones(5), values, 0.3 * values[..., 1]
-    )
-    O, L, S = results.OPEN, results.SLIP, results.STICK  # noqa: E741
-    assert results.contact_status(traction).tolist() == [O, L, S, L, O]
-    frictionless = replace(traction, values=values * [0, 1], friction_bound=np.zeros((5, 2)))
-    assert results.contact_status(frictionless).tolist() == [O, L, L, L, O]
-    nothing = replace(traction, values=0 * values, friction_bound=np.zeros((5, 2)))
-    assert results.contact_status(nothing).tolist() == [O] * 5
-
-
-@pytest.mark.serial
-def test_status_with_varying_friction():
-    """A block that slides as a whole slips everywhere, also where friction varies."""
-    scene = ec.Scene(
-        material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.2, -0.03))],
-        contacts=[ec.Contact("bottom", friction=lambda x: 0.1 + 0.2 * x[0])],
-    )
-    admissible = ec.equilibrate(
-        ec.solve(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(16, 8)))
-    )
-    status = results.contact_status(admissible.tractions[0])
-    assert np.all(status != results.STICK)
-    assert total(status == results.SLIP) > 12
 
 
 @pytest.mark.serial
@@ -367,6 +328,7 @@ def test_nothing_to_show_has_no_picture(shared_tmp_path):
             "history.json",
             "body.vtkhdf",
             "meshes.vtkhdf",
+            "domain.vtkhdf",
         }
         assert not read(shared_tmp_path / "body.vtkhdf")["von_mises"].any()
 
@@ -564,8 +526,9 @@ def test_area_under_the_pressure_of_any_contact(shape):
     contact = contact_with(n)
     traction = ContactTraction(contact, ends, area, values, 0.3 * pressure)
     zero = np.zeros(ends.shape)
+    status = np.full(len(ends), results.STICK)
     axes = contact_plots.contact_curves(
-        gathered.WholeContact(traction, x, ends, zero, zero, 0 * x, x, zero)
+        gathered.WholeContact(traction, x, ends, zero, zero, 0 * x, x, zero, status)
     )
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)

@@ -15,6 +15,7 @@ Vectors, axes of the user's, nothing cut off, nothing that was not computed.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -30,8 +31,10 @@ from erc_contact.output.contact_plots import (
     _write_legend,
     contact_curves,
 )
+from erc_contact.output.deformed import magnification, near_window
 from erc_contact.output.drawing import new_figure
-from erc_contact.output.gathered import whole_contact
+from erc_contact.output.foundations import UNSEEN, foundation_of, round_factor
+from erc_contact.output.gathered import whole_contact, whole_contacts
 from erc_contact.results.stresses import cell_stresses, linear_mises, vertex_stress
 
 COMM = MPI.COMM_WORLD
@@ -122,6 +125,66 @@ def test_no_entry_of_a_legend_stands_alone(degree, statuses):
     texts = axes.get_legend().get_texts()
     _, entries = np.unique([round(t.get_window_extent().y0, -1) for t in texts], return_counts=True)
     assert entries.min() > 1
+
+
+def small_contact(**options):
+    """A block on a round foundation, whose contact is small beside it."""
+    domain = ec.rectangle((-1.0, 0.0), (1.0, 1.0), cells=(48, 24))
+    contact = ec.Contact("bottom", gap=lambda x: x[0] ** 2, **options)
+    support = ec.Displacement("top", (0.0, -0.005))
+    return error_of(ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=contact), domain)
+
+
+@pytest.mark.serial
+def test_curves_without_friction_have_no_shear():
+    """Shear and bound would be lines of zeros."""
+    for friction in (0.0, 0.3):
+        axes = output.plot_contact(small_contact(friction=friction).admissible, "bottom")
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert ("friction bound" in labels) == (friction > 0)
+        assert any("shear" in label for label in labels) == (friction > 0)
+        assert ("closed" in labels) == (friction == 0)
+
+
+@pytest.mark.serial
+def test_maps_without_friction_have_no_shear():
+    for friction, count in ((0.0, 2), (0.4, 3)):
+        scene, domain = punch(3)
+        contact = replace(scene.contacts[0], friction=friction)
+        pair = error_of(replace(scene, contacts=[contact]), domain).admissible
+        panels = output.plot_contact(pair, "bottom")
+        assert len(panels) == count
+
+
+@pytest.mark.serial
+def test_a_picture_near_a_contact_shows_it_alone():
+    """Gap and displacement are magnified alike: what is closed is drawn closed."""
+    error = small_contact()
+    window = near_window(error, "bottom")
+    assert np.ptp(window[:, 0]) < 1.0
+    axes = output.draw_near(error, "bottom")
+    low, high = axes.get_xlim()
+    closed = error.profile("bottom")
+    closed = closed["x"][closed["status"] != 0]
+    assert low < closed.min() < closed.max() < high
+    assert high - low < 1.0
+    with pytest.raises(ec.InputError, match="no small part"):
+        output.draw_near(error_of(*punch(2)), "bottom")
+    with pytest.raises(ec.InputError, match="nowhere"):
+        output.draw_near(error, "nowhere")
+
+
+@pytest.mark.serial
+def test_a_body_on_a_soft_foundation_is_drawn_on_it():
+    """The foundation moves with the body: it is not entered by what is magnified."""
+    error = small_contact(foundation=ec.Foundation(0.05))
+    factor = round_factor(magnification(error))
+    contacts = whole_contacts(error.admissible)
+    true = -min(contact.gap_left.min() for contact in contacts)
+    entry = max(foundation_of(contact).entry(factor) for contact in contacts)
+    assert factor > 2
+    assert true > 0
+    assert entry < true + 1.1 * UNSEEN * error.domain.extent
 
 
 @pytest.mark.on_ranks("1")

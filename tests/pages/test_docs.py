@@ -118,3 +118,23 @@ def test_docstrings_and_comments_repeat_the_noun(package):
 if __name__ == "__main__":
     for each in PAGES:
         exec(compile(code(each), str(each), "exec"), {})
+
+
+PART = re.compile(r"\s*([-+*]|\d+[.)]) |#|\s*\||\s*$")
+"""Beginning of a line that begins a block of Markdown: an item, a heading, a row, nothing."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_no_line_cuts_a_formula(page):
+    """A line of a formula that begins with + begins a list, and both halves are text.
+
+    ``docs/rendered.py`` looks at the pages themselves when the site is built.
+    """
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    text = re.sub(r"\$\$.*?\$\$|`[^`]*`", "", text, flags=re.DOTALL)
+    blocks = [""]
+    for line in text.splitlines():
+        if PART.match(line):
+            blocks.append("")
+        blocks[-1] += line + "\n"
+    assert [block for block in blocks if block.count("$") % 2] == []

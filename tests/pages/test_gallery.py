@@ -5,6 +5,8 @@ are short, and use public names only.
 """
 
 import ast
+import importlib.util
+from zipfile import ZipFile
 
 import pytest
 from mpi4py import MPI
@@ -45,6 +47,41 @@ def test_demo_is_a_page(demo):
     assert len(" ".join(text).split()) > 80
     assert demo.read_text().count("\n# %%\n") >= 2
     assert isinstance(tree.body[-1], ast.Assert)
+
+
+def downloads():
+    """The module that packs the downloads of the site."""
+    spec = importlib.util.spec_from_file_location("downloads", ROOT / "docs" / "downloads.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.serial
+def test_downloads_have_the_files_that_demos_read(tmp_path):
+    """What a script names above its own folder is in its archive, and nothing is missing."""
+    with_files = set()
+    for demo in DEMOS:
+        archive = tmp_path / f"{demo.stem}.zip"
+        downloads().pack(demo, archive)
+        with ZipFile(archive) as packed:
+            names = packed.namelist()
+        assert names[0] == f"demos/{demo.name}"
+        named = demo.read_text().count("parents[1]")
+        assert (len(names) > 1) == (named > 0)
+        assert all((ROOT / name).is_file() for name in names)
+        with_files |= {demo.stem} if named else set()
+    assert {"sphere", "greco", "hertz", "part", "clamp", "other_code"} <= with_files
+
+
+@pytest.mark.gallery
+def test_a_download_runs_where_it_is_unpacked(shared_tmp_path, monkeypatch):
+    folder = shared_tmp_path / "download"
+    if MPI.COMM_WORLD.rank == 0:
+        downloads().pack(ROOT / "demos" / "hertz.py", shared_tmp_path / "hertz.zip")
+        ZipFile(shared_tmp_path / "hertz.zip").extractall(folder)
+    MPI.COMM_WORLD.barrier()
+    run_as_user(folder / "demos" / "hertz.py", shared_tmp_path, monkeypatch)
 
 
 def without_docstrings(tree):

@@ -440,6 +440,17 @@ def test_history_rows_and_csv(shared_tmp_path):
 
 
 @pytest.mark.serial
+def test_columns_of_a_scene_without_contact():
+    """Error eps has one part there, and a column of seconds is not called error."""
+    supports = [ec.Displacement("top", (0.0, -0.01)), ec.Displacement("bottom", (0.0, 0.0))]
+    history = ec.adapt(ec.Scene(ec.Elastic(1.0, 0.3), supports), block(2), accuracy=0.5)
+    header = str(history).splitlines()[0].split()
+    assert " ".join(header) == "cells verts dofs N eps s_sol s_equ s_err s_mes seconds"
+    assert "contact" not in history._repr_html_()
+    assert "geometry" not in history._repr_html_()
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("accuracy", [0.0, -1.0, float("nan"), float("inf")])
 def test_accuracy_must_be_positive(accuracy):
     with pytest.raises(ec.InputError, match="accuracy"):

@@ -477,14 +477,67 @@ def test_what_is_written(whole, shared_tmp_path):
         assert reader.GetOutput().GetCellData().GetArray("eps_E").GetRange()[1] <= step.eps
 
 
+def test_force_of_a_support_is_the_force_of_each_step(whole):
+    """As ``history.force``: of supports, too."""
+    reactions = whole.reactions()
+    assert np.array_equal(whole.force("top"), reactions["top"].force)
+    assert whole.force("bottom") == pytest.approx(reactions["bottom"].force, rel=1e-12)
+    balance = whole.force("top") + whole.force("bottom")
+    assert abs(balance).max() <= 1e-10 * abs(whole.force("top")).max()
+    with pytest.raises(ec.InputError, match="nowhere"):
+        whole.force("nowhere")
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("turn", "friction"), [(0.0, 1.5), (np.pi / 4, 0.3), (np.pi / 3, 1.5)])
+def test_shear_over_pressure_is_along_the_contact(turn, friction):
+    """A block that slides on an inclined plane has mu, whatever its direction is."""
+    rotation = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    flat = ec.rectangle((0.0, 0.0), (2.0, 0.5), cells=(8, 2))
+    flat.mesh.geometry.x[:, :2] = flat.mesh.geometry.x[:, :2] @ rotation.T
+    domain = ec.Domain(flat.mesh, flat.facet_tags, flat.names)
+
+    def scene_at(t):
+        way = rotation @ (2.0 * t, -0.02)
+        contact = ec.Contact("bottom", friction=friction)
+        return ec.Scene(ec.Elastic(1.0, 0.0), ec.Displacement("top", tuple(way)), contacts=contact)
+
+    history = ec.evolve(scene_at, domain, [0.5, 1.0], accuracy=0.9)
+    assert history.column("shear") == pytest.approx(friction, rel=1e-6)
+
+
+@pytest.mark.serial
+def test_columns_that_mean_nothing_are_left_out():
+    """Shear and dissipation need friction; their header comes when friction does."""
+
+    def scene_at(t):
+        contact = ec.Contact("bottom", friction=0.3 if t > 1 else 0.0)
+        return ec.Scene(
+            ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.02 * t, -0.01)), contacts=contact
+        )
+
+    of_friction = {"shear", "dissipated", "in_time"}
+    without = ec.evolve(scene_at, box(), [0.0, 1.0], accuracy=0.9)
+    assert of_friction.isdisjoint(str(without).split("\n", 1)[0].split())
+    later = ec.evolve(scene_at, box(), [0.0, 1.0, 2.0], accuracy=0.9)
+    names = str(later).split("\n", 1)[0].split()
+    assert of_friction <= set(names)
+    assert names.count("seconds") == 1
+    assert "total" not in names
+    for row in str(later).splitlines()[1:-1]:
+        assert len(row.split()) == len(names)
+    assert "<th>shear</th>" not in without._repr_html_()
+    assert "<th>shear</th>" in later._repr_html_()
+
+
 @pytest.mark.serial
 def test_a_loop_is_drawn_where_something_slides_with_friction(whole):
     """Without friction it would be one of round-off."""
     profiles = whole.profile("bottom")
     assert any(_slides(profile) for profile in profiles)
-    for profile in profiles:
-        profile["friction_bound"] = 0.0
-    assert not any(_slides(profile) for profile in profiles)
+    scene = replace(whole.scene_at(whole.steps[-1].time), contacts=ec.Contact("bottom"))
+    without = ec.solve(scene, whole.error.domain)
+    assert not _slides(without.profile("bottom"))
 
 
 def test_a_weight_alone_is_written(shared_tmp_path):

@@ -1,0 +1,235 @@
+"""Write a domain to a file of its own, and read it on any number of ranks.
+
+The file is a level of :mod:`erc_contact.run.levels` without results: mesh, names and
+true shape. The code in a report reads it.
+
+Symbols: d dimension, n number of nodes, c number of cells, N nodes of a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from erc_contact.base.code import code_of, definitions
+from erc_contact.base.exceptions import InputError, on_rank
+from erc_contact.base.ranks import global_numbers
+from erc_contact.base.releases import cell_nodes
+from erc_contact.mesh.bodies import Geometry
+from erc_contact.mesh.domain import Domain
+from erc_contact.mesh.interface_map import Interface
+from erc_contact.mesh.naming import Rules
+from erc_contact.mesh.tables import (
+    CellRows,
+    corner_places,
+    describe_shape,
+    geometry_of,
+    glued_mesh,
+    rules_of,
+    tag_tables,
+)
+from erc_contact.output.files import gather, vtk_cells
+from erc_contact.output.gathered import body_mesh
+from erc_contact.run.contents import check_domain
+from erc_contact.run.levels import Damaged, Level, pack, unpack
+
+FILE_NAME = "domain.vtkhdf"
+"""Name of the file of the first mesh beside a report."""
+
+
+def write_domain(domain: Domain, path: str | Path) -> None:
+    """Write a domain to a file, which ParaView opens, too; collective.
+
+    Args:
+        domain: The domain.
+        path: The file.
+
+    Raises:
+        InputError: If the true shape is an object of a class of the user's.
+        OSError: If the file cannot be written.
+
+    Example:
+        >>> ec.write_domain(block, "block.vtkhdf")
+        >>> ec.read_domain("block.vtkhdf")
+        <Domain in 2D: 16 cells, boundary parts left, right, bottom, top>
+    """
+    tags = tag_tables(domain)
+    about = about_mesh(domain, tags)
+    geometry = domain.mesh.geometry
+    cells = global_numbers(geometry.index_map(), cell_nodes(geometry)[: domain.owned_cells])
+    drawn = body_mesh(domain)
+    points = gather(domain.comm, points=drawn["points"])
+    rows = gather(domain.comm, cells=cells, drawn=drawn["cells"], **tags)
+
+    def write() -> None:
+        tables = drawn_tables(points["points"], rows.pop("drawn"), domain.dim)
+        with Path(path).open("wb") as file:
+            file.writelines(pack(Level(about, tables | rows)))
+
+    on_rank(domain.comm, 0, write)
+
+
+def read_domain(
+    path: str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    rules: Sequence[tuple[Any, Any]] = (),
+) -> Domain:
+    """Read a domain that :func:`write_domain` or ``save`` wrote; collective.
+
+    It has the mesh, the names, the pairs and the true shape of the domain.
+
+    Args:
+        path: The file.
+        comm: Communicator that shares the mesh, of any number of ranks.
+        rules: The rules by which :meth:`Domain.named` named parts and regions, a pair
+            of mappings for each call, the last call first. The file has the names and
+            not the rules, which are asked again where the true shape is meshed anew.
+
+    Raises:
+        InputError: If it is no such file, is damaged, or of a newer version.
+
+    Example:
+        >>> ec.write_domain(block, "block.vtkhdf")
+        >>> ec.read_domain("block.vtkhdf").cells
+        16
+    """
+
+    def read() -> Level:
+        try:
+            return unpack(Path(path).read_bytes(), check_domain)
+        except OSError as reason:
+            words = f"it cannot be read ({reason.strerror})"
+            raise InputError(f"read_domain: {str(path)!r}: {words}.") from reason
+        except (Damaged, InputError) as reason:
+            raise InputError(f"read_domain: {str(path)!r}: {reason}.") from reason
+
+    level = on_rank(comm, 0, read)
+    about = comm.bcast(level.about if level else None)
+    given = (Rules.of(parts, regions) for parts, regions in rules)
+    shape = geometry_of(about["geometry"], given)
+    return mesh_of(comm, level or Level(about, {}), shape)[1]
+
+
+def keep_domain(domain: Domain, folder: Path) -> str:
+    """Write the first mesh of a run beside its report; collective.
+
+    Returns:
+        The code that reads it, or a comment that says why there is none.
+    """
+    try:
+        write_domain(domain, folder / FILE_NAME)
+    except InputError:
+        return "# domain = ...: its true shape is of a class of your own, make it as before"
+    needed = []
+    named = []
+    for rules in rules_of(domain.whole.geometry):
+        needed += definitions([rules.parts, rules.regions])
+        named.append(f"({code_of(rules.parts)}, {code_of(rules.regions)})")
+    more = f", rules=[{', '.join(named)}]" if named else ""
+    return "\n".join([*needed, f'domain = ec.read_domain("{FILE_NAME}"{more})'])
+
+
+def about_mesh(domain: Domain, tags: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Return what is told of a mesh beside its tables; collective.
+
+    Args:
+        domain: The mesh.
+        tags: Its tags, of :func:`erc_contact.mesh.tables.tag_tables`.
+
+    Raises:
+        InputError: If its true shape cannot be kept.
+    """
+    return {
+        "dim": domain.dim,
+        # the names of a split domain follow from its glued one and the interfaces
+        "names": dict(domain.whole.names),
+        "regions": dict(domain.regions),
+        "geometry": domain.comm.bcast(describe_shape(domain.geometry)),  # its text is on rank 0
+        "tags": sorted(tags),
+        "interfaces": [asdict(interface) for interface in domain.interfaces],
+    }
+
+
+def drawn_tables(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.ndarray]:
+    """Return points (n, 3) and cells (c, N) as the arrays of VTKHDF."""
+    kind, cells = vtk_cells(cells, d)
+    whole = {
+        "Points": points,
+        "Connectivity": cells.ravel(),
+        "Offsets": np.arange(0, cells.size + 1, cells.shape[1]),
+        "Types": np.full(len(cells), kind, dtype=np.uint8),
+        "NumberOfPoints": np.array([len(points)]),
+        "NumberOfCells": np.array([len(cells)]),
+        "NumberOfConnectivityIds": np.array([cells.size]),
+    }
+    return {f"VTKHDF/{name}": array for name, array in whole.items()}
+
+
+def mesh_of(comm: MPI.Comm, level: Level, shape: Geometry | None = None) -> tuple[CellRows, Domain]:
+    """Return the rows of the cells of a level, and its domain; collective.
+
+    Args:
+        comm: Communicator that shares the mesh.
+        level: What the file holds; tables are needed on rank 0 only.
+        shape: The true shape; None takes what the level keeps of it.
+    """
+    about = level.about
+    points = level.tables.get("VTKHDF/Points")
+    cells = level.tables.get("cells")
+    is_split = "glued" in about["tags"]
+    keep_shapes = "closed" in about["tags"]
+    places = None
+    if is_split and points is not None and cells is not None:
+        places = corner_places(points, cells, about["dim"])
+        of_glued = level.tables["closed"].reshape(places.shape) if keep_shapes else places
+        points, cells = glued_mesh(of_glued, level.tables["glued"])
+    rows = CellRows(comm, points, cells, about["dim"])
+    kept_places = rows.of_corners(places) if keep_shapes else None
+    domain = _domain(level, rows, kept_places, shape)
+    if not is_split:
+        return rows, domain
+    split = domain.cut(tuple(Interface.of(plain) for plain in about["interfaces"]))
+    return rows.of_split(split), split
+
+
+def _domain(
+    level: Level, rows: CellRows, places: np.ndarray | None, shape: Geometry | None
+) -> Domain:
+    """Return the mesh with names, tags and true shape; collective.
+
+    Args:
+        level: What the file holds.
+        rows: The rows of its cells.
+        places: Places of its corners if its bodies keep their shapes, else None.
+        shape: The true shape; None takes what the level keeps of it.
+    """
+    about = level.about
+    facets = rows.facet_tags(level.tables.get("facets"))
+    # all ranks know from `about` which tags there are
+    curved = None
+    marks = None
+    if "curved" in about["tags"]:
+        if places is None:
+            curved = rows.facet_tags(level.tables.get("curved"))
+        else:
+            marks = rows.of_sides(level.tables.get("curved"))
+    cells = None
+    if "regions" in about["tags"]:
+        cells = rows.cell_tags(level.tables.get("regions"))
+    return Domain(
+        rows.mesh,
+        facets,
+        about["names"],
+        cells,
+        about["regions"],
+        shape or geometry_of(about["geometry"]),
+        curved,
+        places=places,
+        marks=marks,
+    )
