@@ -93,7 +93,7 @@ def test_stick_zone_in_the_plane(degree, nu):
 def test_stick_zone_in_space(degree):
     """Mindlin: on a sphere the disc sticks whose radius is a (1 - Q/mu P)^(1/3)."""
     nu = 0.3
-    domain = ec.read_mesh(MESHES / "dome.geo")
+    domain = ec.read_mesh(MESHES / "dome.geo", scripts=True)
     for radius in (0.5, 0.4)[: 3 - degree]:
         domain = refined_at(domain, (0.0, 0.0, 0.0), radius)
     last = solve(pressed(domain, 0.0, 0.0, 1.0, nu), domain, degree=degree)
