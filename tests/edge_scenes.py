@@ -107,8 +107,8 @@ UNITS: dict[str, list[Callable[[], Pair]]] = {
         partial(greco, E=10.0**k, size=10.0**m)
         for k, m in ((0, 0), (-9, 0), (12, 0), (0, -6), (3, 3))
     ],
-    "displacement": [partial(loaded, pressed, 0.4, 10.0**k) for k in (-2, -100, -50, -25, -10)],
-    "force": [partial(loaded, standing, 0.3, 10.0**k) for k in (-2, -100, -50, -25, -10)],
+    "displacement": [partial(loaded, pressed, 0.4, 10.0**k) for k in (0, -100, -50, 50, 100)],
+    "force": [partial(loaded, standing, 0.3, 10.0**k) for k in (0, -100, -50, 50, 100)],
 }
 """Scenes that are the same in other units or, where no gap has a size, under a multiple of the load."""
 

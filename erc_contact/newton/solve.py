@@ -39,7 +39,7 @@ from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.law import solution_of_law
 from erc_contact.newton.methods import Method
-from erc_contact.newton.plausibility import check_upright, doubts, tell
+from erc_contact.newton.plausibility import doubts, tell
 from erc_contact.newton.preload import (
     shank_stiffness,
     shifts_in,
@@ -115,8 +115,8 @@ def solve(
         friction is above 3, or nothing touches a contact.
 
     Raises:
-        InputError: If scene and domain do not fit, the loads are no numbers that double
-            precision can work with, or contacts and u turn a part of a body inside out.
+        InputError: If scene and domain do not fit, or the loads are no numbers that
+            double precision can work with.
         NotConverged: If no attempt converged.
 
     Example:
@@ -134,7 +134,6 @@ def solve(
         tolerance=tolerance,
         solver=solver,
     )
-    check_upright(solution)
     tell(solution.model.comm, doubts(solution))
     return solution
 

@@ -276,7 +276,6 @@ class Loop:
                 tolerance=allowed,
                 solver=plan.solver,
             )
-            check_upright(solution)
             interrupts.check()
             try:
                 with stage(self.comm, "equilibrium"):
@@ -292,7 +291,9 @@ class Loop:
                 self._log(words)
             interrupts.check()
         with stage(self.comm, "error"):
-            return constitutive_error(admissible)
+            error = constitutive_error(admissible)
+        check_upright(solution, error.relative)
+        return error
 
     def _add(self, error: ConstitutiveError, mesh_seconds: float) -> Step:
         """Add a row; collective."""
