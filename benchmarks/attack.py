@@ -62,10 +62,10 @@ from true_errors import reference, true_errors  # isort: skip
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact import contact_parts
 from erc_contact.error.contact_term import contact_density
-from erc_contact.mesh.quadrature import polynomials
-from erc_contact.mesh.simplex import coefficients
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.foundation import pressures
+from erc_contact.model.quadrature import polynomials
+from namedmesh.simplex import coefficients
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 SIDES = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "bottom": (0.0, -1.0), "top": (0.0, 1.0)}

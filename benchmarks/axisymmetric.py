@@ -38,9 +38,9 @@ from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.gmsh_session import session
-from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.constitution import act
+from namedmesh.gmsh_session import session
+from namedmesh.simplex import barycentric, rule
 
 LEVELS = 3
 """Refinements of the mesh of the reference."""

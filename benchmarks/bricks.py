@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import numpy as np
@@ -14,8 +14,8 @@ import ufl
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.mesh.partition import partitioner
-from erc_contact.mesh.tags import tags_of
+from namedmesh.partition import partitioner
+from namedmesh.tags import tags_of
 
 SIDES = {0: ("left", "right"), 1: ("front", "back")}
 """Names of the sides across the first axes, at -1 and at 1."""

@@ -27,12 +27,12 @@ from typing import Any
 import numpy as np
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 from dolfinx.fem import Function, petsc  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
 from petsc4py import PETSc  # isort: skip
-from erc_contact.mesh.tags import tags_of  # isort: skip
+from namedmesh.tags import tags_of  # isort: skip
 from erc_contact.model.model import Model  # isort: skip
 from erc_contact.newton import snes  # isort: skip
 from erc_contact.newton.linear import krylov  # isort: skip

@@ -24,7 +24,7 @@ from typing import Any
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.mesh.gmsh_session import session
+from namedmesh.gmsh_session import session
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 

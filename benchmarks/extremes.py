@@ -44,7 +44,7 @@ from erc_contact.model.contact_values import friction_parameters
 from erc_contact.admissible.cells import cell_geometry  # isort: skip
 from erc_contact.model.trace import split  # isort: skip
 from erc_contact.model.expressions import evaluate  # isort: skip
-from erc_contact.mesh.simplex import lagrange, rule  # isort: skip
+from namedmesh.simplex import lagrange, rule  # isort: skip
 
 METHODS: tuple[Any, ...] = (ec.Nitsche(), ec.AugmentedLagrangian())
 SAME = 1e-6

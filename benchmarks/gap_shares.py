@@ -24,8 +24,8 @@ from true_errors import FACET_DEGREE, Reference  # isort: skip
 from true_errors import normal_traction_at, reference, true_errors  # isort: skip
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import evaluate
+from namedmesh.simplex import rule
 
 LEVELS = 3
 """Refinements of the reference beyond the cut."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import erc_contact as ec
-from erc_contact.mesh.rows import in_space
+from namedmesh.rows import in_space
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 from other_codes_programs import (

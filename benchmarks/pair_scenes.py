@@ -19,8 +19,8 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from dolfinx import mesh as dmesh
 
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.partition import distribute
+from namedmesh.base.releases import cell_nodes
+from namedmesh.partition import distribute
 
 KINDS = ("stack", "stack", "loose", "hinged", "one cell", "bowl")
 

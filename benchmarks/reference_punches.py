@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first

@@ -20,8 +20,8 @@ import ufl
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.mesh.gmsh_session import session
 from erc_contact.newton.displaced import MISSING, missing_moments
+from namedmesh.gmsh_session import session
 
 LAW = ec.Elastic(1.0, 0.3)
 Case = tuple[ec.Scene, ec.Domain]

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - after erc_contact, which loads MPI first
 import numpy as np
@@ -33,14 +33,14 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.interface_map import InterfaceMap
-from erc_contact.mesh.simplex import bernstein, rule
-from erc_contact.mesh.tags import tag_table, tags_of
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.friction import CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
+from namedmesh.interface_map import InterfaceMap
+from namedmesh.simplex import bernstein, rule
+from namedmesh.tags import tag_table, tags_of
 
 FACET_DEGREE = 4
 """Quadrature degree on the facets of the reference."""

@@ -20,7 +20,7 @@ with sigterm_blocked():  # the threads that MPI starts block it, too
     from mpi4py import MPI  # noqa: F401
 
     # Old releases of other packages are refused before our modules miss a name in them.
-    from erc_contact.base import releases  # noqa: F401
+    import namedmesh.base.releases  # noqa: F401
 
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.admissible.pair import Admissible
@@ -44,10 +44,6 @@ from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
 from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
-from erc_contact.mesh.assembly import assembly
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.sources import box, from_gmsh, read_mesh, rectangle
-from erc_contact.mesh.where import where
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
@@ -84,6 +80,7 @@ from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.table import table
 from erc_contact.scene.tied import Preload, Tied
+from namedmesh import Domain, assembly, box, from_gmsh, read_mesh, rectangle, where
 
 __all__ = [
     "Admissible",

@@ -39,7 +39,7 @@ import pytest
 from dolfinx import jit
 from mpi4py import MPI
 
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 from erc_contact.output import views
 
 COMM = MPI.COMM_WORLD

@@ -6,10 +6,10 @@ import numpy as np
 
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
-from erc_contact.mesh.quadrature import cell_pieces
-from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.point_law import Search
+from erc_contact.model.quadrature import cell_pieces
 from erc_contact.model.space import circumferences
+from namedmesh.simplex import barycentric, rule
 
 RULE = 8
 """Degree of the rule."""

@@ -18,8 +18,8 @@ from ffcx.codegeneration import jit
 from ffcx.ir.analysis.valuenumbering import ValueNumberer
 from processes import OPTIONS
 
-from erc_contact.base.releases import c_code
 from erc_contact.base.runtime.form_library import FormLibrary, form_library
+from namedmesh.base.releases import c_code
 
 
 def install() -> None:

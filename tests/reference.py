@@ -15,8 +15,8 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import given_strains, moduli, strains
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, rule
+from namedmesh.base.releases import cell_nodes
+from namedmesh.simplex import barycentric, bernstein, lagrange, rule
 
 
 @dataclass(frozen=True)

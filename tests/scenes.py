@@ -166,7 +166,7 @@ def two_squares(
     import basix.ufl
     from dolfinx import mesh as dmesh
 
-    from erc_contact.mesh.partition import partitioner
+    from namedmesh.partition import partitioner
 
     n = np.arange(cells + 1)
     x = np.stack(np.meshgrid(n / cells, n / cells, indexing="ij"), axis=2).reshape(-1, 2)

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5)
 scene = ec.Scene(

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from PIL import Image
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 HERE = Path(__file__).parent
 COLOURS = {"upper": "#1f5a9c", "lower": "#b05a14"}

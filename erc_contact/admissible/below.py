@@ -1,7 +1,7 @@
 """Polynomials below the gap on the facets of a contact.
 
 The gap's interpolating polynomial is lowered by its greatest excess over the gap on the
-facet, also at its kinks, cusps and jumps (:mod:`erc_contact.mesh.peaks`). An asperity
+facet, also at its kinks, cusps and jumps (:mod:`erc_contact.model.peaks`). An asperity
 is found if it changes the gap at one of the first samples, 72 on a facet in 2D and 352
 in 3D.
 
@@ -18,16 +18,16 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.mesh.peaks import upper_bounds
-from erc_contact.mesh.quadrature import facet_pieces, polynomials
-from erc_contact.mesh.simplex import node_vertices, times_linear
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.jumps import jumps, kinks_on_facets
 from erc_contact.model.model import Model
+from erc_contact.model.peaks import upper_bounds
+from erc_contact.model.quadrature import facet_pieces, polynomials
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
+from namedmesh.simplex import node_vertices, times_linear
 
 POLYNOMIAL = 1e-14
 """Distance of a polynomial from the gap that is round-off, over its values [-]."""

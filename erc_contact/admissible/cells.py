@@ -6,7 +6,7 @@ same order in both of its cells, and values on facets need no permutation.
 Symbols: d dimension, k degree, T cell, F facet, facet i of T is opposite to vertex i, J
 Jacobian (columns x_i - x_0), N number of nodes of a cell, m number of nodes of a facet.
 Arrays have all cells of the rank, ghosts included. Tractions on facets and
-displacements are given by Bernstein coefficients, see :mod:`erc_contact.mesh.simplex`.
+displacements are given by Bernstein coefficients, see :mod:`namedmesh.simplex`.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from math import factorial
 
 import numpy as np
 
-from erc_contact.mesh.simplex import (
+from erc_contact.model.space import Space
+from namedmesh.simplex import (
     from_means,
     mass,
     node_between,
     node_vertices,
     of_facets,
 )
-from erc_contact.model.space import Space
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,11 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import tensors
-from erc_contact.mesh.quadrature import polynomials
-from erc_contact.mesh.simplex import (
+from erc_contact.model.constitution import act
+from erc_contact.model.model import Model
+from erc_contact.model.quadrature import polynomials
+from erc_contact.model.values import DATA_DEGREE
+from namedmesh.simplex import (
     barycentric,
     bernstein,
     coefficients,
@@ -23,9 +26,6 @@ from erc_contact.mesh.simplex import (
     projection,
     rule,
 )
-from erc_contact.model.constitution import act
-from erc_contact.model.model import Model
-from erc_contact.model.values import DATA_DEGREE
 
 CHUNK = 2048
 """Number of cells that are worked on at once."""

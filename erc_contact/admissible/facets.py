@@ -28,7 +28,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry, facet_forces, moments_of_cells
 from erc_contact.admissible.kernels import kernels
-from erc_contact.mesh.simplex import (
+from namedmesh.simplex import (
     barycentric,
     bernstein,
     facet_vertices,

@@ -43,11 +43,11 @@ from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
-from erc_contact.base.percent import place_words
-from erc_contact.mesh.simplex import local_facet_nodes
 from erc_contact.model.model import Model
 from erc_contact.model.motions import greatest_of_bodies
 from erc_contact.model.rigid_faces import RigidFace
+from namedmesh.base.percent import place_words
+from namedmesh.simplex import local_facet_nodes
 
 UNBALANCED = 1e-9
 """Missing force, over the greatest one on a facet, from which a pair is refused [-].

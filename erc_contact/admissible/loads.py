@@ -15,14 +15,14 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry, add_moments
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.quadrature import cell_pieces, facet_pieces, integrate, polynomials
-from erc_contact.mesh.simplex import bernstein, from_means, nodes, rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.jumps import kinks_on_facets
 from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
+from erc_contact.model.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.values import DATA_DEGREE
+from namedmesh.simplex import bernstein, from_means, nodes, rule
 
 
 def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndarray:

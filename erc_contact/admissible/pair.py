@@ -22,17 +22,17 @@ from erc_contact.admissible.cells import CellGeometry, tractions_of
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.fields import FIELD_DEGREE, stress_function, sub_dx, traction_function
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import coefficients, measures
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import area_ratio, per_area
 from erc_contact.model.model import Model
 from erc_contact.model.profile import profile_points, profile_weights
 from erc_contact.model.status import facet_status
 from erc_contact.newton.solution import Solution
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.simplex import coefficients, measures
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from dolfinx import fem
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.facets import equilibrated_moments
-from erc_contact.mesh.simplex import mass
 from erc_contact.model.model import Model
+from namedmesh.simplex import mass
 
 
 @dataclass(frozen=True, eq=False)

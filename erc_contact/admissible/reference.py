@@ -12,8 +12,9 @@ from math import factorial
 
 import numpy as np
 
-from erc_contact.mesh.quadrature import cell_pieces
-from erc_contact.mesh.simplex import (
+from erc_contact.model.quadrature import cell_pieces
+from erc_contact.scene.material import mandel_basis
+from namedmesh.simplex import (
     bernstein,
     gradients,
     local_facet_nodes,
@@ -22,7 +23,6 @@ from erc_contact.mesh.simplex import (
     node_vertices,
     nodes,
 )
-from erc_contact.scene.material import mandel_basis
 
 RANK = 1e-10
 """Singular value of the conditions that counts as zero, over the largest one [-]."""

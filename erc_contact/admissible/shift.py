@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.mesh.simplex import averages, barycentric, lagrange, rule
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.foundation import ContactOnMesh
@@ -22,6 +21,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
 from erc_contact.model.turning import Turning
+from namedmesh.simplex import averages, barycentric, lagrange, rule
 
 MOBILITY = 0.1
 """kappa of a :class:`Shift` where a traction must change for the balance [-].

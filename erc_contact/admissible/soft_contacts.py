@@ -20,10 +20,10 @@ from mpi4py import MPI
 from erc_contact.admissible.balance_parts import OtherForces, weights_and_motions
 from erc_contact.admissible.rebalance import Rebalanced
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.ranks import box
 from erc_contact.model.model import Model
 from erc_contact.model.motions import block_diagonal
 from erc_contact.model.rigid_shapes import translations_and_rotations
+from namedmesh.base.ranks import box
 
 SOFT_SHARE = 0.15
 """Share of the bulk part of e^2 from which resultants are kept [-].

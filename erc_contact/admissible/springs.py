@@ -18,10 +18,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry, add_moments, moments, tractions_of
-from erc_contact.mesh.simplex import bernstein, coefficients, rule
 from erc_contact.model.model import Model
 from erc_contact.model.motions import kernel
 from erc_contact.model.springs import BoundSpring
+from namedmesh.simplex import bernstein, coefficients, rule
 
 AXIS = 1e-9
 """Difference of a component of a normal to 0 or 1 that counts as none [-]."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.mesh.normals import spread
-from erc_contact.mesh.simplex import at_nodes, bernstein, nodes
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.normals import SAME_NORMAL
 from erc_contact.model.trace import split
+from namedmesh.for_solvers import spread
+from namedmesh.simplex import at_nodes, bernstein, nodes
 
 
 @dataclass(frozen=True, eq=False)

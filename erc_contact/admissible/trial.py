@@ -17,13 +17,6 @@ from erc_contact.admissible.balance_parts import weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip, shift_of_far_open
 from erc_contact.admissible.traction import ContactTraction, is_kinked
-from erc_contact.mesh.simplex import (
-    at_nodes,
-    averages,
-    mass,
-    projection,
-    rule,
-)
 from erc_contact.model.contact_values import friction_parameters, spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
@@ -32,6 +25,13 @@ from erc_contact.model.meridian import off_axis, vertices_off_axis, without_axis
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.model.turning import Turning, turning_of
+from namedmesh.simplex import (
+    at_nodes,
+    averages,
+    mass,
+    projection,
+    rule,
+)
 
 SLIDES = 10.0
 """Slip over ``h/E |r^|`` beyond which a pressure may become uniform [-]."""

@@ -12,7 +12,7 @@ import numpy as np
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.reference import named_nodes
-from erc_contact.mesh.simplex import local_facet_nodes, node_between
+from namedmesh.simplex import local_facet_nodes, node_between
 
 
 @cache

@@ -17,7 +17,7 @@ import numpy as np
 
 IMPORTED = ("import ufl as ufl", "import erc_contact as ec")
 """Imports of code that the package writes."""
-LIBRARIES = ("builtins", "erc_contact", "numpy", "ufl", "dolfinx", "mpi4py")
+LIBRARIES = ("builtins", "erc_contact", "namedmesh", "numpy", "ufl", "dolfinx", "mpi4py")
 """Packages whose classes are imported."""
 UNKNOWN = "callable"
 """Word for a callable whose source cannot be had."""
@@ -255,5 +255,5 @@ def _first_line(node: ast.FunctionDef) -> int:
 def _name(value: Any) -> str:
     """Return the name of the type of a value in code."""
     kind = type(value)
-    is_ours = kind.__module__.split(".")[0] == "erc_contact"
+    is_ours = kind.__module__.split(".")[0] in ("erc_contact", "namedmesh")
     return f"ec.{kind.__name__}" if is_ours else kind.__name__

@@ -13,6 +13,8 @@ from erc_contact.base.progress import show_on
 
 HANDLER_NAME = "erc_contact console"
 """Name of the handler that shows progress."""
+PACKAGES = ("erc_contact", "namedmesh")
+"""Names of the loggers of both packages."""
 _SILENT = logging.getLogger("erc_contact.other_ranks")
 _SILENT.disabled = True
 
@@ -36,12 +38,14 @@ def muted(about: str) -> Iterator[None]:
         record.msg = f"{about}: {record.msg}"
         return record.levelno <= logging.DEBUG
 
-    log = logging.getLogger("erc_contact")
-    log.addFilter(only_debugging)
+    logs = [logging.getLogger(name) for name in PACKAGES]
+    for log in logs:
+        log.addFilter(only_debugging)
     try:
         yield
     finally:
-        log.removeFilter(only_debugging)
+        for log in logs:
+            log.removeFilter(only_debugging)
 
 
 def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -> None:
@@ -60,19 +64,25 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
         >>> import logging
         >>> ec.log_to_console(logging.WARNING)  # warnings alone
     """
+    handler = _handler(comm)
+    for name in PACKAGES:
+        log = logging.getLogger(name)
+        log.setLevel(level)
+        log.propagate &= comm.rank == 0
+        for handler_before in list(log.handlers):
+            if handler_before.name == HANDLER_NAME:
+                log.removeHandler(handler_before)
+        log.addHandler(handler)
+
+
+def _handler(comm: MPI.Comm) -> logging.Handler:
+    """Make the handler that shows progress on rank 0, and nothing elsewhere."""
     from rich.console import Console  # noqa: PLC0415 - only those who want progress pay for it
     from rich.highlighter import NullHighlighter  # noqa: PLC0415
     from rich.logging import RichHandler  # noqa: PLC0415
 
-    log = logging.getLogger("erc_contact")
-    log.setLevel(level)
     if comm.rank != 0:
-        log.addHandler(logging.NullHandler())
-        log.propagate = False
-        return
-    for handler_before in list(log.handlers):
-        if handler_before.name == HANDLER_NAME:
-            log.removeHandler(handler_before)
+        return logging.NullHandler()
     console = Console()
     show_on(console if console.is_terminal else None)
     handler: logging.Handler = logging.StreamHandler(sys.stdout)
@@ -85,4 +95,4 @@ def log_to_console(level: int = logging.INFO, comm: MPI.Comm = MPI.COMM_WORLD) -
             highlighter=NullHighlighter(),
         )
     handler.set_name(HANDLER_NAME)
-    log.addHandler(handler)
+    return handler

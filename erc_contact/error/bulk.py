@@ -16,9 +16,9 @@ from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.error.rings import is_rational, squares_of_rings
-from erc_contact.mesh.quadrature import cell_pieces, integrate
-from erc_contact.mesh.simplex import bernstein
-from erc_contact.mesh.surface import pairs, swept
+from erc_contact.model.quadrature import cell_pieces, integrate
+from namedmesh.for_solvers import sides_of_facets, swept
+from namedmesh.simplex import bernstein
 
 
 def body_error(admissible: Admissible) -> LawError:
@@ -120,7 +120,7 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
     values = density.x.array
 
     # The cell beyond a facet is the cell itself on the boundary of the body.
-    sides = pairs(model.mesh, domain.curved_facets.indices)
+    sides = sides_of_facets(model.mesh, domain.curved_facets.indices)
     sides = sides[model.owned(sides)]
     cell = sides[:, 0]
     both_cells = cells.side[:, model.facet_numbers(sides)] // (model.d + 1)

@@ -31,18 +31,18 @@ from erc_contact.admissible.reference import mandel
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.exceptions import NotBalanced
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.files.displacements import FileField, from_file
-from erc_contact.mesh.simplex import bernstein, from_means
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.trace import split
 from erc_contact.newton.given import AnyField, solution_of, with_nitsche_tractions
 from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base.percent import percent
+from namedmesh.files.displacements import FileField, from_file
+from namedmesh.simplex import bernstein, from_means
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,8 +42,6 @@ from mpi4py import MPI
 from erc_contact.admissible.fields import FIELD_DEGREE, integral
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.html import table
-from erc_contact.base.percent import percent
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.bulk import body_error, geometry_squares, spring_error
 from erc_contact.error.contact import contact_law_error
@@ -58,8 +56,6 @@ from erc_contact.error.oscillation import (
 )
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.tiny_edges import tell_tiny_edges
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import barycentric, lattice
 from erc_contact.model.forces import Force
 from erc_contact.model.friction import depends_on_pressure
 from erc_contact.model.maximum import Maximum, find_maximum
@@ -73,6 +69,10 @@ from erc_contact.results.profile import profile
 from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.scene.potential import refuse_potential
+from namedmesh import Domain
+from namedmesh.base.html import table
+from namedmesh.base.percent import percent
+from namedmesh.simplex import barycentric, lattice
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,6 @@ from erc_contact.error.contact_term import (
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
-from erc_contact.mesh.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.contact_values import ContactData, friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh, pressures
@@ -37,6 +36,7 @@ from erc_contact.model.friction import CONCAVE
 from erc_contact.model.jumps import kinks_on_facets
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import sums_of_cells
+from erc_contact.model.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import Trace, split
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.mesh.quadrature import Cuts, Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from erc_contact.model.quadrature import Cuts, Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.trace import split
 
 type ContactDensity = Callable[
@@ -38,7 +38,7 @@ def contact_integral(
         density: The density.
         floor: What the integrals may leave unknown.
         cuts: Where the density has kinks, see
-            :func:`erc_contact.mesh.quadrature.integrate`.
+            :func:`erc_contact.model.quadrature.integrate`.
     """
     trace = contact.trace
     of_w = trace.coefficients(trace.of(u.x.array))

@@ -22,11 +22,11 @@ from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.laws import LawError
-from erc_contact.mesh.quadrature import INSET, cell_pieces, integrate
-from erc_contact.mesh.simplex import barycentric, nodes
 from erc_contact.model.point_law import PointLaw
 from erc_contact.model.potential import ConvexConstitution
+from erc_contact.model.quadrature import INSET, cell_pieces, integrate
 from erc_contact.model.space import circumferences
+from namedmesh.simplex import barycentric, nodes
 
 UNKNOWN_SHARE = 1e-3
 """Share of e^2 that the integrals may leave unknown [-]; e^2 contains it."""

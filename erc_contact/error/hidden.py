@@ -15,8 +15,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.mesh.quadrature import Hidden, piece_points
 from erc_contact.model.point_law import PointLaw
+from erc_contact.model.quadrature import Hidden, piece_points
 
 OUTSIDE = 1e-5
 """Distance of a range from the data at the points that counts as none, over the range.

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from erc_contact.admissible.equilibrate import equilibrate
-from erc_contact.base.checks import whole
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.runs import Run, error_of
@@ -14,6 +13,7 @@ from erc_contact.newton.deflation import other_states
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.potential import refuse_potential
+from namedmesh.base.checks import whole
 
 
 def other_solutions(solution: Solution | Run, most: int = 4) -> list[ConstitutiveError]:

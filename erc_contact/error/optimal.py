@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import ceil, log
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import DOUBT, PREDICTIVE_ERROR, size_map
 from erc_contact.error.strategy import mark, refined
-from erc_contact.mesh.domain import Domain
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.base.percent import percent
 
 CLOSE = 1.2
 """Multiple of the accuracy below which marked elements are refined instead [-].

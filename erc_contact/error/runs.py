@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.domain import Domain
+from namedmesh import Domain
+from namedmesh.base import checks
 
 MeshErrors = Sequence[tuple[Domain, np.ndarray]]
 """Type of domains and eps_E of their owned cells."""

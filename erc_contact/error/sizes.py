@@ -28,15 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import raise_together
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run, error_of
-from erc_contact.mesh.nodal import NodalMesh
-from erc_contact.mesh.remeshing import count
-from erc_contact.mesh.simplex import barycentric, rule
-from erc_contact.mesh.size_field import FILL
+from namedmesh.base import checks
+from namedmesh.base.percent import percent
+from namedmesh.for_solvers import FILL, NodalMesh, count_cells
+from namedmesh.simplex import barycentric, rule
 
 RATIO = (0.02, 3.0)
 """Least and largest r_E [-]. A mesh predicts nothing for sizes beyond them."""
@@ -156,7 +154,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
 
     scale = _root(above_accuracy, 0.1, 10.0) if error.total > 0 else 1.0
     values = scale * h
-    return Sizes(error, values, r, q, count(mesh.domain, values), predict(scale) ** 0.5)
+    return Sizes(error, values, r, q, count_cells(mesh.domain, values), predict(scale) ** 0.5)
 
 
 def _optimal_ratio(

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.trace import split
+from namedmesh.simplex import barycentric, rule
 
 SLIP_DEVIATION = 0.5
 """Greatest distance of the slip from its mean where its length counts as smooth [-].

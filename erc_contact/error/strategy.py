@@ -13,11 +13,11 @@ from typing import Protocol
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run, error_of
-from erc_contact.mesh.domain import Domain
+from namedmesh import Domain
+from namedmesh.base import checks
 
 TIE = 1e-6
 """Fraction by which errors of elements differ that are marked together.

@@ -10,9 +10,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
-from erc_contact.base.percent import percent, place_words
-from erc_contact.base.releases import cell_nodes
 from erc_contact.model.model import Model
+from namedmesh.base.percent import percent, place_words
+from namedmesh.base.releases import cell_nodes
 
 LARGE = 0.2
 """Error eps from which on it is asked for [-]."""

@@ -2,7 +2,7 @@
 
 It is known up to what the integrals leave unknown. The integrals are exact where no
 data vary inside cells. Elsewhere they are adapted to the data
-(:mod:`erc_contact.mesh.quadrature`).
+(:mod:`erc_contact.model.quadrature`).
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from erc_contact.error.foundations import Sliding, foundation_energies
 from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
-from erc_contact.mesh.quadrature import Hidden, Integral, Integrand, cell_pieces, integrate
-from erc_contact.mesh.simplex import bernstein, mass
 from erc_contact.model.constitution import act
 from erc_contact.model.contact_values import ContactData
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.point_law import PointLaw
+from erc_contact.model.quadrature import Hidden, Integral, Integrand, cell_pieces, integrate
 from erc_contact.model.space import circumferences
 from erc_contact.model.trace import split
+from namedmesh.simplex import bernstein, mass
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:

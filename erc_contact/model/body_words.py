@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.base.ranks import boxes, union
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.copies import told, touching
-from erc_contact.mesh.sides import boundary_sides
 from erc_contact.model.space import Space
+from namedmesh.base.ranks import boxes, union
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import boundary_sides, points_in_words, shared_points
 
 COINCIDENT = 2.0**-30
 """Distance of middles of facets that counts as none, over the extent [-]."""
@@ -31,13 +30,14 @@ def lying_words(space: Space, body: np.ndarray, count: int) -> str:
     middles, of_facet = _facets_near_other_bodies(space, body, count)
     # Files give equal points with the digits that they have.
     grain = COINCIDENT * space.domain.extent
-    points, _ = touching(space.comm, np.round(middles / grain) * grain, of_facet)
+    points, _ = shared_points(space.comm, np.round(middles / grain) * grain, of_facet)
     if len(points) == 0:
         return ""
     number = len(np.unique(points, axis=0))
+    places = points_in_words(points, space.domain.extent)
     return (
         f"{number} facets of two bodies lie on each other without common nodes, with middles"
-        f" {told(points, space.domain.extent)}: nothing passes from one body to the other there."
+        f" {places}: nothing passes from one body to the other there."
         " Merge the nodes where the mesh is made. For a contact, or a joint, give both bodies"
         " regions of their own, and make a pair of the two sides by domain.joined, for a Contact"
         " or Tied."
@@ -91,12 +91,13 @@ def hinge_words(space: Space, body: np.ndarray, loose: np.ndarray) -> str:
     alone = ~facing[nodes]
     geometry = space.mesh.geometry
     x = geometry.x[cell_nodes(geometry)[: domain.owned_cells][alone], : space.d]
-    points, bodies = touching(space.comm, x, body[nodes[alone]])
+    points, bodies = shared_points(space.comm, x, body[nodes[alone]])
     points = points[np.isin(bodies, loose)]
     if len(points) == 0:
         return ""
+    places = points_in_words(points, domain.extent)
     return (
-        f" It touches another body at {told(points, domain.extent)}: bodies that meet at vertices"
+        f" It touches another body at {places}: bodies that meet at vertices"
         " or edges alone, or without a Contact, transmit no force. Let them share facets (in gmsh:"
         " let them overlap, then fragment), or give them a Contact."
     )

@@ -17,16 +17,16 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import distinct_rows
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.simplex import measures
-from erc_contact.mesh.tags import NO_TAG, tag_table
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.law_entries import StateField
 from erc_contact.model.law_state import LawState, polynomials_in_cells
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.scene.potential import Potential, remembers
+from namedmesh.base.ranks import distinct_rows
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import NO_TAG, tag_table
+from namedmesh.simplex import measures
 
 PADDINGS = (1e-3, 1e-2, 1e-1)
 """How far the new mesh may bulge beyond the old one, over the extent of the body [-].

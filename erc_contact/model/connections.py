@@ -14,11 +14,11 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.base.ranks import distinct_rows
 from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.over_ranks import matrix_of_common_entries, product
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace, dofs_of
+from namedmesh.base.ranks import distinct_rows
 
 
 class Connections:

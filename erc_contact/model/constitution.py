@@ -16,12 +16,12 @@ from typing import Protocol
 
 import numpy as np
 
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
 from erc_contact.model.space import Space, circumferences
 from erc_contact.model.symbolic import constant_value, varies_in_cells
 from erc_contact.scene.material import Elastic, Material, mandel_matrix, tensor_basis
+from namedmesh.base.communicators import lasting
 
 
 class StrainField(Protocol):

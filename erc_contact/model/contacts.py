@@ -17,12 +17,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.ranks import greatest
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import lagrange, nodes, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import Friction, bind_friction
@@ -40,6 +38,8 @@ from erc_contact.model.trace import Side, Trace
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
+from namedmesh.base.ranks import greatest
+from namedmesh.simplex import lagrange, nodes, rule
 
 SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""

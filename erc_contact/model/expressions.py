@@ -15,9 +15,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.corealg.traversal import traverse_unique_terminals
 
-from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime import compiled
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.array_code import array_code
@@ -30,6 +28,8 @@ from erc_contact.model.symbolic import (
     without_derivatives,
 )
 from erc_contact.model.tables import on_mesh
+from namedmesh.base.communicators import lasting
+from namedmesh.base.releases import cell_nodes
 
 POINT_CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""

@@ -14,13 +14,13 @@ from mpi4py import MPI
 from ufl.classes import Division, Product, Sum
 from ufl.corealg.traversal import unique_post_traversal
 
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import OfNumbers, stand_in
 from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
 from erc_contact.model.tables import write_out
 from erc_contact.model.users import call_of_user, scalar
 from erc_contact.scene.law import Law
+from namedmesh.base.communicators import lasting
 
 CIRCUMFERENCE = "circumference"
 """Name of the circumference among the parameters of a law on rings."""

@@ -25,7 +25,7 @@ from functools import cached_property
 
 import numpy as np
 
-from erc_contact.mesh.graphs import components
+from namedmesh.for_solvers import components
 
 NOBODY = -1
 """Stands for no node."""

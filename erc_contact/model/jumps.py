@@ -18,11 +18,11 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.quadrature import Cuts, facet_pieces, piece_points, polynomials
-from erc_contact.mesh.simplex import barycentric, node_vertices, nodes
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.quadrature import Cuts, facet_pieces, piece_points, polynomials
 from erc_contact.model.space import Space
+from namedmesh.simplex import barycentric, node_vertices, nodes
 
 JUMP = 0.36
 """Distance of a gap that jumps from polynomials of degree 4, over its range [-].

@@ -20,12 +20,12 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import boxes, greatest, of_all
-from erc_contact.mesh.closest import closest
-from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.law_entries import StateField
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Trace, split
+from namedmesh.base.ranks import boxes, greatest, of_all
+from namedmesh.for_solvers import closest
+from namedmesh.simplex import lagrange, rule
 
 INTERPOLATION_ROUND_OFF = 1e-12
 """Difference of interpolants that is round-off, over the greatest displacement [-]."""

@@ -10,9 +10,9 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import place_words
-from erc_contact.base.ranks import of_all
 from erc_contact.model.model import Model
+from namedmesh.base.percent import place_words
+from namedmesh.base.ranks import of_all
 
 IN_BODY = ("displacement", "von Mises")
 """Quantities of the body."""

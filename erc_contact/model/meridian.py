@@ -35,9 +35,9 @@ import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import barycentric, bernstein, mass, measures
 from erc_contact.model.space import Space
 from erc_contact.scene.material import strain
+from namedmesh.simplex import barycentric, bernstein, mass, measures
 
 ON_AXIS = 1e-12
 """Radius that counts as zero, over the extent of the body [-]."""

@@ -14,7 +14,6 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.domain import Domain
 from erc_contact.model.carrying import state_of
 from erc_contact.model.connections import Connections
 from erc_contact.model.constitution import Constitution
@@ -46,6 +45,7 @@ from erc_contact.scene.law import Coulomb
 from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
 
 
 class Model(Space):

@@ -14,10 +14,10 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.ranks import boxes, of_all
-from erc_contact.mesh.graphs import components
 from erc_contact.model.rigid_shapes import translations_and_rotations
 from erc_contact.model.space import Space
+from namedmesh.base.ranks import boxes, of_all
+from namedmesh.for_solvers import components
 
 FREE_SHARE = 1e-10
 """Share of the largest eigenvalue below which a motion counts as not held [-]."""

@@ -25,12 +25,12 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.ranks import greatest
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.normals import spread, vertex_normals
-from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side
+from namedmesh.base.ranks import greatest
+from namedmesh.for_solvers import spread, vertex_normals
+from namedmesh.simplex import barycentric, rule
 
 SAME_NORMAL = 1e-9
 """Difference of two unit normals that counts as none [-]."""

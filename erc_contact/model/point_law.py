@@ -20,7 +20,6 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
 from erc_contact.model.law_entries import StateField, entries, size_of, state_after
@@ -29,6 +28,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
+from namedmesh.base.communicators import lasting
 
 STEPS_OUT_OF_PLANE = 8
 """Limit of Newton steps for the stress out of plane.

@@ -13,14 +13,14 @@ from dolfinx import fem, geometry
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.releases import cell_nodes
 from erc_contact.base.runtime import compiled
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.simplex import barycentric
 from erc_contact.model.meridian import BESIDE_AXIS, ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
 from erc_contact.scene.material import mandel_basis, strain, tensor_basis
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import in_space
+from namedmesh.simplex import barycentric
 
 BORDER = 2e-13
 """Distance from the border of cells that counts as none, by the coordinates [-].

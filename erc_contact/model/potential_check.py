@@ -9,9 +9,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.model import Model
 from erc_contact.model.point_law import Search
+from namedmesh.simplex import rule
 
 SIZES = 10.0 ** np.arange(-6, 1)
 """Sizes of the strains at which a law is tried [-]."""

@@ -33,16 +33,15 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.ranks import union
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.sides import inner_facets
-from erc_contact.mesh.simplex import barycentric
-from erc_contact.mesh.tags import listed
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.motions import bodies_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.scene.tied import Preload, Tied
+from namedmesh.base.ranks import union
+from namedmesh.for_solvers import inner_facets, listed
+from namedmesh.simplex import barycentric
 
 NO_DIRECTION = 0.1
 """Length of the mean of unit normals below which a cut has no axis [-]."""

@@ -14,18 +14,7 @@ from math import factorial, pi
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.base.ranks import of_all
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.graphs import order_along_curves, successors, to_chain_ends
-from erc_contact.mesh.simplex import (
-    barycentric,
-    bernstein,
-    lagrange,
-    lattice,
-    measures,
-    projection,
-    rule,
-)
 from erc_contact.model.contact_values import slip_at
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
@@ -35,6 +24,17 @@ from erc_contact.model.space import circumferences
 from erc_contact.model.status import facet_status
 from erc_contact.model.trace import split, tangents
 from erc_contact.model.turning import turning_of
+from namedmesh.base.ranks import of_all
+from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
+from namedmesh.simplex import (
+    barycentric,
+    bernstein,
+    lagrange,
+    lattice,
+    measures,
+    projection,
+    rule,
+)
 
 FACET_POINTS = {1: 1, 2: 4}
 """Number of parts of a facet's edge between the points of a profile, by degree.

@@ -21,10 +21,6 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import place_words
-from erc_contact.base.ranks import greatest
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.expressions import Everywhere, evaluate
@@ -35,6 +31,10 @@ from erc_contact.model.model import Model
 from erc_contact.model.potential_check import check_potential
 from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base.percent import place_words
+from namedmesh.base.ranks import greatest
+from namedmesh.simplex import rule
 
 EXACT_PROMISE = 1e-8
 """Relative difference that counts as none [-]."""

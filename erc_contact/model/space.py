@@ -17,12 +17,13 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import global_numbers
-from erc_contact.base.releases import cell_nodes
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.bodies import Bodies
-from erc_contact.mesh.partition import check_shape
-from erc_contact.mesh.simplex import (
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.trace import Side
+from namedmesh.base.ranks import global_numbers
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import Bodies, check_shape
+from namedmesh.simplex import (
     at_nodes,
     barycentric,
     coefficients,
@@ -35,8 +36,6 @@ from erc_contact.mesh.simplex import (
     outward_normals,
     rule,
 )
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.trace import Side
 
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""

@@ -16,10 +16,10 @@ import ufl
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import bernstein, coefficients, projection, rule
 from erc_contact.model.space import Space, circumferences
 from erc_contact.model.trace import Side, split
 from erc_contact.scene.support import Spring
+from namedmesh.simplex import bernstein, coefficients, projection, rule
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,6 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.expressions import Everywhere, evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.symbolic import varies_in_cells
@@ -38,6 +37,7 @@ from erc_contact.model.values import (
 )
 from erc_contact.scene.material import Material, mandel_basis, tensor_basis
 from erc_contact.scene.strain import GivenStrain
+from namedmesh.simplex import rule
 
 
 class Strains:

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.mesh.simplex import nodes
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.point_law import Search
 from erc_contact.model.strains import Strains
 from erc_contact.scene.material import mandel_basis
+from namedmesh.simplex import nodes
 
 
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:

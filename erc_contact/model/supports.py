@@ -15,7 +15,6 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.base.ranks import greatest
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.meridian import nodes_on_axis
@@ -24,6 +23,7 @@ from erc_contact.model.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
 from erc_contact.model.values import number
 from erc_contact.scene.support import Displacement, Rigid
+from namedmesh.base.ranks import greatest
 
 EQUAL_VALUES = 1e-9
 """Relative difference of two supports at a common node that counts as none [-]."""

@@ -22,7 +22,7 @@ from ufl.corealg.traversal import traverse_unique_terminals, unique_post_travers
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_tables import TableData, TableFunction, TableValue, has_tables
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import rule
+from namedmesh.simplex import rule
 
 FUNCTION_DEGREE = (0, 2, 2, 3)
 """Degree of the Functions that stand for tables, for each d.

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.mesh.simplex import barycentric, coefficients, measures, node_vertices, nodes
+from namedmesh.simplex import barycentric, coefficients, measures, node_vertices, nodes
 
 CONTINUOUS = 1e-9
 """Difference of two facets at a node that counts as none, over the greatest value."""

@@ -24,8 +24,8 @@ from functools import cached_property
 
 import numpy as np
 
-from erc_contact.mesh.simplex import averages, barycentric, bernstein, node_vertices, rule
 from erc_contact.model.trace import Trace
+from namedmesh.simplex import averages, barycentric, bernstein, node_vertices, rule
 
 
 @dataclass(frozen=True, eq=False)

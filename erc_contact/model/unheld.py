@@ -24,15 +24,14 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.base.ranks import greatest
-from erc_contact.mesh.graphs import components
-from erc_contact.mesh.simplex import measures
-from erc_contact.mesh.surface import swept
 from erc_contact.model.body_words import boundary_parts, hinge_words, lying_words
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.motions import BodyMotions, Group, Unheld, kernel, motions_together
 from erc_contact.model.over_ranks import marks_of_owners
 from erc_contact.model.space import Space
+from namedmesh.base.ranks import greatest
+from namedmesh.for_solvers import components, swept
+from namedmesh.simplex import measures
 
 AT_REST = 1e-6
 """Share of a body in a motion that counts as none [-]."""

@@ -20,13 +20,13 @@ from ufl.algorithms.check_arities import ArityMismatch, check_integrand_arity
 from ufl.algorithms.remove_complex_nodes import remove_complex_nodes
 from ufl.corealg.traversal import unique_post_traversal
 
-from erc_contact.base.checks import description
 from erc_contact.base.exceptions import ErcContactError, InputError, together
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.scene.material import Material, mandel_matrix, tensor_basis
 from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
+from namedmesh.base.checks import description
+from namedmesh.base.communicators import lasting
 
 IN_UFL = (
     "It gets UFL and returns a number or UFL: write ufl.sin(x[0]) or np.sin(x[0]) instead of"

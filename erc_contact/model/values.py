@@ -16,18 +16,18 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from ufl.corealg.traversal import traverse_unique_terminals
 
-from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import at_cells, evaluate
 from erc_contact.model.space import Space
 from erc_contact.model.tables import on_mesh
 from erc_contact.model.users import call_of_user, scalar, vector
 from erc_contact.scene.material import Material
 from erc_contact.scene.potential import Potential
+from namedmesh.base.checks import description
+from namedmesh.simplex import lattice
 
 DATA_DEGREE = 4
 """Quadrature degree for moduli and loads that vary in space.

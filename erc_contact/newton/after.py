@@ -14,10 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import greatest
-from erc_contact.mesh.domain import Domain
 from erc_contact.model.contact_values import spring_displacement
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
@@ -27,6 +24,9 @@ from erc_contact.model.status import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.base.ranks import greatest
 
 
 def check_after(scene: Scene, domain: Domain, after: object) -> None:

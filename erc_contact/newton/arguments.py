@@ -6,11 +6,11 @@ from collections.abc import Hashable
 from numbers import Integral
 from typing import Any
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.domain import Domain
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
 
 METHOD = ("multiplier", "in_layer", "equations", "traction", "projected")
 """Members of a method."""

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from dolfinx import fem, la
 
-from erc_contact.base.ranks import gathered
 from erc_contact.base.sparse import pattern_of
 from erc_contact.newton.contact_nodes import Reading
 from erc_contact.newton.forms import ContactForms, Counts
+from namedmesh.base.ranks import gathered
 
 
 class Assembly:

@@ -30,7 +30,6 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.exceptions import raise_together, together
-from erc_contact.base.ranks import from_first
 from erc_contact.base.sparse import Places
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
@@ -39,6 +38,7 @@ from erc_contact.newton.field_map import FieldMap
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.shared_laws import laws_of
+from namedmesh.base.ranks import from_first
 
 SMALL_FORCE = 1e-6
 """Contact forces that count as none, over the forces with the contact glued [-]."""

@@ -37,15 +37,15 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.ranks import of_all
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import barycentric, measures, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.rigid_shapes import translations_and_rotations
 from erc_contact.newton.distortion import gradients_of
 from erc_contact.scene.material import mandel_basis
+from namedmesh.base.ranks import of_all
+from namedmesh.simplex import barycentric, measures, rule
 
 MISSING = 0.1
 """Moment that is missing beyond which a model cannot say whether a body stands [-].

@@ -17,9 +17,9 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.mesh.simplex import measures, node_between
 from erc_contact.model.model import Model
 from erc_contact.model.preload import shifts_of
+from namedmesh.simplex import measures, node_between
 
 ROTATION = 0.1
 """Rotation up to which the theory is good [rad]; half its square, 0.5%, is lost."""

@@ -21,12 +21,12 @@ from dolfinx import fem
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import together
-from erc_contact.base.ranks import gathered
 from erc_contact.model.trace import dofs_of, places_of
 from erc_contact.newton.contact_nodes import Entries, Reading
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.reactions import MultiplierMap
+from namedmesh.base.ranks import gathered
 
 
 class FieldMap:

@@ -18,11 +18,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.base.ranks import greatest
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.files.displacements import FileField
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -34,6 +30,10 @@ from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import large
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.base.ranks import greatest
+from namedmesh.files.displacements import FileField
 
 LARGEST = 1e100
 """Greatest displacement over the size of the body whose energy is a number [-]."""

@@ -21,11 +21,11 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.simplex import barycentric, rule
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.methods import Method
+from namedmesh.simplex import barycentric, rule
 
 ON_FACET = 1e-9
 """Barycentric coordinate of a point on a facet [-]."""

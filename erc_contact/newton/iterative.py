@@ -13,7 +13,6 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.base.ranks import greatest
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.first_guess import Carried
@@ -31,6 +30,7 @@ from erc_contact.newton.snes import (
     outcome_of_path,
     solve_in_turn,
 )
+from namedmesh.base.ranks import greatest
 
 
 class Iterative:

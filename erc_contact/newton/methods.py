@@ -18,12 +18,12 @@ from typing import ClassVar, Protocol
 
 import ufl
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from namedmesh.base import checks
 
 GAMMA = "> 0 (dimensionless; 1 to 100 is usual)"
 """Words for the range of gamma in messages."""

@@ -14,9 +14,6 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
-from erc_contact.base.percent import percent
-from erc_contact.base.ranks import greatest
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.body_words import boundary_parts, lying_words
 from erc_contact.model.contact_values import gap_at_nodes
 from erc_contact.model.expressions import evaluate
@@ -26,6 +23,9 @@ from erc_contact.model.trace import Trace
 from erc_contact.newton.displaced import MISSING, missing_moments
 from erc_contact.newton.distortion import ROTATION, STRAIN, Distortion
 from erc_contact.newton.solution import Solution
+from namedmesh.base.percent import percent
+from namedmesh.base.ranks import greatest
+from namedmesh.simplex import rule
 
 MANY = 0.01
 """Share of the volume of a body that may rotate or strain more [-].

@@ -36,12 +36,12 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array, diags_array, eye_array  # type: ignore[import-untyped]
 
 from erc_contact.base.sparse import local_matrix
-from erc_contact.mesh.simplex import at_nodes, coefficients
 from erc_contact.model.connections import gather_prescribed
 from erc_contact.model.groups import NOBODY, Groups
 from erc_contact.model.model import Model
 from erc_contact.model.trace import dofs_of
 from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
+from namedmesh.simplex import at_nodes, coefficients
 
 
 class MultiplierMap:

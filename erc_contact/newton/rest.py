@@ -14,8 +14,6 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.mesh.normals import spread
-from erc_contact.mesh.simplex import lattice
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import PROPORTIONAL
@@ -23,6 +21,8 @@ from erc_contact.model.model import Model
 from erc_contact.model.motions import nearest_motion, rigid_motions
 from erc_contact.model.trace import split
 from erc_contact.model.values import DATA_DEGREE
+from namedmesh.for_solvers import spread
+from namedmesh.simplex import lattice
 
 REST_ROUND_OFF = 1e-14
 """Gap or displacement over the size of a body that counts as none [-]."""

@@ -17,13 +17,13 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.base.progress import at
-from erc_contact.base.releases import not_a_number
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
 from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
+from namedmesh.base.communicators import lasting
+from namedmesh.base.releases import not_a_number
 
 SNES_PREFIX = "erc_contact_"
 """Prefix of PETSc options, as in ``-erc_contact_snes_monitor``.

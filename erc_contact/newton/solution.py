@@ -11,12 +11,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.html import table
-from erc_contact.base.ranks import greatest
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.tags import listed
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.foundation import ContactOnMesh
@@ -39,6 +34,10 @@ from erc_contact.newton.methods import Method
 from erc_contact.newton.rest import REST_ROUND_OFF, displacement_at_rest, displacement_back_at_rest
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
+from namedmesh import Domain
+from namedmesh.base.html import table
+from namedmesh.base.ranks import greatest
+from namedmesh.for_solvers import in_space, listed
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,11 +24,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
-from erc_contact.mesh.domain import Domain
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.newton.after import check_after, last_step
@@ -50,6 +48,8 @@ from erc_contact.newton.preload import (
 )
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
 
 MULTIGRID_FROM = {
     (2, 1): (2_000_000, 8_000),

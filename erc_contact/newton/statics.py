@@ -31,14 +31,14 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import together
-from erc_contact.base.percent import place_words
-from erc_contact.base.ranks import from_first, gathered
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.friction import CONCAVE, CONSTANT
 from erc_contact.model.model import Model
 from erc_contact.model.trace import tangents
+from namedmesh.base.percent import place_words
+from namedmesh.base.ranks import from_first, gathered
 
 DIRECTIONS = 8
 """Number of sides of the polygon round the circle of friction in space."""

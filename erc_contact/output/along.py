@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.mesh.graphs import successors, to_chain_ends
 from erc_contact.output.drawing import coordinate, tangents, words
 from erc_contact.output.gathered import AXIS, WholeContact, mean_normal
+from namedmesh.for_solvers import successors, to_chain_ends
 
 PART_DISTANCE = 0.05
 """Distance between parts of a contact along it, as a share of its length [-]."""

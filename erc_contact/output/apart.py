@@ -23,10 +23,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from erc_contact.mesh.closest import closest
-from erc_contact.mesh.graphs import components
-from erc_contact.mesh.rows import in_space
 from erc_contact.output.gathered import WholeContact, mean_normal
+from namedmesh.for_solvers import closest, components, in_space
 
 FADING = 3.0
 """Depth in which a recess fades out, over its greatest depth at the surface [-]."""

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.simplex import bernstein, edges, lagrange, node_between, node_vertices
 from erc_contact.output.files import degree_of, grid_of, subdivide
+from namedmesh.simplex import bernstein, edges, lagrange, node_between, node_vertices
 
 DIVISIONS = 6
 """Greatest number of straight parts of a curved edge."""

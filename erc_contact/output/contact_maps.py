@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.names import in_picture
-from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.status import OPEN
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
@@ -25,6 +23,8 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import subdivide
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
+from namedmesh.base.names import in_picture
+from namedmesh.simplex import bernstein
 
 MAP_DIVISIONS = 4
 """Number of parts of an edge of a facet in the maps of tractions."""

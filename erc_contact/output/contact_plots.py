@@ -13,8 +13,6 @@ import numpy as np
 
 from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.names import in_picture
-from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.status import OPEN
 from erc_contact.output.along import along, through_means
 from erc_contact.output.contact_maps import contact_maps
@@ -29,6 +27,8 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS, subdivide
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
+from namedmesh.base.names import in_picture
+from namedmesh.simplex import bernstein
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
 """Colours of the curves of pressure and shear."""

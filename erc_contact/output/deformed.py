@@ -20,12 +20,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.checks import positive
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.names import in_picture
-from erc_contact.base.ranks import greatest
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.rows import in_space
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
 from erc_contact.output.bodies import DIVISIONS, Skin, outline, sample, skin_of, straight
@@ -59,6 +55,10 @@ from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import ShownPart, upward, views_of
 from erc_contact.output.windows import contact_zone, window_around
 from erc_contact.results.stresses import linear_mises
+from namedmesh.base.checks import positive
+from namedmesh.base.names import in_picture
+from namedmesh.base.ranks import greatest
+from namedmesh.for_solvers import in_space
 
 STRAIN_ROUND_OFF = 1e-12
 """Strain that is round-off, over the displacement over the size of the body [-]."""

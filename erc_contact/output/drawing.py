@@ -14,9 +14,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import place_words
 from erc_contact.model.model import Model
 from erc_contact.output.files import STYLE, on_root
+from namedmesh.base.percent import place_words
 
 COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Colours of curves that the colour-blind can tell apart.

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.names import in_picture
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import LoadingHistory
-from erc_contact.mesh.simplex import lagrange, rule
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.status import OPEN
 from erc_contact.output.deformed import draw_deformed, magnification
@@ -27,6 +25,8 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import on_root
 from erc_contact.output.foundations import round_factor
 from erc_contact.output.placing import panels
+from namedmesh.base.names import in_picture
+from namedmesh.simplex import lagrange, rule
 
 ZONE_POINTS = 400
 """Number of points along a contact in the picture of its zones."""

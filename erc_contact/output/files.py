@@ -16,8 +16,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, on_rank
-from erc_contact.base.names import printable
-from erc_contact.mesh.simplex import lattice, node_between
+from namedmesh.base.names import printable
+from namedmesh.simplex import lattice, node_between
 
 STYLE = {
     "font.family": "STIXGeneral",

@@ -23,12 +23,12 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.simplex import edges
 from erc_contact.model.status import OPEN
 from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal
+from namedmesh.for_solvers import in_space
+from namedmesh.simplex import edges
 
 FOUNDATION_REACH = 0.15
 """Share of the body's size below which a gap has its foundation drawn [-]."""

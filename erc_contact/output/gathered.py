@@ -15,15 +15,15 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.base.ranks import global_numbers
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.simplex import at_nodes, determinants, node_between, node_vertices
 from erc_contact.model.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gather
+from namedmesh import Domain
+from namedmesh.base.ranks import global_numbers
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import in_space
+from namedmesh.simplex import at_nodes, determinants, node_between, node_vertices
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""

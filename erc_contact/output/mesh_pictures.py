@@ -10,14 +10,14 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.percent import percent
 from erc_contact.error.runs import AdaptiveRun, MeshErrors
-from erc_contact.mesh.domain import Domain
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_mesh, letters_of
 from erc_contact.output.views import SPACE, WORDS, ShownPart, corners_seen, show, views_of
+from namedmesh import Domain
+from namedmesh.base.percent import percent
 
 MOST_MESHES = {2: 6, 3: 3}
 """Greatest number of meshes in a new figure, for each dimension."""

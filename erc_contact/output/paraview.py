@@ -17,14 +17,14 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.names import file_stem
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.simplex import bernstein, lagrange, nodes
 from erc_contact.output.files import PARTS, gather, grid_of, on_root, save_grid, subdivide
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.states import state, states_of
 from erc_contact.results.stresses import cell_stresses
+from namedmesh.base.names import file_stem
+from namedmesh.for_solvers import in_space
+from namedmesh.simplex import bernstein, lagrange, nodes
 
 
 def write_fields(error: ConstitutiveError, folder: str | Path) -> None:

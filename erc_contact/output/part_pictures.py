@@ -13,20 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.names import in_picture
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.parts_table import NAMELESS, facets_of_parts
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import of_facets, outward_normals
 from erc_contact.output.bodies import skin_of, straight
 from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
 from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_mesh
 from erc_contact.output.views import SPACE, ShownPart, corners_seen, show, views_of
+from namedmesh import Domain
+from namedmesh.base.checks import description
+from namedmesh.base.names import in_picture
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import NAMELESS, boundary_sides, facets_of_parts, in_space
+from namedmesh.simplex import of_facets, outward_normals
 
 INSIDE = 0.004
 """Distance of a line of a part from its side, over the size of the body [-]."""

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.base.names import file_stem
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.bodies import skin_of
 from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned
@@ -24,6 +23,7 @@ from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.views import upward, views_of
 from erc_contact.output.windows import YIELDED, window_around
 from erc_contact.results.states import state, states_of
+from namedmesh.base.names import file_stem
 
 
 def draw_error(

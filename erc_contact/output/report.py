@@ -17,18 +17,18 @@ from pathlib import Path
 from typing import Any
 
 from erc_contact.base.code import code_of, definitions, without_paths
-from erc_contact.base.html import table
-from erc_contact.base.names import file_stem, printable
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.parts import shape_in_words
 from erc_contact.model.forces import Force
 from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
+from namedmesh import Domain
+from namedmesh.base.html import table
+from namedmesh.base.names import file_stem, printable
+from namedmesh.for_solvers import shape_in_words
 
 PAGE_STYLE = """
 body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: white;

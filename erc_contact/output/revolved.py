@@ -17,7 +17,6 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.simplex import node_vertices
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.output.bodies import Skin, skin_of
 from erc_contact.output.deformed import (
@@ -33,6 +32,7 @@ from erc_contact.output.foundations import round_factor
 from erc_contact.output.gathered import whole_body
 from erc_contact.output.maps import draw_map
 from erc_contact.output.views import views_of
+from namedmesh.simplex import node_vertices
 
 STEP = 4.0
 """Greatest angle of a step around the axis [degrees]."""

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from erc_contact.error.runs import LoadingHistory
-from erc_contact.mesh.domain import Domain
 from erc_contact.output.files import gather, new_vtkhdf, on_root, vtk_cells
 from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
+from namedmesh import Domain
 
 
 def write_series(history: LoadingHistory, path: str | Path) -> None:

@@ -11,12 +11,12 @@ from dataclasses import asdict
 
 import numpy as np
 
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.maximum import Maximum
 from erc_contact.newton.plausibility import beyond_theory
 from erc_contact.scene.potential import has_potential
+from namedmesh.base.percent import percent
 
 BOUND = "bound"
 """Kind of a statement that is proved."""

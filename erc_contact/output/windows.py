@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.ranks import greatest
 from erc_contact.model.status import OPEN
 from erc_contact.output.files import gather
 from erc_contact.results.states import ACCUMULATED, state, states_of
+from namedmesh.base.ranks import greatest
 
 BESIDE = 0.75
 """What is shown beside a zone, over its longest side [-]."""

@@ -16,11 +16,11 @@ import numpy as np
 from erc_contact.admissible.fields import sides_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.rows import in_space
-from erc_contact.mesh.simplex import bernstein, coefficients, mass, nodes, of_facets
 from erc_contact.model.forces import Force, by_cause, total_force
 from erc_contact.model.model import Model
 from erc_contact.scene.contact import Symmetry
+from namedmesh.for_solvers import in_space
+from namedmesh.simplex import bernstein, coefficients, mass, nodes, of_facets
 
 MOST_COPIES = 400
 """Number of copies beyond which the planes are taken not to close a body."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange
 from erc_contact.model.meridian import BESIDE_AXIS
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.space import circumferences
+from namedmesh.simplex import barycentric, bernstein, lagrange
 
 BORDER = 1e-9
 """Difference of barycentric coordinates at the border of two sub-simplices [-]."""

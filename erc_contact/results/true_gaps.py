@@ -17,10 +17,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.closest import closest
-from erc_contact.mesh.quadrature import facet_pieces
-from erc_contact.mesh.simplex import lagrange
+from erc_contact.model.quadrature import facet_pieces
 from erc_contact.model.status import is_open
+from namedmesh.for_solvers import closest
+from namedmesh.simplex import lagrange
 
 
 def gap_deviation(result: Any, name: str) -> float:

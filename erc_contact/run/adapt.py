@@ -11,12 +11,10 @@ from pathlib import Path
 
 from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
-from erc_contact.base import checks
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.controller import GoalController
 from erc_contact.error.goals.perturbations import check_goal
 from erc_contact.error.strategy import Strategy
-from erc_contact.mesh.domain import Domain
 from erc_contact.newton.methods import Method
 from erc_contact.run.checkpoint import keep_run
 from erc_contact.run.fingerprint import fingerprint
@@ -26,6 +24,8 @@ from erc_contact.run.plan import DECISIVE, make_plan
 from erc_contact.run.step import Step
 from erc_contact.scene.goal import Goal
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
 
 
 def adapt(

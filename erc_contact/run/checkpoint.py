@@ -20,13 +20,14 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, on_rank, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.tables import describe_shape
 from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
 from erc_contact.run.levels import Damaged, Folder, Level
 from erc_contact.run.states import Restored, level_of
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.for_solvers import Geometry
+from namedmesh.tables import describe_shape
 
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.mesh.interface_map import Interface
-from erc_contact.mesh.simplex import determinants
-from erc_contact.mesh.tables import geometry_of
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
+from namedmesh.for_solvers import Interface
+from namedmesh.simplex import determinants
+from namedmesh.tables import geometry_of
 
 ERROR_NUMBERS = (
     "absolute",

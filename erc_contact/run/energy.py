@@ -72,8 +72,6 @@ from erc_contact.error.foundations import Sliding
 from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, spring_energy, strain_energy
-from erc_contact.mesh.closest import closest
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, projection, rule
 from erc_contact.model.carrying import carry_state
 from erc_contact.model.contacts import bind_contact
 from erc_contact.model.law_entries import place_of
@@ -81,6 +79,8 @@ from erc_contact.model.law_state import ValuesAt
 from erc_contact.model.model import Model
 from erc_contact.model.potential import StrainOf
 from erc_contact.newton.solution import Solution
+from namedmesh.for_solvers import closest
+from namedmesh.simplex import barycentric, bernstein, lagrange, projection, rule
 
 PLASTIC_STRAIN = "plastic_strain"
 """Name of the entry of a state, a tensor, whose growth takes work."""

@@ -11,12 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.html import table
-from erc_contact.base.names import file_stem
-from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.mesh.domain import Domain
 from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.files import on_root
@@ -31,6 +27,10 @@ from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base.html import table
+from namedmesh.base.names import file_stem
+from namedmesh.base.percent import percent
 
 NOTE = (
     "Error, scene, forces and body belong to the end of the last step. In the table of "

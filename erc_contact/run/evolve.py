@@ -12,11 +12,9 @@ from pathlib import Path
 
 from erc_contact.admissible.kernels import kernels_ahead
 from erc_contact.admissible.tighten.iteration import TIGHTEN
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Strategy
-from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import Method
 from erc_contact.run.checkpoint import keep_run
@@ -26,6 +24,8 @@ from erc_contact.run.plan import DECISIVE, check_callback, make_plan
 from erc_contact.run.time_row import TimeStep
 from erc_contact.run.walk import InTime, Walk
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
 
 
 def evolve(

@@ -28,17 +28,17 @@ from ufl.domain import extract_domains, extract_unique_domain
 
 from erc_contact.base.code import literal
 from erc_contact.base.exceptions import together
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.compiled import constants_with_ten_digits
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.versions import versions
-from erc_contact.mesh.domain import Domain
 from erc_contact.model.users import vector
 from erc_contact.model.values import parameter
 from erc_contact.scene.material import mandel_matrix, tensor_basis
 from erc_contact.scene.potential import has_potential
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base.communicators import lasting
 
 DIGITS = 9
 """Digits that make coordinates the same [-], relative to the extent of the body."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import log, sqrt
 
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import DOUBT, PREDICTIVE_ERROR, size_map
 from erc_contact.run.step import Step
+from namedmesh.base.percent import percent
 
 FORESEEN_FALL = 2.0
 """Greatest fall of the error to an accuracy over which cells are foreseen [-].

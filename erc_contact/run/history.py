@@ -12,15 +12,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.html import table
-from erc_contact.base.names import file_stem
-from erc_contact.base.percent import percent
 from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.slip_share import small_slips
-from erc_contact.mesh.domain import Domain
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.deformed import add_near, draw_deformed
@@ -38,6 +34,10 @@ from erc_contact.run.columns import Column, header, line, page_rows
 from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
 from erc_contact.run.step import COLUMNS, Step, columns_of
+from namedmesh import Domain
+from namedmesh.base.html import table
+from namedmesh.base.names import file_stem
+from namedmesh.base.percent import percent
 
 
 @dataclass(frozen=True, eq=False)

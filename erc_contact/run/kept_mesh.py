@@ -18,13 +18,15 @@ from mpi4py import MPI
 
 from erc_contact.base.code import code_of, definitions
 from erc_contact.base.exceptions import InputError, on_rank
-from erc_contact.base.ranks import global_numbers
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.bodies import Geometry
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.interface_map import Interface
-from erc_contact.mesh.naming import Rules
-from erc_contact.mesh.tables import (
+from erc_contact.output.files import gather, vtk_cells
+from erc_contact.output.gathered import body_mesh
+from erc_contact.run.contents import check_domain
+from erc_contact.run.levels import Damaged, Level, pack, unpack
+from namedmesh import Domain
+from namedmesh.base.ranks import global_numbers
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import Geometry, Interface, Rules
+from namedmesh.tables import (
     CellRows,
     corner_places,
     describe_shape,
@@ -33,10 +35,6 @@ from erc_contact.mesh.tables import (
     rules_of,
     tag_tables,
 )
-from erc_contact.output.files import gather, vtk_cells
-from erc_contact.output.gathered import body_mesh
-from erc_contact.run.contents import check_domain
-from erc_contact.run.levels import Damaged, Level, pack, unpack
 
 FILE_NAME = "domain.vtkhdf"
 """Name of the file of the first mesh beside a report."""
@@ -140,7 +138,7 @@ def about_mesh(domain: Domain, tags: Mapping[str, np.ndarray]) -> dict[str, Any]
 
     Args:
         domain: The mesh.
-        tags: Its tags, of :func:`erc_contact.mesh.tables.tag_tables`.
+        tags: Its tags, of :func:`namedmesh.tables.tag_tables`.
 
     Raises:
         InputError: If its true shape cannot be kept.

@@ -29,8 +29,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.mesh.files.hdf5 import check_tables
 from erc_contact.run.contents import check_contents
+from namedmesh.for_solvers import check_tables
 
 FORMAT = 2
 """Number of the format of the files."""

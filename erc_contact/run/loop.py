@@ -14,16 +14,13 @@ from mpi4py import MPI
 from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
-from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.optimal import SizeMap
-from erc_contact.mesh.domain import Domain
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.methods import DEFAULT
 from erc_contact.newton.plausibility import DoubtsOfRun, check_upright
@@ -35,6 +32,9 @@ from erc_contact.run.foreseen import too_many_cells
 from erc_contact.run.history import History
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import Step, columns_of
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.base.percent import percent
 
 NEWTON_SHARE = 0.1
 """Share of e that Newton may leave when it stops certified [-]; it adds 0.5% to e.

@@ -13,17 +13,13 @@ from typing import Any
 import ufl
 from ufl.corealg.traversal import traverse_unique_terminals
 
-from erc_contact.base import checks
 from erc_contact.base.code import arguments
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
-from erc_contact.base.percent import percent
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.strategy import Mark, Strategy
-from erc_contact.mesh.bodies import Bodies
-from erc_contact.mesh.domain import Domain
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution
@@ -31,6 +27,10 @@ from erc_contact.run.step import Step
 from erc_contact.scene.goal import GOALS, Goal
 from erc_contact.scene.potential import BY_FORCE, refuse_potential
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.base.percent import percent
+from namedmesh.for_solvers import Bodies
 
 DECISIVE = ("method", "strategy", "degree", "stop", "tighten", "goal")
 """Arguments that decide on the meshes of a run and on their errors."""

@@ -2,7 +2,7 @@
 
 The file opens in ParaView as it is: body, displacement, eps_E, stresses (in single
 precision, nothing else needs them), as in ``body.vtkhdf``. Beside that it holds the
-tables of :mod:`erc_contact.mesh.tables` by the same numbers of nodes, and plain data. A
+tables of :mod:`namedmesh.tables` by the same numbers of nodes, and plain data. A
 level is restored without a contact solve: its admissible pair and its error follow from
 the displacement and the multipliers.
 
@@ -21,10 +21,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.releases import cell_nodes
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.mesh.domain import Domain, Geometry
-from erc_contact.mesh.tables import CellRows, tag_tables
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.after import last_step
@@ -41,6 +38,10 @@ from erc_contact.run.kept_mesh import about_mesh, drawn_tables, mesh_of
 from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import Geometry
+from namedmesh.tables import CellRows, tag_tables
 
 STATE = {
     "newton_steps": "newton_steps",

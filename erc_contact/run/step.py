@@ -6,8 +6,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from erc_contact.base.percent import percent
 from erc_contact.run.columns import Column
+from namedmesh.base.percent import percent
 
 CONTACT = "a contact"
 CURVED = "curved parts"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.base.percent import percent
 from erc_contact.run.columns import Column
+from namedmesh.base.percent import percent
 
 ROW_NUMBERS = (
     "time",

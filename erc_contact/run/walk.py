@@ -14,16 +14,13 @@ from time import perf_counter
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base import checks
 from erc_contact.base.exceptions import InputError, NotConverged, together
 from erc_contact.base.logs import log_of
-from erc_contact.base.percent import percent
 from erc_contact.base.progress import stage
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.mesh.domain import Domain
 from erc_contact.newton.after import check_after
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.plausibility import DoubtsOfRun
@@ -38,6 +35,9 @@ from erc_contact.run.loop import Loop, ending
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.time_row import SUMS, TimeStep, columns_of
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.base import checks
+from namedmesh.base.percent import percent
 
 HALVINGS = 8
 """How often a step is halved at most, one after the other."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from erc_contact.base.checks import positive
 from erc_contact.base.code import code_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.load import LOAD_MEMBERS, Load
+from namedmesh.base.checks import positive
 
 
 def _numbers(what: str, direction: Sequence[float]) -> tuple[float, ...]:

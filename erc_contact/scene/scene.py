@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.html import table
 from erc_contact.scene.checks import round_off
 from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
@@ -39,6 +38,7 @@ from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.tied import Tied
 from erc_contact.scene.words import in_words
+from namedmesh.base.html import table
 
 MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 """Names of the members of a material."""

@@ -8,10 +8,10 @@ from math import isfinite
 from numbers import Real
 from typing import Any
 
-from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_vector
+from namedmesh.base.checks import is_number
 
 STIFFNESS = "a number >= 0 [force/length^3]"
 """What is allowed, in words."""

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.base.checks import description
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_tables import TableData, TableValue
+from namedmesh.base.checks import description
 
 
 class table:

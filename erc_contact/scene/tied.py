@@ -6,9 +6,9 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
-from erc_contact.base.checks import is_number
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import check_name
+from namedmesh.base.checks import is_number
 
 
 @dataclass(frozen=True)

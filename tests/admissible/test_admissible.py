@@ -31,7 +31,11 @@ from erc_contact.admissible.macro import macro_points, macro_stress
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.reference import bubbles, mandel, reference_map, tensors
 from erc_contact.admissible.sampled import lowering
-from erc_contact.mesh.simplex import (
+from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.expressions import evaluate
+from erc_contact.model.trace import split
+from erc_contact.scene.material import mandel_basis
+from namedmesh.simplex import (
     at_nodes,
     barycentric,
     bernstein,
@@ -42,10 +46,6 @@ from erc_contact.mesh.simplex import (
     mass,
     nodes,
 )
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.trace import split
-from erc_contact.scene.material import mandel_basis
 
 PAIRS = [(0, 1), (2, 1), (3, 1), (6, 1), (7, 1), (2, 2), (3, 2)]
 """Seeds of random scenes, degrees: scenes of other files, so that forms are shared."""

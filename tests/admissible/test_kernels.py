@@ -34,9 +34,9 @@ from erc_contact.admissible.tighten.complementary import ComplementaryEnergy, re
 from erc_contact.admissible.tighten.patches import Patches
 from erc_contact.admissible.tighten.tables import hierarchical
 from erc_contact.error.bulk import body_error
-from erc_contact.mesh.simplex import local_facet_nodes, nodes
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis
+from namedmesh.simplex import local_facet_nodes, nodes
 
 pytestmark = pytest.mark.serial
 dimensions, degrees = (

@@ -17,9 +17,9 @@ from erc_contact.admissible.axisymmetric.tighten import _Energy, tighten_forces
 from erc_contact.admissible.cells import cell_geometry, moments_of_cells
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.tighten.iteration import Ending
-from erc_contact.mesh.simplex import barycentric, bernstein, rule
 from erc_contact.model.meridian import nodes_on_axis, off_axis
 from erc_contact.model.model import Model
+from namedmesh.simplex import barycentric, bernstein, rule
 
 pytestmark = pytest.mark.serial
 with_and_without_axis = pytest.mark.parametrize("inner_radius", [0.0, 0.4])

@@ -34,8 +34,8 @@ from erc_contact.admissible.tighten import iteration
 from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
-from erc_contact.mesh.simplex import local_facet_nodes, mass
 from erc_contact.model.model import Model
+from namedmesh.simplex import local_facet_nodes, mass
 
 STEPS = (0, 1, 3)
 BALANCE = 1e-10

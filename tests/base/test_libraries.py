@@ -25,37 +25,38 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import SWITCH
 from erc_contact.newton.linear import mumps
 
-PACKAGE = Path(ec.__file__).parent
+ROOT = Path(ec.__file__).parents[1]
+PATHS = [*(ROOT / "namedmesh").rglob("*.py"), *(ROOT / "erc_contact").rglob("*.py")]
 
 PRIVATE = {
-    "base/runtime/compiled.py": {
+    "erc_contact/base/runtime/compiled.py": {
         "_counter",
         "_cache",
         "_ufl_typecode_",
         "_ufl_is_terminal_",
     },
-    "base/runtime/form_library.py": {
+    "erc_contact/base/runtime/form_library.py": {
         "_compilation_signature",
         "_compute_option_signature",
     },
-    "base/runtime/parts.py": {"_cache"},
-    "base/runtime/patches.py": {"_method_cache"},
-    "base/ufl_tables.py": {"_handlers_cache"},
-    "mesh/graphs.py": {"_cpp_object"},
-    "mesh/partition.py": {"_cpp_object"},
+    "erc_contact/base/runtime/parts.py": {"_cache"},
+    "erc_contact/base/runtime/patches.py": {"_method_cache"},
+    "erc_contact/base/ufl_tables.py": {"_handlers_cache"},
+    "namedmesh/graphs.py": {"_cpp_object"},
+    "namedmesh/partition.py": {"_cpp_object"},
 }
 """Private attributes of objects of other libraries, by the module that uses them."""
 UNPROMISED = {
-    "dolfinx.jit.ffcx_jit": "base/runtime/compiled.py",
-    "dolfinx.jit.mpi_jit_decorator": "base/runtime/form_library.py",
-    "dolfinx.jit.get_options": "base/runtime/form_library.py",
-    "ffcx.compiler.compile_ufl_objects": "base/releases.py",
-    "ffcx.codegeneration.jit.UFC_FORM_DECL": "base/runtime/form_library.py",
-    "ffcx.naming.compute_signature": "base/runtime/form_library.py",
-    "ufl.algorithms.apply_derivatives.GenericDerivativeRuleset": "base/ufl_tables.py",
-    "ufl.corealg.dag_traverser.DAGTraverser": "base/runtime/patches.py",
-    "dolfinx.cpp.la.petsc.create_matrix": "base/sparse.py",
-    "dolfinx.cpp.mesh.entities_to_geometry": "mesh/partition.py",
+    "dolfinx.jit.ffcx_jit": "erc_contact/base/runtime/compiled.py",
+    "dolfinx.jit.mpi_jit_decorator": "erc_contact/base/runtime/form_library.py",
+    "dolfinx.jit.get_options": "erc_contact/base/runtime/form_library.py",
+    "ffcx.compiler.compile_ufl_objects": "namedmesh/base/releases.py",
+    "ffcx.codegeneration.jit.UFC_FORM_DECL": "erc_contact/base/runtime/form_library.py",
+    "ffcx.naming.compute_signature": "erc_contact/base/runtime/form_library.py",
+    "ufl.algorithms.apply_derivatives.GenericDerivativeRuleset": "erc_contact/base/ufl_tables.py",
+    "ufl.corealg.dag_traverser.DAGTraverser": "erc_contact/base/runtime/patches.py",
+    "dolfinx.cpp.la.petsc.create_matrix": "erc_contact/base/sparse.py",
+    "dolfinx.cpp.mesh.entities_to_geometry": "namedmesh/partition.py",
 }
 """Names of other libraries that no page of theirs promises to users -> module that uses them."""
 CHANGED = "print('same', dolfinx.jit.ffcx_jit is before, Constant(mesh, 1.0).count() < 100)\n"
@@ -79,7 +80,7 @@ ec.adapt(scene, block, accuracy=0.5)
 def private_names():
     """The private names that a module reads or sets on objects, or gives as words, and that no module defines."""
     used, own = {}, set()
-    for path in PACKAGE.rglob("*.py"):
+    for path in PATHS:
         for node in ast.walk(ast.parse(path.read_text())):
             name = getattr(node, "attr", None) or getattr(node, "value", None)
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -100,7 +101,7 @@ def private_names():
             elif isinstance(node, ast.Attribute | ast.Constant) and re.fullmatch(
                 r"_[a-z]\w*", str(name)
             ):
-                used.setdefault(str(path.relative_to(PACKAGE)), set()).add(name)
+                used.setdefault(str(path.relative_to(ROOT)), set()).add(name)
     left = {module: names - own for module, names in used.items()}
     return {module: names for module, names in left.items() if names}
 
@@ -140,7 +141,7 @@ def test_private_names_exist(block):
     for module, names in PRIVATE.items():
         for name in names & owners.keys():  # of the rest some interpreters have none
             assert hasattr(owners[name], name), (
-                f"{type(owners[name])} has no {name}: look at erc_contact/{module}"
+                f"{type(owners[name])} has no {name}: look at {module}"
             )
 
 
@@ -150,7 +151,7 @@ def test_names_exist_that_nobody_promises(name, module):
     try:
         named(name)
     except (ImportError, AttributeError) as failure:
-        raise AssertionError(f"{name} is gone: look at erc_contact/{module}") from failure
+        raise AssertionError(f"{name} is gone: look at {module}") from failure
 
 
 @pytest.mark.serial

@@ -11,13 +11,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_imports import PACKAGE
+from test_imports import MESHES, PACKAGE
 
 import erc_contact as ec
-from erc_contact.base import releases
-from erc_contact.mesh.gmsh_session import has_netgen
-from erc_contact.mesh.joining import filling
 from erc_contact.output import gallery, views
+from namedmesh.base import releases
+from namedmesh.gmsh_session import has_netgen
+from namedmesh.joining import filling
 
 pytestmark = pytest.mark.serial
 BRIDGED = r"\.dofmaps\[0\]|\.cmaps\[0\]|\.dofmap\b(?!\.)|compile_ufl_objects|extra_domain_integral"
@@ -44,7 +44,8 @@ def test_old_cffi_is_refused():
 
 
 def test_one_module_knows_releases():
-    others = [path for path in PACKAGE.rglob("*.py") if path.name != "releases.py"]
+    paths = [*MESHES.rglob("*.py"), *PACKAGE.rglob("*.py")]
+    others = [path for path in paths if path.name != "releases.py"]
     assert len(others) > 300
     asking = [path.name for path in others if re.search(BRIDGED, path.read_text())]
     assert [name for name in asking if name not in ("points.py", "space.py", "surface.py")] == []

@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from processes import ROOT
 
-MODULES = sorted((ROOT / "erc_contact").rglob("*.py"))
+MODULES = sorted(
+    path for package in ("namedmesh", "erc_contact") for path in (ROOT / package).rglob("*.py")
+)
 BARE = {"one", "other", "rest", "both", "own"}
 """Words that stand before a noun and are no name."""
 IDIOMS = ("at", "each", "of its", "of their")

@@ -27,7 +27,7 @@ from erc_contact.admissible.elastic import elastic_stress, strains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.error.lifting import lifting
 from erc_contact.error.load_work import load_work
-from erc_contact.mesh.simplex import bernstein
+from namedmesh.simplex import bernstein
 
 TRESCA = ec.Tresca(0.0015)
 

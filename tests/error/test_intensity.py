@@ -21,8 +21,8 @@ from test_cracks import measured as certified
 import erc_contact as ec
 from erc_contact.base.runtime import compiled
 from erc_contact.error.goals.singular_strain import INNER_SHARE, SingularStrain
-from erc_contact.mesh.gmsh_session import session
 from erc_contact.model.expressions import Everywhere
+from namedmesh.gmsh_session import session
 
 COMM = MPI.COMM_WORLD
 E, NU = 1000.0, 0.3

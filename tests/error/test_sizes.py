@@ -21,12 +21,12 @@ from scenes import block, common_block, greco, mostly_serial, prototype_block
 from test_remesh import MESHES
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
 from erc_contact.error.sizes import RATIO
-from erc_contact.mesh.nodal import GROW, NodalMesh
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results import OPEN, SLIP, STICK
 from erc_contact.run.foreseen import foresee_by_sizes, foresee_cells
+from namedmesh.base.releases import cell_nodes
+from namedmesh.nodal import GROW, NodalMesh
 
 
 def measured(scene, domain, tighten=0):

@@ -24,13 +24,13 @@ from test_split import facet_corners
 from test_two_bodies import METHODS, certified
 
 import erc_contact as ec
-from erc_contact.mesh.partition import patches_complete
-from erc_contact.mesh.tables import describe_shape, geometry_of
 from erc_contact.model.promises import bind
 from erc_contact.model.trace import Side, Trace
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
 from erc_contact.run.states import Restored, level_of
+from namedmesh.partition import patches_complete
+from namedmesh.tables import describe_shape, geometry_of
 
 SIDES = ("upper bottom", "lower top")
 GRADIENT = 1e-3 * np.array([[-10.0, 1.0, 0.0], [1.0, -12.0, 0.5], [0.0, 0.5, -9.0]])

@@ -20,7 +20,7 @@ from scenes import mostly_serial
 from test_split import tagged
 
 import erc_contact as ec
-from erc_contact.mesh.gmsh_session import session
+from namedmesh.gmsh_session import session
 
 COMM = MPI.COMM_WORLD
 E, NU, MU, PRESSURE = 1000.0, 0.3, 0.3, 1.0

@@ -5,8 +5,8 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
 from erc_contact.model.expressions import function_at
+from namedmesh.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - MPI first
 from dolfinx import fem, mesh  # isort: skip

@@ -19,8 +19,8 @@ from test_two_bodies import vector
 from two_bodies import random_joint
 
 import erc_contact as ec
-from erc_contact.mesh.tags import tags_of
 from erc_contact.model.groups import NOBODY, Groups
+from namedmesh.tags import tags_of
 
 COMM = MPI.COMM_WORLD
 METHODS = (ec.Nitsche(), ec.AugmentedLagrangian())

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from scenes import mostly_serial
 
 import erc_contact as ec
-from erc_contact.mesh.tags import tags_of
+from namedmesh.tags import tags_of
 
 COMM = MPI.COMM_WORLD
 METHODS = {"Nitsche": ec.Nitsche(), "Lagrangian": ec.AugmentedLagrangian()}

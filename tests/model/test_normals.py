@@ -17,13 +17,13 @@ from mpi4py import MPI
 from reference import nested, true_errors
 
 import erc_contact as ec
-from erc_contact.mesh.normals import vertex_normals
-from erc_contact.mesh.simplex import barycentric, bernstein, lagrange, outward_normals, rule
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.normals import normal_field
 from erc_contact.model.trace import interpolate_normals
 from erc_contact.model.turning import Turning
+from namedmesh.normals import vertex_normals
+from namedmesh.simplex import barycentric, bernstein, lagrange, outward_normals, rule
 
 COMM = MPI.COMM_WORLD
 E, NU = 210.0, 0.3
@@ -294,7 +294,7 @@ def test_flat_sides_ask_nothing_of_the_drawing(monkeypatch):
     domain = domain.split({"top": "low", "bottom": "high"})
     supports = [ec.Displacement("foot", (0.0, 0.0)), ec.Displacement("roof", (0.0, -0.01))]
     scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=ec.Contact("top", against="bottom"))
-    monkeypatch.setattr("erc_contact.mesh.shape.session", None)
+    monkeypatch.setattr("namedmesh.shape.session", None)
     contact = Model(scene, domain, 1, None).contacts[0]
     assert contact.trace.corner_normals is None
 

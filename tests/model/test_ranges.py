@@ -10,10 +10,10 @@ import pytest
 import ufl
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
 from erc_contact.model.array_code import UnknownOperatorError
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.ranges import Ranges, ranges_of
+from namedmesh.base.releases import cell_nodes
 
 pytestmark = pytest.mark.serial
 DOMAIN = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 3))

@@ -23,8 +23,8 @@ from scenes import mostly_serial
 from test_bad_input import refused
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
 from erc_contact.scene.words import in_words
+from namedmesh.base.releases import cell_nodes
 
 from dolfinx import mesh as dmesh  # isort: skip - after erc_contact, which loads MPI first
 

@@ -18,10 +18,10 @@ from extreme_bodies import block
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import cell_stress
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import friction_parameters
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.trace import split
+from namedmesh.simplex import rule
 
 pytestmark = pytest.mark.serial
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]

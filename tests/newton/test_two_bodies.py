@@ -19,9 +19,9 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.releases import cell_nodes
 from erc_contact.output.evolutions import moving_side, plot_loop, plot_zones
 from erc_contact.scene.material import mandel_basis
+from namedmesh.base.releases import cell_nodes
 
 import gmsh  # isort: skip - after erc_contact, as in all tests
 

@@ -28,10 +28,10 @@ from test_output import check_picture, read
 import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.base.code import code_of, definitions
-from erc_contact.base.percent import percent
 from erc_contact.output import gallery
 from erc_contact.output.verdict import of_maxima, verdict
 from erc_contact.run.history import COLUMNS
+from namedmesh.base.percent import percent
 
 COMM = MPI.COMM_WORLD
 

@@ -19,7 +19,13 @@ CODE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 BLOCK = re.compile(r"^```(?:python|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 WIDTH = 88
 """Greatest number of characters of a line of code on a page."""
-PACKAGES = sorted({module.parent for module in (ROOT / "erc_contact").rglob("*.py")})
+PACKAGES = sorted(
+    {
+        module.parent
+        for package in ("namedmesh", "erc_contact")
+        for module in (ROOT / package).rglob("*.py")
+    }
+)
 PRONOUNS = 0.2
 """Greatest number of "that of" and "those of" in 1000 words."""
 pytestmark = pytest.mark.serial

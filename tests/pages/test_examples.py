@@ -13,15 +13,16 @@ import pytest
 from processes import ROOT
 
 import erc_contact as ec
+import namedmesh
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.tighten.tables import MacroTable
 from erc_contact.error.laws import LawError
-from erc_contact.mesh.joining.curve import Curve
-from erc_contact.mesh.quadrature import Cuts, integrate
-from erc_contact.mesh.simplex import bernstein
 from erc_contact.model.constitution import Constitution
+from erc_contact.model.quadrature import Cuts, integrate
 from erc_contact.model.trace import Side, Trace
+from namedmesh.joining.curve import Curve
+from namedmesh.simplex import bernstein
 
 import gmsh  # isort: skip - after erc_contact, as in all tests
 
@@ -74,7 +75,7 @@ def square(tmp_path_factory):
 @pytest.fixture(scope="module")
 def shared(square):
     """Names that all examples know; they write to a folder of their own."""
-    names = {"gmsh": gmsh}
+    names = {"gmsh": gmsh, "nm": namedmesh}
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(square)
         for block in CODE.findall(PAGE.read_text()):

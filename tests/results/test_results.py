@@ -18,7 +18,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact import results
-from erc_contact.mesh.graphs import order_along_curves
+from namedmesh.graphs import order_along_curves
 
 COMM = MPI.COMM_WORLD
 

@@ -24,11 +24,11 @@ from processes import output, started, told
 from scenes import block, common_block, prototype_block
 
 import erc_contact as ec
-from erc_contact.base.percent import percent
 from erc_contact.base.runtime.interrupts import Interrupts
 from erc_contact.error.strategy import TIE, largest
 from erc_contact.error.strategy import refined as refined_if_allowed
 from erc_contact.run.levels import Folder
+from namedmesh.base.percent import percent
 
 CORNER = 0.7112
 """Singular exponent of a clamped-free corner of 90 degrees, nu = 0.3."""
@@ -256,7 +256,7 @@ def test_memory_that_ends_on_one_rank(rank):
 MEMORY = """
 import resource
 import erc_contact as ec
-from erc_contact.base.percent import percent
+from namedmesh.base.percent import percent
 from mpi4py import MPI
 
 scene = ec.Scene(

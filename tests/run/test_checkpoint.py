@@ -32,14 +32,14 @@ from processes import output, started, told
 from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
-from erc_contact.mesh.tables import CellRows, describe_shape, geometry_of, tag_tables
-from erc_contact.mesh.tags import NO_TAG
 from erc_contact.output.paraview import write_fields
 from erc_contact.run import levels
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.run.levels import BLOCK, Damaged, Folder, pack, unpack
 from erc_contact.run.states import level_of
+from namedmesh.base.releases import cell_nodes
+from namedmesh.tables import CellRows, describe_shape, geometry_of, tag_tables
+from namedmesh.tags import NO_TAG
 
 COMM = MPI.COMM_WORLD
 MESHES = Path(__file__).parents[2] / "meshes"

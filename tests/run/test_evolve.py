@@ -30,14 +30,14 @@ from test_bad_input import refused
 from test_report import Page, page_alone
 
 import erc_contact as ec
-from erc_contact.base.percent import percent
 from erc_contact.base.runtime import compiled
 from erc_contact.error.contact import contact_parts
 from erc_contact.error.works import friction_works
-from erc_contact.mesh.simplex import bernstein, lagrange, rule
 from erc_contact.run.energy import energies
 from erc_contact.run.evolution import _slides
 from erc_contact.run.walk import Walk
+from namedmesh.base.percent import percent
+from namedmesh.simplex import bernstein, lagrange, rule
 
 COMM = MPI.COMM_WORLD
 MESHES = Path(__file__).parents[2] / "meshes"

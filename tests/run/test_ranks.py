@@ -16,7 +16,7 @@ from mpi4py import MPI
 from scenes import block, random_scene
 
 import erc_contact as ec
-from erc_contact.base.releases import cell_nodes
+from namedmesh.base.releases import cell_nodes
 
 pytestmark = pytest.mark.ranks
 

@@ -19,12 +19,12 @@ from scenes import block, common_block
 
 import erc_contact as ec
 from erc_contact.admissible.cones import Cones
-from erc_contact.mesh.closest import closest
 from erc_contact.model.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.trace import split
 from erc_contact.scene.law import project
 from erc_contact.scene.material import strain
+from namedmesh.closest import closest
 
 pytestmark = pytest.mark.serial
 

@@ -21,11 +21,11 @@ from processes import output, started
 from scenes import two_squares
 
 import erc_contact as ec
-from erc_contact.mesh import gmsh_session as our_session
-from erc_contact.mesh.shape import Drawing
 from erc_contact.model.promises import bind
 from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
+from namedmesh import gmsh_session as our_session
+from namedmesh.shape import Drawing
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Elastic(E=1.0, nu=0.3)

@@ -15,9 +15,9 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
-from erc_contact.mesh.simplex import mass
 from erc_contact.model.meridian import nodes_on_axis, off_axis, without_axis
 from erc_contact.model.model import Model
+from namedmesh.simplex import mass
 
 
 def axisymmetric_bulk(given: Reconstruction) -> BulkStress:

@@ -35,8 +35,11 @@ from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import bubbles, reference_map
-from erc_contact.mesh.quadrature import cell_pieces
-from erc_contact.mesh.simplex import (
+from erc_contact.model.constitution import ElasticMatrix
+from erc_contact.model.meridian import ON_AXIS
+from erc_contact.model.model import Model
+from erc_contact.model.quadrature import cell_pieces
+from namedmesh.simplex import (
     barycentric,
     bernstein,
     local_facet_nodes,
@@ -44,9 +47,6 @@ from erc_contact.mesh.simplex import (
     nodes,
     rule,
 )
-from erc_contact.model.constitution import ElasticMatrix
-from erc_contact.model.meridian import ON_AXIS
-from erc_contact.model.model import Model
 
 VERTICES = 3
 """Vertices, facets and pieces of a cell."""

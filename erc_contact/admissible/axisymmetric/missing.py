@@ -18,7 +18,7 @@ import numpy as np
 from erc_contact.admissible.axisymmetric.elements import Elements, on_pieces, times_linear
 from erc_contact.admissible.axisymmetric.kernels import ring_kernels
 from erc_contact.admissible.reference import named_nodes
-from erc_contact.mesh.simplex import gradients, local_facet_nodes, node_vertices
+from namedmesh.simplex import gradients, local_facet_nodes, node_vertices
 
 
 def missing_forces(

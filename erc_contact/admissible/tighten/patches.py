@@ -40,8 +40,8 @@ import numpy as np
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.tighten.tables import stress_map, upper_entries
-from erc_contact.mesh.simplex import facet_vertices, nodes
 from erc_contact.model.space import Space
+from namedmesh.simplex import facet_vertices, nodes
 
 
 class Patches:

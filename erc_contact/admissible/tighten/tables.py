@@ -22,7 +22,8 @@ import numpy as np
 
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import bubbles, reference_map
-from erc_contact.mesh.simplex import (
+from erc_contact.scene.material import mandel_basis
+from namedmesh.simplex import (
     bernstein,
     coefficients,
     facet_vertices,
@@ -30,7 +31,6 @@ from erc_contact.mesh.simplex import (
     mass,
     nodes,
 )
-from erc_contact.scene.material import mandel_basis
 
 
 class Sparse(NamedTuple):

@@ -42,12 +42,12 @@ from dolfinx import jit as dolfinx_jit
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-from erc_contact.base.releases import c_code, other_domains
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.base.runtime.form_library import compile_objects
 from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.runtime.patches import method_caches_off, refused, replaced
 from erc_contact.base.ufl_types import Ufl
+from namedmesh.base.communicators import lasting
+from namedmesh.base.releases import c_code, other_domains
 
 FIRST_NUMBER = 10**9
 """Number of the package's first Constant; the user's Constants begin with 0."""

@@ -69,7 +69,7 @@ def compile_objects(
     Args:
         sources: Forms, and pairs of an expression and its reference points.
         options: Options of FFCx.
-        c_code: Writes the code, see :func:`erc_contact.base.releases.c_code`.
+        c_code: Writes the code, see :func:`namedmesh.base.releases.c_code`.
 
     Raises:
         RuntimeError: If the C compiler fails.

@@ -19,12 +19,12 @@ import numpy as np
 from erc_contact.base.exceptions import ErcContactError
 from erc_contact.error.coulomb.coupling import coupling
 from erc_contact.error.coulomb.surface import CoulombSurface, coulomb_surface
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.nodal import NodalMesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.solver import Traces
+from namedmesh import Domain
+from namedmesh.for_solvers import NodalMesh
 
 MOST_CELLS = {2: 1000, 3: 3000}
 """Greatest number of cells of a coarser mesh, by dimension."""

@@ -15,7 +15,13 @@ from functools import cache
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.mesh.simplex import (
+from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.friction import PROPORTIONAL
+from erc_contact.model.last_step import interpolate
+from erc_contact.model.model import Model
+from erc_contact.model.trace import interpolate_normals, split
+from namedmesh.simplex import (
     barycentric,
     bernstein,
     lagrange,
@@ -24,12 +30,6 @@ from erc_contact.mesh.simplex import (
     nodes,
     rule,
 )
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.friction import PROPORTIONAL
-from erc_contact.model.last_step import interpolate
-from erc_contact.model.model import Model
-from erc_contact.model.trace import interpolate_normals, split
 
 EDGE_COSINE = 0.87
 """Least cosine of the angle between normals of a smooth foundation [-].

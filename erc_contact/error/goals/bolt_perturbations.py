@@ -18,10 +18,10 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.bolts import has_forces
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.mesh.tags import listed
 from erc_contact.scene.goal import BoltForce, GoalOfBolt, Shortening
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
+from namedmesh.for_solvers import listed
 
 
 def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Perturbation:

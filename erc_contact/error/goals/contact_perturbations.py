@@ -19,7 +19,6 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.ranks import union
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_load
@@ -29,6 +28,7 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.scene import Scene
+from namedmesh.base.ranks import union
 
 NO_WORK = 1e-9
 """Jump of a motion on a contact that counts as none, over the motion [-]."""

@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 
 from erc_contact.base.exceptions import NotConverged
-from erc_contact.base.percent import percent
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.constants import CLOSE, COUNT, FACTOR, FIRST, GUESSES, LAST_COUNT, NEAR
 from erc_contact.error.goals.goal_error import goal_error, perturbation_or_number, with_lifting
@@ -23,6 +22,7 @@ from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import GoalError, Trials
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal
+from namedmesh.base.percent import percent
 
 
 class GoalController:

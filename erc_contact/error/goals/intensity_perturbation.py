@@ -22,21 +22,20 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.base.ranks import of_all
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import strain_work
-from erc_contact.mesh.quadrature import polynomials
-from erc_contact.mesh.sides import boundary_sides
-from erc_contact.mesh.simplex import rule
-from erc_contact.mesh.tags import listed
 from erc_contact.model.expressions import Everywhere
 from erc_contact.model.model import Model
+from erc_contact.model.quadrature import polynomials
 from erc_contact.scene.goal import StressIntensity
 from erc_contact.scene.scene import Scene
+from namedmesh.base.ranks import of_all
+from namedmesh.for_solvers import boundary_sides, listed
+from namedmesh.simplex import rule
 
 ON_LINE = 1e-6
 """Distance over the radius up to which facets are on the line of the crack [-]."""

@@ -32,7 +32,6 @@ from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.mesh.simplex import rule
 from erc_contact.model.contact_values import ContactData
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.model import Model
@@ -40,6 +39,7 @@ from erc_contact.model.space import circumferences
 from erc_contact.scene.goal import GoalOfContact, Opening, Slip
 from erc_contact.scene.load import Drive
 from erc_contact.scene.scene import Scene
+from namedmesh.simplex import rule
 
 
 def jump_perturbation(base: BaseScene, goal: GoalOfContact) -> Perturbation:

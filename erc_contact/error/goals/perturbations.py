@@ -22,8 +22,6 @@ from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
-from erc_contact.mesh.domain import Domain
-from erc_contact.mesh.tags import listed
 from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
 from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
@@ -45,6 +43,8 @@ from erc_contact.scene.goal import (
     StressIntensity,
 )
 from erc_contact.scene.scene import Scene
+from namedmesh import Domain
+from namedmesh.for_solvers import listed
 
 SAME = 1e-9
 """Change of a number by a motion that counts as none, over its size [-]."""

@@ -8,8 +8,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.base.runtime.communicators import lasting
 from erc_contact.model.rigid_shapes import translations_and_rotations
+from namedmesh.base.communicators import lasting
 
 AMG_PREFIX = "erc_contact_elastic_"
 """Prefix of PETSc options, as in ``-erc_contact_elastic_pc_type hypre``."""

@@ -19,11 +19,11 @@ import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from erc_contact.mesh.simplex import measures
 from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.over_ranks import matrix_of_ranks, sum_over_ranks
 from erc_contact.model.space import Space
 from erc_contact.model.trace import Side, dofs_of
+from namedmesh.simplex import measures
 
 GLUE_FACTOR = 10.0
 """gamma_0 of the glue [-]."""

@@ -37,7 +37,6 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
-from erc_contact.base.ranks import distinct_rows, from_first, gathered, of_all
 from erc_contact.model.model import Model
 from erc_contact.model.over_ranks import marked_by_any
 from erc_contact.model.trace import places_of
@@ -47,6 +46,7 @@ from erc_contact.newton.linear.jump_basis import JumpBasis
 from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorise
 from erc_contact.newton.linear.substructures import Substructures
 from erc_contact.newton.linear.traces import DenseTraces
+from namedmesh.base.ranks import distinct_rows, from_first, gathered, of_all
 
 DENSE = 1e6
 """Cube of the size of L over the number of unknowns from which S_L is only read.

@@ -1,0 +1,1 @@
+"""What every module of namedmesh may use: errors, arguments, ranks, progress, words."""

@@ -1,0 +1,230 @@
+"""Describe meshes of bodies: names, true shape, and the pairs of facets that face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Protocol, Self, cast, runtime_checkable
+
+import numpy as np
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from mpi4py import MPI
+
+from namedmesh import parts
+from namedmesh.base.exceptions import InputError
+from namedmesh.base.html import table
+from namedmesh.interface_map import Interface, InterfaceMap
+from namedmesh.named import NamedMesh
+from namedmesh.sides import facets_of_cells
+from namedmesh.surface import offset
+from namedmesh.tags import tag_table
+
+
+@runtime_checkable
+class Geometry(Protocol):
+    """Represent the true shape of a body: its surface, and how to mesh it again."""
+
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return the nearest points of the true surface [length]; collective.
+
+        See :data:`namedmesh.surface.Nearest`.
+        """
+
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return unit normals of the true surface, nan where not known; collective.
+
+        Args:
+            comm: The ranks.
+            points: Points near the surface [length], shape (n, d).
+            marks: The mark of the curve or surface of each point, shape (n,).
+
+        Returns:
+            Shape (n, d); their signs are open.
+        """
+
+    def meshed_by(self, like: Any, sizes: Any, labels: Any) -> Any:
+        """Mesh it with sizes in the cells of a mesh; collective.
+
+        Args:
+            like: A domain on the same communicator.
+            sizes: The sizes, see :mod:`namedmesh.size_field`.
+            labels: The names of the new mesh, if the shape knows none of its own.
+        """
+
+    def with_joint(self, glued: Any, joint: tuple[str, str, int, bool, float]) -> Any:
+        """Return the shape with one joint more.
+
+        Args:
+            glued: The mesh before it is joined.
+            joint: Names of both sides, tag of the facets where they meet, whether the
+                bodies stay glued there, and greatest distance of the sides [length].
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies(NamedMesh):
+    """Hold a mesh with names, and what is known of its shape and its pairs.
+
+    See :class:`Domain`, which makes it and checks it.
+
+    Attributes:
+        geometry: The true shape, or None.
+        curved_facets: Tags of the facets of curved bodies, or None.
+        glued: The mesh from which this one was split, or None.
+        interface_map: What relates the nodes and cells of both, or None.
+    """
+
+    geometry: Geometry | None = field(default=None, repr=False)
+    curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
+    glued: Bodies | None = field(default=None, repr=False)
+    interface_map: InterfaceMap | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        """Describe the domain in a line; one rank alone may do so."""
+        names = ", ".join(self.names)
+        if self.regions:
+            names += f", regions {', '.join(self.regions)}"
+        if self.pairs:
+            names += f", pairs {self.interface_map}"
+        return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
+
+    def _repr_html_(self) -> str:
+        """Describe the domain in a notebook; one rank alone may do so."""
+        rows: list[tuple[str, object]] = [("cells", self.cells), ("vertices", self.vertices)]
+        rows.append(("boundary parts", ", ".join(self.names)))
+        if self.regions:
+            rows.append(("regions", ", ".join(self.regions)))
+        if self.pairs:
+            rows.append(("pairs", self.interface_map))
+        curved = self.curved_facets is not None
+        rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))
+        return table(rows, caption=f"Domain in {self.dim}D")
+
+    @cached_property
+    def offset(self) -> fem.Function | None:
+        """Return the vector from a facet to the true surface [length]; collective.
+
+        It is None if the surface is flat or not known.
+        """
+        if self.curved_facets is None or self.geometry is None:
+            return None
+        return offset(self.mesh, self.curved_facets, self.geometry.nearest)
+
+    def true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+        """Return normals of the true surface at vertices of facets [-]; collective.
+
+        gmsh is asked once for the facets of a part.
+
+        Args:
+            facets: Facets (cell, local facet), shape (n, 2).
+            corners: Their vertices [length], shape (n, d, d).
+
+        Returns:
+            Unit normals, their signs open, nan where they are not known, (n, d, d).
+        """
+        key = facets.tobytes()
+        is_known = self.comm.allreduce(key in self._true_normals, MPI.LAND)
+        if not is_known:
+            self._true_normals[key] = self._find_true_normals(facets, corners)
+        return self._true_normals[key]
+
+    @cached_property
+    def _true_normals(self) -> dict[bytes, np.ndarray]:
+        """Keep what :meth:`true_normals` has found."""
+        return {}
+
+    def _find_true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+        """Ask the true shape for normals, see :meth:`true_normals`; collective."""
+        d = self.dim
+        if self.curved_facets is None or self.geometry is None:
+            return np.full(corners.shape, np.nan)
+        numbers = facets_of_cells(self.mesh)[facets[:, 0], facets[:, 1]]
+        of_corners = np.repeat(tag_table(self.curved_facets)[numbers], d)
+        normals = self.geometry.normals(self.comm, corners.reshape(-1, d), of_corners)
+        return normals.reshape(corners.shape)
+
+    @property
+    def marks_of_sides(self) -> np.ndarray | None:
+        """Return the mark of each side of a cell, shape (cells, d+1), or None."""
+        if self.curved_facets is None:
+            return self.marks
+        return tag_table(self.curved_facets)[facets_of_cells(self.mesh)]
+
+    @property
+    def knows_shape(self) -> bool:
+        """Tell whether the true shape is known, with the facets on curved sides."""
+        curved = bool(getattr(self.geometry, "curved", False))
+        return self.geometry is not None and (not curved or self.curved_facets is not None)
+
+    @property
+    def whole(self) -> Self:
+        """Return the glued mesh of a split domain, and an unsplit domain itself."""
+        return self if self.glued is None else cast("Self", self.glued)
+
+    @property
+    def interfaces(self) -> tuple[Interface, ...]:
+        """Return the interfaces along which the mesh is split, none if it is not."""
+        return () if self.interface_map is None else self.interface_map.interfaces
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Return the names of the boundary parts that face each other, see split."""
+        return tuple(interface.names for interface in self.interfaces)
+
+    def distance(self, here: str, there: str | None) -> float:
+        """Return the greatest distance of facing vertices of two parts [length].
+
+        It is zero where both sides of a pair are in one place, and of other parts.
+        """
+        distances = () if self.interface_map is None else self.interface_map.distances
+        for interface, distance in zip(self.interfaces, distances, strict=True):
+            if set(interface.names) == {here, there}:
+                return distance
+        return 0.0
+
+    @property
+    def paired_sides(self) -> list[np.ndarray]:
+        """Return the sides (cell, local facet) of all pairs, shape (n, 2) each.
+
+        Pairs of tied joints are among them, which are no parts of the boundary.
+        """
+        return [sides for pair in self.pairs for sides in self.facing(*pair)]
+
+    @property
+    def tied_sides(self) -> list[np.ndarray]:
+        """Return the sides (cell, local facet) of tied joints, shape (n, 2) each."""
+        result: list[np.ndarray] = []
+        for interface in self.interfaces:
+            if interface.tied:
+                result += self.facing(*interface.names)
+        return result
+
+    def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the facets of two parts that face each other on this rank.
+
+        Ghosts are included if their partner is on this rank, too. The partner of a
+        facet in an owned cell always is.
+
+        Args:
+            here: Name of a part.
+            there: Name of the part that it faces.
+
+        Returns:
+            Pairs (cell, local facet) of ``here`` and of ``there``, shape (n, 2) each.
+            Row i of the first faces row i of the second.
+
+        Raises:
+            InputError: If the parts are no pair.
+        """
+        if self.interface_map is not None and (here, there) in self.interface_map.facing:
+            return self.interface_map.facing[here, there]
+        for name in (here, there):
+            self.tag(name)
+        known = ", ".join(" and ".join(map(repr, pair)) for pair in self.pairs)
+        raise InputError(
+            f"facing: {here!r} and {there!r} do not face each other facet by facet; this domain "
+            f"has {'the pairs ' + known if known else 'no pairs'}. If they lie against each other, "
+            f"whether their facets match or not, domain = domain.joined({here!r}, {there!r}) makes "
+            "a pair of them; split makes one of two regions with common nodes."
+        )

@@ -1,0 +1,58 @@
+"""Name what a solver needs of meshes beside their public names.
+
+Who computes on the meshes of this package asks for facets, tags, normals and the true
+shape here, and need not know where they are made.
+"""
+
+from namedmesh.bodies import Bodies, Geometry
+from namedmesh.closest import closest
+from namedmesh.copies import points_in_words, shared_points
+from namedmesh.files.hdf5 import check_tables
+from namedmesh.graphs import components, order_along_curves, successors, to_chain_ends
+from namedmesh.interface_map import Interface
+from namedmesh.named import INSIDE_CELLS
+from namedmesh.naming import Rules
+from namedmesh.nodal import NodalMesh
+from namedmesh.normals import spread, vertex_normals
+from namedmesh.partition import check_shape
+from namedmesh.parts import shape_in_words
+from namedmesh.parts_table import NAMELESS, facets_of_parts
+from namedmesh.remeshing import count_cells
+from namedmesh.rows import in_space
+from namedmesh.sides import boundary_sides, inner_facets
+from namedmesh.size_field import FILL
+from namedmesh.surface import sides_of_facets, swept
+from namedmesh.tags import NO_TAG, listed, tag_table
+
+__all__ = [
+    "FILL",
+    "INSIDE_CELLS",
+    "NAMELESS",
+    "NO_TAG",
+    "Bodies",
+    "Geometry",
+    "Interface",
+    "NodalMesh",
+    "Rules",
+    "boundary_sides",
+    "check_shape",
+    "check_tables",
+    "closest",
+    "components",
+    "count_cells",
+    "facets_of_parts",
+    "in_space",
+    "inner_facets",
+    "listed",
+    "order_along_curves",
+    "points_in_words",
+    "shape_in_words",
+    "shared_points",
+    "sides_of_facets",
+    "spread",
+    "successors",
+    "swept",
+    "tag_table",
+    "to_chain_ends",
+    "vertex_normals",
+]

@@ -1,0 +1,276 @@
+"""Keep the true shape of a body, for gmsh to mesh it again with other sizes.
+
+A mesh does not know the circles that it was made from. So domains from gmsh keep a
+:class:`Drawing`, and rectangles and boxes a :class:`Brick`, on rank 0. Refined and
+remeshed domains hand it on. Physical groups keep their tags, so the names of parts and
+regions stay. If a boundary or an interface is curved, each of its facets has a mark:
+the number of its curve or surface in the drawing.
+
+Symbols: d dimension.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from namedmesh.assembled import Assembled, of_model
+from namedmesh.domain import Domain
+from namedmesh.drawings.kept import MARK_PREFIX, build_kept
+from namedmesh.gmsh_session import session
+from namedmesh.remeshing import mesh_geometry
+from namedmesh.rows import in_space
+from namedmesh.size_field import Labels, SizeField
+
+SIDES = {
+    2: (("left", "right"), ("bottom", "top")),
+    3: (("left", "right"), ("front", "back"), ("bottom", "top")),
+}
+"""Names of the sides of a rectangle or box, by dimension.
+
+Each pair names the low and the high end of x, y or z. The last axis is up.
+"""
+SIDE_ROUND_OFF = 1e-12
+"""Distance from a side of a brick that is round-off, as a share of its length [-]."""
+
+
+class _OneModel:
+    """Represent the shape of bodies of one model of gmsh."""
+
+    def with_joint(self, glued: Domain, joint: tuple[str, str, int, bool, float]) -> Assembled:
+        """Return the shape of its bodies with a joint between two of them."""
+        return replace(of_model(glued), joints=(joint,))
+
+
+@dataclass(frozen=True)
+class Brick(_OneModel):
+    """Represent a rectangle or a box.
+
+    Args:
+        low: Corner of least coordinates [length].
+        high: Opposite corner [length].
+    """
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    def build(self, gmsh: Any) -> None:
+        """Make geometry and physical groups in gmsh's model, by OpenCASCADE."""
+        dim = len(self.low)
+        occ = gmsh.model.occ
+        extent = np.subtract(self.high, self.low)
+        if dim == 2:
+            body = occ.addRectangle(*self.low, 0.0, *extent)
+        else:
+            body = occ.addBox(*self.low, *extent)
+        occ.synchronize()
+        gmsh.model.addPhysicalGroup(dim, [body], name="body")
+        boundary = gmsh.model.getBoundary([(dim, body)], oriented=False)
+        centres = {tag: np.array(occ.getCenterOfMass(dim - 1, tag)[:dim]) for _, tag in boundary}
+        for number, (name, axis, coordinate) in enumerate(self.sides(), start=1):
+            distance = {tag: abs(x[axis] - coordinate) for tag, x in centres.items()}
+            side = min(distance, key=distance.__getitem__)
+            gmsh.model.addPhysicalGroup(dim - 1, [side], tag=number, name=name)
+
+    def sides(self) -> Iterator[tuple[str, int, float]]:
+        """Iterate over the sides: name, axis and coordinate [length].
+
+        The tags of the sides are 1, 2, ... in this order.
+        """
+        for axis, (low_name, high_name) in enumerate(SIDES[len(self.low)]):
+            yield low_name, axis, self.low[axis]
+            yield high_name, axis, self.high[axis]
+
+    def exact(self, domain: Domain) -> Domain:
+        """Put the nodes of a domain exactly on the sides of the brick.
+
+        A side at y = 0 must not be at 1e-17.
+
+        Args:
+            domain: A new mesh of this brick, which is changed in place.
+
+        Returns:
+            The same domain.
+        """
+        x = domain.mesh.geometry.x
+        for _, axis, coordinate in self.sides():
+            distance = SIDE_ROUND_OFF * (self.high[axis] - self.low[axis])
+            x[abs(x[:, axis] - coordinate) < distance, axis] = coordinate
+        return domain
+
+    def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
+        """Mesh the shape with sizes in the cells of a mesh; collective."""
+        return self.exact(mesh_geometry(self, self.build, like.comm, sizes, labels))
+
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return the points themselves: the facets are the true surface."""
+        return points
+
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return nan: the facets have the normals."""
+        return np.full(points.shape, np.nan)
+
+
+@dataclass(frozen=True)
+class Drawing(_OneModel):
+    """Represent the geometry of a gmsh model by a text.
+
+    Args:
+        suffix: Form of the text: ".xao" (shapes of OpenCASCADE) or ".json" (shapes of
+            gmsh's own kernel). Both have the physical groups.
+        text: The text on rank 0, empty elsewhere.
+        curved: Marks of the curves (in 2D) or surfaces (in 3D) that are curved, the
+            same on all ranks.
+    """
+
+    suffix: str
+    text: str = field(repr=False)
+    curved: frozenset[int] = frozenset()
+
+    def build(self, gmsh: Any) -> dict[int, int]:
+        """Make geometry and physical groups in gmsh's model.
+
+        OpenCASCADE gives a shape new tags each time it is read. So marks are kept as
+        physical groups.
+
+        Returns:
+            gmsh's tag of each mark.
+        """
+        build_kept(gmsh, self.suffix, self.text)
+        model = gmsh.model
+        tags = {}
+        for dim, group in model.getPhysicalGroups():
+            name = model.getPhysicalName(dim, group)
+            if name.startswith(MARK_PREFIX):
+                mark = int(name.removeprefix(MARK_PREFIX))
+                tags[mark] = int(model.getEntitiesForPhysicalGroup(dim, group)[0])
+                model.removePhysicalGroups([(dim, group)])
+        if tags:
+            return tags
+        # gmsh's own kernel keeps the tags, which are the marks then.
+        return {int(tag): int(tag) for _, tag in model.getEntities(model.getDimension() - 1)}
+
+    def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
+        """Mesh the shape with sizes in the cells of a mesh; collective."""
+        return mesh_geometry(self, self.build, like.comm, sizes, labels)
+
+    def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return the nearest points of the true surface [length]; collective.
+
+        See :data:`namedmesh.surface.Nearest`.
+        """
+        curved = np.isin(marks, list(self.curved)).any(axis=1)
+        result = points.copy()
+        result[curved] = self._ask(comm, _nearest, points[curved], marks[curved])
+        return result
+
+    def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
+        """Return unit normals of the true surface [-]; collective.
+
+        Args:
+            comm: The ranks.
+            points: Points on the surface or near it [length], shape (n, d).
+            marks: The mark of the curve or surface of each point, shape (n,).
+
+        Returns:
+            The normal at the nearest point, its sign open; nan on flat facets and where
+            the surface has none, as at the tip of a cone. Shape (n, d).
+        """
+        curved = np.isin(marks, list(self.curved))
+        result = np.full(points.shape, np.nan)
+        result[curved] = self._ask(comm, _normals, points[curved], marks[curved])
+        return result
+
+    def _ask(
+        self,
+        comm: MPI.Comm,
+        question: Callable[[Any, Mapping[int, int], np.ndarray, np.ndarray], np.ndarray],
+        points: np.ndarray,
+        marks: np.ndarray,
+    ) -> np.ndarray:
+        """Ask gmsh's model of the geometry about points of all ranks; collective.
+
+        gmsh runs on rank 0 only, which works for all ranks, and not at all for none.
+        """
+        if comm.allreduce(len(points), MPI.SUM) == 0:
+            return points
+        parts = comm.gather((points, marks))
+        answers: list[np.ndarray] = []
+
+        def build(gmsh: Any) -> None:
+            tags = self.build(gmsh)
+            for rank_points, rank_marks in parts or ():
+                answers.append(question(gmsh.model, tags, rank_points, rank_marks))
+
+        with session(comm, build, "The geometry"):
+            return comm.scatter(answers if comm.rank == 0 else None)
+
+
+def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Find the nearest points on the curves or surfaces of marks [length].
+
+    A point with several marks goes to the common edge of all of them.
+
+    Args:
+        model: gmsh's current model.
+        tags: gmsh's tag of each mark.
+        x: Points [length], shape (n, d).
+        marks: The marks of each point, then -1, shape (n, m).
+
+    Returns:
+        Shape (n, d).
+    """
+    d = x.shape[1]
+    result = x.copy()
+    for row in np.unique(marks, axis=0):
+        selected = np.all(marks == row, axis=1)
+        faces = [tags[mark] for mark in row if mark >= 0]
+        places = [(d - 1, faces[0])]
+        if len(faces) > 1:
+            edges = [set(map(int, model.getAdjacencies(d - 1, face)[1])) for face in faces]
+            places = [(d - 2, edge) for edge in set.intersection(*edges)]
+        flat = in_space(x[selected]).ravel()
+        candidates = []
+        for place in places:
+            closest = np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))
+            candidates.append(closest[:, :d])
+        # Surfaces may have several common edges, or none: then points stay.
+        if candidates:
+            points = np.array(candidates)
+            best = np.linalg.norm(points - x[selected], axis=2).argmin(axis=0)
+            result[selected] = points[best, np.arange(len(best))]
+    return result
+
+
+def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
+    """Find unit normals of the curves or surfaces of marks at points near them [-].
+
+    Args:
+        model: gmsh's current model.
+        tags: gmsh's tag of each mark.
+        x: Points [length], shape (n, d).
+        marks: The mark of each point, shape (n,).
+
+    Returns:
+        Shape (n, d), nan where there is none.
+    """
+    d = x.shape[1]
+    result = np.full(x.shape, np.nan)
+    for mark in np.unique(marks):
+        selected = marks == mark
+        place = d - 1, tags[mark]
+        closest, _ = model.getClosestPoint(*place, in_space(x[selected]).ravel())
+        parameters = model.getParametrization(*place, closest)
+        if d == 2:
+            tangents = np.reshape(model.getDerivative(1, tags[mark], parameters), (-1, 3))
+            normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+        else:
+            normals = np.reshape(model.getNormal(tags[mark], parameters), (-1, 3))
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        unknown = np.full_like(normals, np.nan)
+        result[selected] = np.divide(normals, length, out=unknown, where=length > 0)
+    return result

@@ -1,0 +1,165 @@
+"""Adaptive integrals: exact where the integrand is smooth, and honest where it is not.
+
+- smooth integrands are integrated to the share asked for, and what is left unknown is
+  above the true error;
+- on segments jumps and kinks are resolved too, wherever they are; in triangles and
+  tetrahedra jumps are told;
+- data that jump from cell to cell are smooth; a rank without pieces takes part; the
+  pieces fill their simplex.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from erc_contact.model.quadrature import (
+    Cuts,
+    bisect,
+    cell_pieces,
+    facet_pieces,
+    first_pieces,
+    integrate,
+)
+
+COMM = MPI.COMM_WORLD
+
+
+def segments(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Segments of [0, 1]."""
+    ends = np.linspace(0.0, 1.0, n + 1)[:, None]
+    return np.stack([ends[:-1], ends[1:]], axis=1), np.full(n, 1 / n)
+
+
+def simplex(d: int) -> tuple[np.ndarray, np.ndarray]:
+    """The reference simplex of rank 0; nothing on other ranks."""
+    vertices = np.vstack([np.zeros(d), np.eye(d)])[None]
+    return (
+        (vertices, np.array([1 / (1, 1, 2, 6)[d]]))
+        if COMM.rank == 0
+        else (vertices[:0], np.zeros(0))
+    )
+
+
+def total(values: np.ndarray) -> np.ndarray:
+    return COMM.allreduce(values.sum(axis=0), MPI.SUM)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("place", np.random.default_rng(1).uniform(0, 1, 20))
+def test_on_segments_all_is_resolved(place):
+    def f(of, at, x):
+        return np.concatenate(
+            [x < place, abs(x - place), np.exp(5 * x), np.exp(-(((x - place) / 0.01) ** 2))], axis=2
+        )
+
+    true = [place, (place**2 + (1 - place) ** 2) / 2, (np.exp(5) - 1) / 5]
+    found = integrate(MPI.COMM_SELF, f, *segments(4), facet_pieces(1))
+    assert found.resolved.all()
+    error = abs(found.value.sum(axis=0)[:3] - true)
+    assert (error <= found.bound.sum(axis=0)[:3] + 1e-15).all()
+    assert (error <= 1e-8 * np.array(true)).all()
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_smooth_in_cells(d):
+    def f(of, at, x):
+        return 1 / (1 + x[..., :1])
+
+    found = integrate(COMM, f, *simplex(d), cell_pieces(d))
+    # the simplex in slices of constant x
+    t = (np.arange(1000000) + 0.5) / 1000000
+    true = np.mean((1 - t) ** (d - 1) / (1 + t)) / (1, 1, 1, 2)[d]
+    assert found.resolved.all()
+    assert abs(total(found.value) - true) <= total(found.bound) + 1e-12
+    assert total(found.bound) <= 1e-8 * true
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("place", [0.213, 0.4])
+def test_jumps_in_cells_are_told(d, place):
+    found = integrate(
+        COMM, lambda of, at, x: 1.0 * (x[..., :1] > place), *simplex(d), cell_pieces(d)
+    )
+    true = (1 - place) ** d / (1, 1, 2, 6)[d]
+    assert not found.resolved.any()
+    assert abs(total(found.value) - true) <= total(found.bound)
+    assert total(found.bound) <= 0.25 * true
+
+
+@pytest.mark.serial
+def test_jumps_between_cells_are_smooth():
+    vertices = np.array(
+        [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]]
+    )
+    found = integrate(
+        MPI.COMM_SELF,
+        lambda of, at, x: np.where(x.sum(axis=2, keepdims=True) < 1, 1.0, 100.0),
+        vertices,
+        np.array([0.5, 0.5]),
+        cell_pieces(2),
+    )
+    assert found.resolved.all()
+    assert found.value.ravel() == pytest.approx([0.5, 50.0], rel=1e-12)
+
+
+def test_zero_and_noise_end():
+    """What is zero is known, and a floor ends the bisection of noise."""
+    rng = np.random.default_rng(0)
+    found = integrate(COMM, lambda of, at, x: 0.0 * x[..., :1], *simplex(2), cell_pieces(2))
+    assert found.resolved.all()
+    assert not found.bound.any()
+    calls = []
+
+    def noise(of, at, x):
+        calls.append(len(of))
+        return 1e-20 * rng.standard_normal((*x.shape[:2], 1))
+
+    found = integrate(MPI.COMM_SELF, noise, *segments(2), facet_pieces(1), floor=1e-15)
+    assert found.resolved.all()
+    assert len(calls) == 1
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_order_of_vertices_changes_nothing(d):
+    """Simplices of squares and cubes have several longest edges.
+
+    Which of them is cut must not depend on numbers.
+    """
+    rng = np.random.default_rng(4)
+    vertices = np.vstack([np.zeros(d), np.tril(np.ones((d, d)))]) @ rng.permutation(np.eye(d))
+    pieces, measure = cell_pieces(d), np.array([1 / (1, 1, 2, 6)[d]])
+    found = []
+    for _ in range(5):
+        integral = integrate(
+            MPI.COMM_SELF,
+            lambda of, at, x: 1 / (0.1 + (x**2).sum(axis=-1, keepdims=True)),
+            rng.permutation(vertices)[None],
+            measure,
+            pieces,
+            share=1e-3,
+        )
+        assert integral.resolved.all()
+        found.append(integral.value[0, 0])
+    assert np.ptp(found) <= 1e-14 * found[0], found
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "pieces", [facet_pieces(1), facet_pieces(2), cell_pieces(2), cell_pieces(3)]
+)
+def test_pieces_fill_the_simplex(pieces):
+    count, P, _ = pieces.shape
+    vertices = np.broadcast_to(np.vstack([np.zeros(P - 1), np.eye(P - 1)]), (count, P, P - 1))
+    for corners in (pieces, bisect(pieces, vertices)):
+        sizes = abs(np.linalg.det(corners))
+        assert sizes.sum() == pytest.approx(1.0, rel=1e-12)
+        assert sizes == pytest.approx(sizes[0], rel=1e-12)
+
+
+@pytest.mark.serial
+def test_kinks_at_vertices_cut_nothing():
+    """Neither at the first vertex of a segment nor at its second one, up to round-off."""
+    cuts = Cuts(np.zeros(5, dtype=int), np.array([0.0, 1e-12, 0.3, 1.0 - 1e-12, 1.0]))
+    found = first_pieces(np.array([0]), np.eye(2)[None], cuts)
+    assert found.share == pytest.approx([0.3, 0.7])

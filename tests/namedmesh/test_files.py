@@ -1,0 +1,482 @@
+"""Mesh files of others come in: cells of any shape, sets by their names.
+
+- A collection of files of every kind: volumes, parts and regions are right.
+- Every splitting keeps the volume to round-off, whatever the numbers of the nodes, with
+  cells that have collapsed, and leaves a constant stress its certified error of 0.
+- Flaws of practice are left out and told, or refused in words; none ends the
+  interpreter.
+- A mesh of DOLFINx of other cells is split likewise, the same on any ranks.
+"""
+
+import logging
+
+import basix.ufl
+import file_collection as files
+import numpy as np
+import pytest
+import ufl
+from dolfinx import mesh as dmesh
+from file_collection import CASES
+from mpi4py import MPI
+
+import erc_contact as ec
+
+COMM = MPI.COMM_WORLD
+EXACT = 1e-12
+"""Round-off, relative to the measure."""
+
+
+def made(case, folder):
+    """The path of the file of a case, which rank 0 or all ranks make."""
+    path = case.make(folder) if case.collective or COMM.rank == 0 else None
+    return COMM.bcast(path)
+
+
+@pytest.mark.on_ranks("inp of hexahedron, sides by faces", "gmsh hexahedra in 2D, .med")
+@pytest.mark.parametrize("name", CASES)
+def test_a_file_comes_in_with_its_sets(name, shared_tmp_path, measures):
+    case = CASES[name]
+    path = made(case, shared_tmp_path)
+    domain = ec.read_mesh(path)
+    assert domain.dim == case.dim
+    # Files of 7 digits have more round-off.
+    assert measures.region(domain) == pytest.approx(2.0, rel=1e-6)
+    found = {part: measures.part(domain, part) for part in domain.names}
+    assert found == pytest.approx(case.parts, rel=1e-6)
+    found = {region: measures.region(domain, region) for region in domain.regions}
+    assert found == pytest.approx(case.regions, rel=1e-6)
+
+
+# -- splitting
+# ---------------------------------------------------------------------------------
+
+
+def collapsed(kind, cells):
+    """Cells of a kind as hexahedra or quadrilaterals with corners that are there twice."""
+    corners = {
+        "wedge": [0, 1, 2, 2, 3, 4, 5, 5],
+        "pyramid": [0, 1, 2, 3, 4, 4, 4, 4],
+        "tetra": [0, 1, 2, 2, 3, 3, 3, 3],
+        "triangle": [0, 1, 2, 2],
+    }
+    return cells[:, corners[kind]]
+
+
+SPLIT = ["triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid"]
+COLLAPSED = ["triangle", "tetra", "wedge", "pyramid"]
+FORMS = [*SPLIT, *(f"collapsed {kind}" for kind in COLLAPSED), "coincident wedge"]
+
+
+def write_disturbed(folder, form):
+    """A file of the body with cells of a form, numbered at random, inner nodes moved."""
+    import meshio
+
+    kind = form.split()[-1]
+    x, cells = files.arrays(kind, n=3)
+    d = 2 if kind in ("triangle", "quad") else 3
+    rng = np.random.default_rng(5)
+    inside = np.all((x[:, :d] > 1e-9) & (x[:, :d] < np.array([2, 1, 1])[:d] - 1e-9), axis=1)
+    inside &= abs(x[:, 0] - 1) > 1e-9
+    x[inside, :d] += 0.04 * rng.uniform(-1, 1, (inside.sum(), d))
+    order = rng.permutation(len(x))
+    new = np.empty_like(x)
+    new[order] = x
+    blocks = []
+    tags = []
+    for name, (rows, tag) in cells.items():
+        numbers = order[rows]
+        shape = name
+        if name == kind and form != kind:
+            numbers = collapsed(kind, numbers)
+            if form.startswith("coincident"):
+                # The corners are there twice in the list of points.
+                numbers[:, [3, 7]] += len(new)
+            shape = "quad" if d == 2 else "hexahedron"
+        blocks.append((shape, numbers))
+        tags.append(tag)
+    points = np.vstack([new, new]) if form.startswith("coincident") else new
+    path = folder / "body.vtu"
+    meshio.Mesh(points, blocks, cell_data={"tag": tags}).write(path)
+    return path
+
+
+@pytest.mark.on_ranks("quad", "hexahedron", "wedge", "collapsed pyramid", "coincident wedge")
+@pytest.mark.parametrize("form", FORMS)
+def test_splitting_keeps_volumes_and_constant_stresses(form, shared_tmp_path, measures):
+    path = COMM.bcast(write_disturbed(shared_tmp_path, form) if COMM.rank == 0 else None)
+    names = {1: "foot", 2: "roof", 7: "left", 8: "right"}
+    domain = ec.read_mesh(path, names=names)
+    d = domain.dim
+    for region in ("left", "right"):
+        assert measures.region(domain, region) == pytest.approx(1.0, rel=EXACT)
+    for part in ("foot", "roof"):
+        assert measures.part(domain, part) == pytest.approx(2.0, rel=EXACT)
+    # Pressed between a wall and the floor without lateral strain: a constant stress.
+    press = ec.Displacement("roof", (0.0,) * (d - 1) + (-0.01,))
+    scene = ec.Scene(ec.Elastic(1.0, 0.0), press, contacts=ec.Contact("foot", friction=0.3))
+    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
+    assert error.relative < 1e-9
+    assert error.force("foot").force[d - 1] == pytest.approx(0.02, rel=1e-9)
+
+
+@pytest.mark.serial
+def test_faces_are_cut_alike_from_both_sides():
+    """Hexahedra, prisms and tetrahedra together: each inner face has two tetrahedra."""
+    from namedmesh.files.building import build_simplices
+    from namedmesh.files.file_mesh import Block, FileMesh
+
+    x, cubes = files.grid(2, 3)
+    order = np.random.default_rng(1).permutation(len(x))
+    points = np.empty_like(x)
+    points[order] = x
+    cubes = order[cubes]
+    # Columns of prisms stand beside columns of hexahedra.
+    prisms = np.arange(len(cubes)) // 2 % 2 == 1
+    blocks = (Block("hexahedron", cubes[~prisms]), Block("prism", files.prisms(cubes[prisms])))
+    made_of = build_simplices(FileMesh(points, blocks))
+    cells = made_of.plain.cells
+    sides = np.sort(cells[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3), axis=1)
+    corners, count = np.unique(sides, axis=0, return_counts=True)
+    assert count.max() == 2
+    outer = made_of.plain.x[corners[count == 1]]
+    edges = np.cross(outer[:, 1] - outer[:, 0], outer[:, 2] - outer[:, 0])
+    assert 0.5 * np.linalg.norm(edges, axis=1).sum() == pytest.approx(10.0, rel=EXACT)
+
+
+# -- meshes of DOLFINx
+# ---------------------------------------------------------------------------------
+
+
+def of_dolfinx(kind, comm):
+    cell = dmesh.CellType[kind]
+    if kind == "quadrilateral":
+        mesh = dmesh.create_unit_square(comm, 3, 3, cell)
+    else:
+        mesh = dmesh.create_unit_cube(comm, 3, 3, 3, cell)
+    d = mesh.topology.dim
+    found = [
+        dmesh.locate_entities_boundary(mesh, d - 1, lambda x, at=at: abs(x[d - 1] - at) < 1e-9)
+        for at in (0.0, 1.0)
+    ]
+    facets = np.concatenate(found)
+    tags = np.repeat([4, 9], [len(part) for part in found]).astype(np.int32)
+    order = np.argsort(facets)
+    facet_tags = dmesh.meshtags(mesh, d - 1, facets[order], tags[order])
+    index_map = mesh.topology.index_map(d)
+    cells = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    middle = dmesh.compute_midpoints(mesh, d, cells)
+    cell_tags = dmesh.meshtags(mesh, d, cells, np.where(middle[:, 0] < 0.5, 3, 5).astype(np.int32))
+    return ec.Domain(mesh, facet_tags, {"foot": 4, "roof": 9}, cell_tags, {"left": 3, "right": 5})
+
+
+@pytest.mark.parametrize("kind", ["quadrilateral", "hexahedron"])
+def test_a_mesh_of_dolfinx_is_split(kind, measures):
+    domain = of_dolfinx(kind, COMM)
+    assert domain.mesh.topology.cell_type.name in ("triangle", "tetrahedron")
+    assert measures.part(domain, "foot") == pytest.approx(1.0, rel=EXACT)
+    assert measures.part(domain, "roof") == pytest.approx(1.0, rel=EXACT)
+    assert measures.region(domain) == pytest.approx(1.0, rel=EXACT)
+    assert measures.region(domain, "left") == pytest.approx(1 / 3, rel=EXACT)
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("kind", ["quadrilateral", "hexahedron"])
+def test_the_split_does_not_depend_on_the_ranks(kind):
+    errors = []
+    for comm in (COMM, MPI.COMM_SELF):
+        domain = of_dolfinx(kind, comm)
+        d = domain.dim
+        press = ec.Displacement("roof", (0.0,) * (d - 1) + (-0.1,))
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), press, contacts=ec.Contact("foot"))
+        errors.append(ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain))).relative)
+    assert errors[0] == pytest.approx(errors[1], rel=1e-8)
+
+
+def test_of_second_order_the_corners_are_taken(caplog, measures):
+    x = np.array([[0, 0], [1, 0], [0, 1], [0.6, 0.6], [0, 0.5], [0.5, 0]], dtype=float)
+    element = basix.ufl.element("Lagrange", "triangle", 2, shape=(2,))
+    here = COMM.rank == 0
+    cells = np.arange(6, dtype=np.int64)[None] if here else np.empty((0, 6), dtype=np.int64)
+    mesh = dmesh.create_mesh(COMM, cells, ufl.Mesh(element), x if here else x[:0])
+    with caplog.at_level(logging.WARNING, logger="namedmesh"):
+        domain = ec.Domain(mesh).named({"foot": ec.where(y=0.0)})
+    assert measures.region(domain) == pytest.approx(0.5, rel=EXACT)
+    if here:
+        assert "curved sides" in caplog.text
+        assert "up to 0.141" in caplog.text
+
+
+# -- names and groups
+# ---------------------------------------------------------------------------------
+
+
+def read_text(folder, name, text):
+    """The domain of a file with a text."""
+    path = folder / name
+    if COMM.rank == 0:
+        path.write_text(text)
+    COMM.barrier()
+    return ec.read_mesh(path)
+
+
+SQUARES = """$MeshFormat
+2.2 0 8
+$EndMeshFormat
+$PhysicalNames
+4
+1 1 "foot"
+1 2 "roof"
+2 3 "steel"
+2 4 "rubber"
+$EndPhysicalNames
+$Nodes
+6
+1 0 0 0
+2 1 0 0
+3 1 1 0
+4 0 1 0
+5 1 2 0
+6 0 2 0
+$EndNodes
+$Elements
+4
+1 1 2 1 1 1 2
+2 1 2 2 1 5 6
+3 3 2 3 1 1 2 3 4
+4 3 2 4 1 4 3 5 6
+$EndElements
+"""
+
+
+def test_groups_of_elements_in_one_entity(shared_tmp_path, measures):
+    """In files of version 2 that gmsh has not written all elements may have entity 1."""
+    domain = read_text(shared_tmp_path, "squares.msh", SQUARES)
+    assert measures.part(domain, "foot") == pytest.approx(1.0, rel=EXACT)
+    assert measures.part(domain, "roof") == pytest.approx(1.0, rel=EXACT)
+    assert measures.region(domain, "rubber") == pytest.approx(1.0, rel=EXACT)
+
+
+FIRST_VERSION = """$NOD
+4
+1 0 0 0
+2 1 0 0
+3 1 1 0
+4 0 1 0
+$ENDNOD
+$ELM
+4
+1 1 1 1 2 1 2
+2 1 2 2 2 3 4
+3 2 9 1 3 1 2 3
+4 2 9 1 3 1 3 4
+$ENDELM
+"""
+
+
+def test_a_file_of_the_first_version_of_gmsh(shared_tmp_path):
+    domain = read_text(shared_tmp_path, "old.msh", FIRST_VERSION)
+    assert list(domain.names) == ["1", "2"]
+    assert list(domain.regions) == ["9"]
+
+
+def test_without_groups_surfaces_have_numbers_and_rules_name_them(shared_tmp_path, gmsh_session):
+    path = shared_tmp_path / "box.msh"
+    if gmsh_session:
+        gmsh_session.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh_session.model.occ.synchronize()
+        gmsh_session.option.setNumber("Mesh.MeshSizeMin", 0.5)
+        gmsh_session.model.mesh.generate(3)
+        gmsh_session.write(str(path))
+    COMM.barrier()
+    assert set(ec.read_mesh(path).names) == {str(number) for number in range(1, 7)}
+    named = ec.read_mesh(path, parts={"foot": ec.where(z=0.0)})
+    assert list(named.names) == ["foot"]
+    model = gmsh_session.model if gmsh_session else None
+    assert set(ec.from_gmsh(model).names) == {str(number) for number in range(1, 7)}
+    if gmsh_session:
+        assert not gmsh_session.model.getPhysicalGroups()
+
+
+# -- flaws
+# ---------------------------------------------------------------------------------
+
+X = np.array(
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+)
+CUBE = np.arange(8)[None]
+FOOT = np.array([[0, 1, 2, 3]])
+
+
+def cube_with(**changes):
+    """Points and blocks of a cube with its foot, and what is added or changed."""
+    points = np.array(X, dtype=float)
+    blocks = [("quad", FOOT), ("hexahedron", CUBE)]
+    tags = [np.array([1]), np.array([9])]
+    if "more" in changes:
+        kind, rows, tag = changes["more"]
+        blocks.append((kind, np.array(rows)))
+        tags.append(np.full(len(rows), tag))
+    if "points" in changes:
+        points = np.vstack([points, changes["points"]])
+    for row, value in changes.get("moved", {}).items():
+        points[row] = value
+    return points, blocks, tags
+
+
+TOLD = {
+    "a cell twice": (
+        {"more": ("hexahedron", [[0, 1, 2, 3, 4, 5, 6, 7]], 9)},
+        "cells that are there twice",
+    ),
+    "a flat cell": ({"more": ("tetra", [[0, 0, 1, 2]], 9)}, "cells that have a point twice"),
+    "a rigid plate": (
+        {
+            "more": ("quad", [[8, 9, 10, 11]], 5),
+            "points": [[0, 0, 5], [1, 0, 5], [1, 1, 5], [0, 1, 5]],
+        },
+        "1 facets of no cell",
+    ),
+    "a point of no cell": ({"points": [[np.nan, 0, 0]]}, ""),
+    "a curve": ({"more": ("line", [[0, 1]], 5)}, ""),
+}
+
+
+@pytest.mark.parametrize("case", TOLD)
+def test_what_cannot_be_meant_is_left_out_and_told(case, shared_tmp_path, measures, caplog):
+    changes, words = TOLD[case]
+    path = shared_tmp_path / "cube.vtu"
+    if COMM.rank == 0:
+        import meshio
+
+        points, blocks, tags = cube_with(**changes)
+        meshio.Mesh(points, blocks, cell_data={"tag": tags}).write(path)
+    COMM.barrier()
+    with caplog.at_level(logging.WARNING, logger="namedmesh"):
+        domain = ec.read_mesh(path)
+    assert measures.region(domain) == pytest.approx(1.0, rel=EXACT)
+    assert measures.part(domain, "1") == pytest.approx(1.0, rel=EXACT)
+    assert list(domain.names) == ["1"]
+    if COMM.rank == 0:
+        assert words in caplog.text
+
+
+REFUSED = {
+    "not a number": ({"moved": {6: [np.nan, 1, 1]}}, "coordinates that are no numbers"),
+    "three cells at a face": (
+        {
+            "more": ("pyramid", [[4, 5, 6, 7, 8], [4, 5, 6, 7, 9]], 9),
+            "points": [[0.5, 0.5, 2], [0.4, 0.5, 2]],
+        },
+        "belong to three cells",
+    ),
+    "folded": ({"moved": {6: [-1, -1, -1]}}, "cells are folded.*: 1 hexahedron"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_worked_with_is_refused_by_its_place(case, shared_tmp_path):
+    changes, words = REFUSED[case]
+    path = shared_tmp_path / "cube.vtu"
+    if COMM.rank == 0:
+        import meshio
+
+        points, blocks, tags = cube_with(**changes)
+        meshio.Mesh(points, blocks, cell_data={"tag": tags}).write(path)
+    COMM.barrier()
+    with pytest.raises(ec.InputError, match=words):
+        ec.read_mesh(path)
+
+
+UNREADABLE = {
+    "nurbs.mesh": ("MFEM NURBS mesh v1.0\n\ndimension\n2\n", "MFEM NURBS mesh.*PrintVTU"),
+    "body.cgns": ("no CGNS", "damaged, or of a form.*another format"),
+    "table.dat": ("1 2 3\n", "of a form that the reader.*another format"),
+    "body.meshb": ("no mesh", "another format"),
+    "short.inp": (
+        "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3\n",
+        "element 1 has 3 nodes and its type 4",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNREADABLE)
+def test_what_cannot_be_read_is_told_with_a_way(name, shared_tmp_path):
+    text, words = UNREADABLE[name]
+    with pytest.raises(ec.InputError, match=words):
+        read_text(shared_tmp_path, name, text)
+
+
+def test_an_image_is_no_mesh(shared_tmp_path):
+    path = shared_tmp_path / "image.vti"
+    if COMM.rank == 0:
+        import pyvista
+
+        pyvista.ImageData(dimensions=(101, 101, 101)).save(path)
+    COMM.barrier()
+    with pytest.raises(ec.InputError, match="image of 1000000 voxels"):
+        ec.read_mesh(path)
+
+
+def test_axisymmetric_cells_are_told(shared_tmp_path, caplog):
+    text = "*NODE\n1,0,0\n2,1,0\n3,1,1\n4,0,1\n*ELEMENT,TYPE=CAX4,ELSET=E\n1,1,2,3,4\n"
+    with caplog.at_level(logging.WARNING, logger="namedmesh"):
+        read_text(shared_tmp_path, "round.inp", text)
+    if COMM.rank == 0:
+        assert (
+            "type CAX4 are axisymmetric: give the material hypothesis='axisymmetric'" in caplog.text
+        )
+
+
+def test_a_plane_mesh_in_another_plane_is_told_how_to_swap(shared_tmp_path):
+    path = shared_tmp_path / "upright.vtu"
+    if COMM.rank == 0:
+        import meshio
+
+        x = np.array([[0.0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]])
+        meshio.Mesh(x, [("quad", [[0, 1, 2, 3]])]).write(path)
+    COMM.barrier()
+    with pytest.raises(ec.InputError, match=r"plane \(x, z\).*mesh.points\[:, \[0, 2, 1\]\]"):
+        ec.read_mesh(path)
+
+
+def test_shells_alone_are_no_solids(shared_tmp_path):
+    text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT,TYPE=S4,ELSET=E\n1,1,2,3,4\n"
+    with pytest.raises(ec.InputError, match=r"no cells of a solid.*1 of type S4"):
+        read_text(shared_tmp_path, "shell.inp", text)
+
+
+def stray(gmsh, kind):
+    """A body with a named curve or surface that is no side of it."""
+    occ, model = gmsh.model.occ, gmsh.model
+    if kind == "curve":
+        occ.addRectangle(0, 0, 0, 1, 1)
+        occ.addLine(occ.addPoint(2, 0, 0), occ.addPoint(2, 1, 0))
+    elif kind == "curved":
+        occ.addCylinder(0, 0, 0, 0, 0, 1, 0.5)
+        occ.addRectangle(3, 0, 0, 1, 1)
+    else:
+        occ.addBox(0, 0, 0, 1, 1, 1)
+        occ.addRectangle(3, 0, 1.5, 1, 1)
+    occ.synchronize()
+    d = 2 if kind == "curve" else 3
+    model.addPhysicalGroup(d, [1], name="body")
+    of_body = [tag for _, tag in model.getBoundary([(d, 1)], oriented=False)]
+    alone = [tag for _, tag in model.getEntities(d - 1) if tag not in of_body]
+    model.addPhysicalGroup(d - 1, of_body[:1], name="foot")
+    model.addPhysicalGroup(d - 1, alone, name="stray")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+
+
+@pytest.mark.parametrize("kind", ["curve", "curved", "plate"])
+def test_what_lies_off_the_body_does_not_end_the_program(kind, gmsh_session, shared_tmp_path):
+    if gmsh_session:
+        stray(gmsh_session, kind)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    assert list(domain.names) == ["foot"]
+    finer = domain.remeshed(0.3)
+    assert list(finer.names) == ["foot"]
+    path = shared_tmp_path / "body.msh"
+    if gmsh_session:
+        gmsh_session.write(str(path))
+    COMM.barrier()
+    assert list(ec.read_mesh(path).names) == ["foot"]

@@ -1,0 +1,223 @@
+"""Meshing the true geometry again.
+
+Names, measures, curved boundaries, counts, sessions, on any number of ranks.
+
+Properties: names, tags and the measures of straight parts survive ten remeshings and
+refinements in between; what a curved boundary loses of the area falls like h^2; the
+sizes give the number of cells; a contact gap that is a function of x acts on every mesh
+alike; a session of the user's survives; without a geometry, the error says what to do.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_domain import (
+    BOX,
+    BOX_SIDES,
+    COMM,
+    RECTANGLE,
+    RECTANGLE_SIDES,
+    assert_closed,
+    assert_distributed_well,
+    close,
+    near,
+    plate,
+)
+
+import erc_contact as ec
+from namedmesh.remeshing import count_cells
+
+MESHES = Path(__file__).parents[2] / "meshes"
+BRICKS = {
+    "rectangle": (lambda: ec.rectangle(*RECTANGLE, size=0.8), RECTANGLE_SIDES, 14.0),
+    "rectangle of cells": (lambda: ec.rectangle(*RECTANGLE, cells=(3, 10)), RECTANGLE_SIDES, 14.0),
+    "box": (lambda: ec.box(*BOX, cells=(2, 3, 4)), BOX_SIDES, 6.0),
+    "block.geo": (
+        lambda: ec.read_mesh(MESHES / "block.geo", scripts=True),
+        dict.fromkeys(("left", "right"), 7.0),
+        14.0,
+    ),
+    "dome.geo": (
+        lambda: ec.read_mesh(MESHES / "dome.geo", scripts=True),
+        {"bottom": 4.0, "left": 2.0, "back": 2.0},
+        4.0,
+    ),
+}
+
+
+def around(domain, point, low, slope):
+    """Sizes that grow with the distance from a point."""
+    x = domain.mesh.geometry.x[:, : domain.dim]
+    return low + slope * np.linalg.norm(x - point, axis=1)
+
+
+@pytest.mark.on_ranks("box", "block.geo")
+@pytest.mark.parametrize("brick", BRICKS)
+def test_names_and_measures_survive_ten_remeshings(brick, measures):
+    make, sides, volume = BRICKS[brick]
+    domain = first = make()
+    low, high = (
+        domain.mesh.geometry.x.min(axis=0)[: domain.dim],
+        domain.mesh.geometry.x.max(axis=0)[: domain.dim],
+    )
+    low, high = (COMM.bcast(v) for v in (low, high))
+    for step in range(10):
+        point = low + (high - low) * np.array([0.1 * step, 0.3, 0.9])[: domain.dim]
+        before = domain
+        domain = domain.remeshed(around(domain, point, 0.12, 0.3))
+        assert (domain.names, domain.regions) == (first.names, first.regions)
+        for name, area in sides.items():
+            assert close(measures.part(domain, name), area)
+        assert close(measures.region(domain), volume)
+        assert_closed(domain)
+        assert_distributed_well(domain)
+        if step % 4 == 3:
+            domain = domain.refined(near(domain, point, 0.3))
+            assert domain.geometry is before.geometry
+
+
+def test_two_regions_an_interface_and_a_hole(gmsh_session, measures):
+    if gmsh_session:
+        plate(gmsh_session)
+    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    missing = []
+    for size in (0.1, 0.05, 0.025):
+        domain = domain.remeshed(size)
+        assert set(domain.names) == {"left", "right", "bottom", "top", "hole", "interface"}
+        assert close(measures.region(domain, "strip"), 0.6)
+        assert close(measures.part(domain, "left"), 1.0)
+        missing.append(measures.region(domain, "body") - (1.4 - np.pi / 16))
+    assert np.all(np.abs(np.log2(np.array(missing[:-1]) / missing[1:]) - 2) < 0.3), missing
+    if gmsh_session:
+        assert gmsh_session.model.getCurrent() == "user"
+        assert len(gmsh_session.view.getTags()) == 0
+
+
+CURVED = {
+    "half_disc.geo": (np.pi / 2, {"arc": np.pi, "top": 2.0}, 0.2),
+    "punch.geo": (20 * 15 - 2 * 9 * (1 - np.pi / 4), {"foot": 14 + 3 * np.pi, "top": 20.0}, 2.0),
+    "bracket.geo": (
+        2800 + 144 * (1 - np.pi / 4) - 50 * np.pi,
+        {"foot": 80.0, "wall": 80.0, "holes": 20 * np.pi},
+        5.0,
+    ),
+}
+
+
+@pytest.mark.on_ranks("half_disc.geo")
+@pytest.mark.parametrize("name", CURVED)
+def test_curved_boundaries_are_sampled_anew(name, measures):
+    """The area of the mesh tends to the area of the true shape like h^2, whether it is made anew or refined."""
+    area, sides, size = CURVED[name]
+    domain = ec.read_mesh(MESHES / name, scripts=True)
+    polygon = measures.region(domain)
+    assert measures.region(domain.refined()) - area == pytest.approx((polygon - area) / 4, rel=0.03)
+    errors = []
+    for step in range(4):
+        domain = domain.remeshed(size / 2**step)
+        errors.append(abs(measures.region(domain) - area))
+    print(f"\n{name}: area errors {errors}")
+    assert np.polyfit(np.arange(4), np.log2(errors), 1)[0] == pytest.approx(-2, abs=0.25)
+    for part, length in sides.items():
+        assert measures.part(domain, part) == pytest.approx(length, rel=2e-3)
+
+
+def test_ball_in_space(shared_tmp_path, measures):
+    path = shared_tmp_path / "ball.geo"
+    if COMM.rank == 0:
+        path.write_text(
+            'SetFactory("OpenCASCADE"); Sphere(1) = {0, 0, 0, 1}; Box(2) = {-1, -1, 0, 2, 2, 2};\n'
+            "BooleanIntersection(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };\n"
+            'Physical Surface("sphere") = {1}; Physical Surface(7) = {2}; Mesh.MeshSizeMax = 0.5;\n'
+        )
+    COMM.barrier()
+    domain = ec.read_mesh(path, scripts=True)
+    errors = []
+    for size in (0.4, 0.2, 0.1):
+        domain = domain.remeshed(size)
+        errors.append(2 * np.pi / 3 - measures.region(domain))
+    assert set(domain.names) == {"sphere", "7"}  # a group without a name is called by its number
+    assert np.all(np.abs(np.log2(np.array(errors[:-1]) / errors[1:]) - 2) < 0.35), errors
+
+
+@pytest.mark.on_ranks("2-0.05")
+@pytest.mark.parametrize(("dim", "tolerance"), [(2, 0.05), (3, 0.15)])
+def test_number_of_cells_is_that_of_the_sizes(dim, tolerance):
+    domain = ec.rectangle(*RECTANGLE, size=0.5) if dim == 2 else ec.box(*BOX, size=0.5)
+    corner = np.array((RECTANGLE if dim == 2 else BOX)[1])
+    for low, slope in ((0.2, 0.0), (0.05, 0.15), (0.05, 0.25)):
+        sizes = around(domain, corner, low, slope)
+        assert domain.remeshed(sizes).cells == pytest.approx(
+            count_cells(domain, sizes), rel=tolerance
+        )
+
+
+@pytest.mark.serial
+def test_coarser():
+    domain = ec.rectangle(*RECTANGLE, cells=(20, 70))
+    assert domain.remeshed(0.5).cells < domain.cells / 10
+
+
+@pytest.mark.serial
+def test_gap_acts_on_every_mesh_alike():
+    """A half disc on a plane: its gap is the height of its own arc.
+
+    The force stays but for the meshes' errors.
+    """
+    scene = ec.Scene(
+        material=ec.Elastic(E=1.0, nu=0.3),
+        supports=[ec.Displacement("top", (0.0, -0.05))],
+        contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
+    )
+    domain, forces, start = ec.read_mesh(MESHES / "half_disc.geo", scripts=True), [], None
+    for step in range(0, 10, 2):
+        domain = domain.remeshed(around(domain, (0.0, 0.0), 0.015, 0.05 + 0.02 * step))
+        start = ec.solve(scene, domain, start=start)
+        traction = ec.equilibrate(start).tractions[0]
+        owned = traction.contact.facets[:, 0] < domain.owned_cells
+        forces.append(
+            COMM.allreduce(
+                float((traction.area @ (owned[:, None] * traction.normal_component)).sum())
+            )
+        )
+    assert np.ptp(forces) < 0.05 * abs(np.mean(forces)), forces
+
+
+def test_mesh_without_geometry():
+    shared = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    bare = ec.Domain(shared.mesh, shared.facet_tags, shared.names)
+    for domain in (bare, bare.refined(), ec.read_mesh(MESHES / "block.msh")):
+        with pytest.raises(ec.InputError, match=r"geometry .* not known.*Mark\(\).*\.geo"):
+            domain.remeshed(0.1)
+
+
+def test_user_session_keeps_its_options(gmsh_session):
+    names = (
+        "Mesh.MeshSizeMax",
+        "Mesh.MeshSizeExtendFromBoundary",
+        "Mesh.Algorithm",
+        "Mesh.MeshSizeFactor",
+    )
+    if gmsh_session:
+        gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.3)
+        gmsh_session.option.setNumber("Mesh.Algorithm", 5)
+    before = [gmsh_session.option.getNumber(name) for name in names] if gmsh_session else None
+    ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).remeshed(0.2)
+    if gmsh_session:
+        assert [gmsh_session.option.getNumber(name) for name in names] == before
+        assert gmsh_session.model.list() == ["", "user"]
+
+
+@pytest.mark.ranks
+def test_remeshed_meshes_do_not_depend_on_the_number_of_ranks():
+    cells = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        domain = ec.rectangle(*RECTANGLE, size=0.5, comm=comm)
+        for step in range(3):
+            domain = domain.remeshed(around(domain, (0.5, float(step)), 0.05, 0.2))
+        cells.append((domain.cells, domain.vertices))
+    assert cells[0][0] == pytest.approx(
+        cells[1][0], rel=0.02
+    )  # gmsh's search for sizes may end in other triangles
