@@ -275,7 +275,8 @@ class _RangeCode(ArrayCode):
             values[place] = fields[field]
         with np.errstate(all="ignore"):
             for place, call, operands in self._calls:
-                values[place] = _known(call(*[values[operand] for operand in operands]), vertices)
+                found: Any = call(*[values[operand] for operand in operands])
+                values[place] = _known(found, vertices)
         result: Range = values[-1]
         return result
 
