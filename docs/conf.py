@@ -32,8 +32,7 @@ nitpick_ignore = [
     for name in (
         "admissible.cells.CellGeometry",
         "admissible.elastic.CellStress",
-        "mesh.naming.Rules",
-        "mesh.interface_map.Interface",
+        "newton.distortion.Distortion",
         "model.constitution.Constitution",
         "model.friction.Friction",
         "model.last_step.LastStep",
