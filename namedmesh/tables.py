@@ -202,7 +202,8 @@ def geometry_of(
     curved = plain["curved"]
     if plain["kind"] != "Drawing" or not all(type(mark) is int for mark in curved):
         raise InputError("it has a shape of an unknown kind.")
-    check_kept(plain["suffix"], plain["text"])
+    if plain["text"] != "":  # as it is on all ranks but the first
+        check_kept(plain["suffix"], plain["text"])
     return Drawing(plain["suffix"], plain["text"], frozenset(curved))
 
 
