@@ -3,7 +3,7 @@
 The gap's interpolating polynomial is lowered by its greatest excess over the gap on the
 facet, also at its kinks, cusps and jumps (:mod:`erc_contact.model.peaks`). An asperity
 is found if it changes the gap at one of the first samples, 72 on a facet in 2D and 352
-in 3D.
+in 3D. The distance of two bodies alone needs no search: it is bounded by polynomials.
 
 Where the gap jumps on a facet, this excess is about the height of the jump. Such
 facets have further polynomials: the line through the gap at the vertices, lowered in
@@ -27,7 +27,7 @@ from erc_contact.model.peaks import upper_bounds
 from erc_contact.model.quadrature import facet_pieces, polynomials
 from erc_contact.model.symbolic import varies_in_cells
 from erc_contact.model.trace import split
-from namedmesh.simplex import node_vertices, times_linear
+from namedmesh.simplex import barycentric, coefficients, node_vertices, nodes, times_linear
 
 POLYNOMIAL = 1e-14
 """Distance of a polynomial from the gap that is round-off, over its values [-]."""
@@ -125,6 +125,8 @@ def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:
 
     Their shape is (f, c, m), with c = 1 where no facet may have a jump.
     """
+    if contact.between is not None and contact.given_gap is None and not contact.bilateral:
+        return _below_distance(contact)[:, None]
     at_nodes = gap_at_nodes(model, contact)
     lengths = contact.gap_lengths
     first = lengths * contact.trace.coefficients(at_nodes / lengths)
@@ -146,6 +148,36 @@ def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:
         excess, _ = _excess(model, contact, polynomial, poor)
         below[poor, number] = polynomial - excess[:, None]
     return below
+
+
+def _below_distance(contact: ContactOnMesh) -> np.ndarray:
+    """Return coefficients of polynomials below the distance of two bodies, (f, m).
+
+    The distance is ``V.N/|N|`` with vectors V and normals N that are linear on a facet,
+    |N| is between a least length l and 1. So it is at least ``V.N`` where that is
+    positive, and ``V.N/l`` where it is negative; both are of degree 2 and equal to it
+    at the vertices. On a facet with both signs ``V.N`` is lowered by what they differ.
+    """
+    trace = contact.trace
+    d, degree = trace.here.d, trace.here.degree
+    shares = barycentric(nodes(d - 1, 2))
+    vectors = np.matmul(shares, contact.between)
+    normals = np.matmul(shares, trace.normals_at_vertices)
+    products = (vectors * normals).sum(axis=-1) @ coefficients(d - 1, 2).T
+    more = 1 / _least_length(trace.normals_at_vertices) - 1
+    low = products.min(axis=1, initial=np.inf)
+    high = products.max(axis=1, initial=-np.inf)
+    factor = np.where(high <= 0, 1 + more, 1.0)
+    has_both = (low < 0) & (high > 0)
+    lowered = np.where(has_both, more * np.maximum(-low, high), 0.0)
+    below = factor[:, None] * products - lowered[:, None]
+    if degree == 2:
+        return below
+    # The line through the values at the vertices, lowered by its excess on the edges.
+    at_vertices = below[:, :d]
+    on_edges = at_vertices[:, node_vertices(d - 1, 2)[d:]].mean(axis=2)
+    excess = (on_edges - below[:, d:]).max(axis=1, initial=0.0)
+    return at_vertices - excess[:, None]
 
 
 def _excess(

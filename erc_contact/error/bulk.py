@@ -20,7 +20,6 @@ from erc_contact.model.quadrature import cell_pieces, integrate
 from namedmesh.for_solvers import sides_of_facets, swept
 from namedmesh.simplex import bernstein
 
-
 GEOMETRY_MARGIN = 1.4
 """Factor of the estimate of what flat facets cost [-].
 

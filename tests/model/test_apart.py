@@ -24,12 +24,15 @@ from test_split import facet_corners
 from test_two_bodies import METHODS, certified
 
 import erc_contact as ec
+from erc_contact.admissible.below import excess_over_gap, gap_limits
+from erc_contact.model.expressions import Everywhere
 from erc_contact.model.promises import bind
 from erc_contact.model.trace import Side, Trace
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
 from erc_contact.run.states import Restored, level_of
 from namedmesh.partition import patches_complete
+from namedmesh.simplex import bernstein
 from namedmesh.tables import describe_shape, geometry_of
 
 SIDES = ("upper bottom", "lower top")
@@ -155,6 +158,31 @@ def test_the_order_of_sides_changes_nothing():
         assert error.relative < 0.12
         forces.append(error.force("upper nose").force)
     assert np.linalg.norm(forces[0] - forces[1]) < 0.03 * np.linalg.norm(forces[0])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
+def test_distances_are_bounded_without_a_search(d, degree):
+    """Polynomials below the distance, and the excess of a jump: both against dense samples."""
+    n = {"upper": (3, 3, 2), "lower": (3, 3, 2)} if d == 3 else {"upper": (8, 3), "lower": (6, 3)}
+    solution = pressed_noses(d, noses(d, n), degree=degree, push=0.01).solution
+    contact = solution.model.contacts[0]
+    facets = contact.facets
+    places = np.random.default_rng(1).dirichlet(np.ones(d), 400)
+    x = places @ contact.trace.here.corners
+    gap = Everywhere(contact.gap, solution.model.mesh)(x, facets).reshape(len(facets), -1)
+    shape = bernstein(d - 1, degree, places[:, 1:])
+    below = gap_limits(solution.model, contact, solution.u.x.array.reshape(-1, d)) @ shape.T
+    scale = abs(gap).max()
+    assert (below - gap).max() < 1e-14 * scale
+    assert (gap - below).max() < (0.05 if degree == 1 else 0.01) * scale
+
+    of_w = contact.trace.coefficients(contact.trace.of(solution.u.x.array))
+    w_n = ((shape @ of_w) * contact.trace.normals_at_places(places)).sum(axis=-1)
+    excess = np.maximum((w_n - gap).max(axis=1), 0.0)
+    bound = excess_over_gap(solution.model, contact, of_w)
+    assert np.all(bound >= excess - 1e-14 * scale)
+    assert (bound - excess).max() < 0.01 * scale
 
 
 # -- patches
