@@ -66,7 +66,7 @@ def test_all_of_it_works_alone(ranks, tmp_path):
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    assert run.stdout.split() == ["done"] * ranks
+    assert run.stdout.count("done") == ranks
 
 
 def test_errors_have_one_root():
