@@ -5,8 +5,7 @@
 Small scenes run while the interpreter notes which functions of the packages start, and
 which of their lines run. A module is on the way of the block if a third of the lines of
 its functions run. A feature adds the modules of which a fifth runs that does not run
-without it. What repairs other libraries or bridges their releases is left out: it
-depends on what was compiled before.
+without it. Left out is what depends on the clock or on what was compiled before.
 """
 
 import ast
@@ -48,8 +47,8 @@ Below it each feature has the modules that it adds: {added}% of their lines run 
 block without the feature does not run, whether its values are numbers or functions, in an
 adaptive run or by hand. The column "asked for in" has the modules of the block's way that
 import such a module; "more of it" means that the block needs it, too. Meshes of features
-are made beforehand. What repairs other libraries or bridges their releases is left out:
-[What import does](../import.md#why-and-until-when).
+are made beforehand. Left out is what depends on the clock or on what was compiled before:
+progress, and [repairs of other libraries](../import.md#why-and-until-when).
 
 ```console
 python benchmarks/reading_path.py > docs/inside/path.md
@@ -65,7 +64,7 @@ ADAPTIVE = "Adaptive runs"
 """Scenes whose lines count as known for the features that come after them."""
 WIDTH = 120
 """Characters of a line of the page."""
-LEFT_OUT = ("erc_contact.base.runtime.", "namedmesh.base.releases")
+LEFT_OUT = ("erc_contact.base.runtime.", "erc_contact.base.progress", "namedmesh.base.releases")
 TOOL = 4
 """A number of `sys.monitoring` that no other tool has taken."""
 MATERIAL = ec.Elastic(E=1.0, nu=0.3)
