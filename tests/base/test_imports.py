@@ -15,32 +15,12 @@ import re
 import subprocess
 import sys
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import pytest
+from import_graph import IMPORTS, MODULES, ORDER, stage
 from processes import ROOT
 
-import erc_contact as ec
-
 pytestmark = pytest.mark.serial
-PACKAGE = Path(ec.__file__).parent
-MESHES = PACKAGE.parent / "namedmesh"
-ROOTS = ("erc_contact", "namedmesh")
-ORDER = [
-    "namedmesh",
-    "base",
-    "scene",
-    "model",
-    "newton",
-    "admissible",
-    "results",
-    "error",
-    "output",
-    "run",
-    "__main__",
-    "",
-]
-"""The way of the data; the last one is the package itself."""
 NARROW = {
     "erc_contact.base.runtime": ("erc_contact.base.", "namedmesh.base."),
     "erc_contact.newton.linear": ("erc_contact.base.", "namedmesh.", "erc_contact.model."),
@@ -50,37 +30,6 @@ FLOORS = {"namedmesh": 10, "erc_contact": 18}
 """Modules in the longest chain of imports of each package."""
 DOORS = 15
 """Modules of namedmesh that erc_contact enters: its public names, what solvers need, simplices, tables, the base."""
-
-
-def module_of(path):
-    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(
-        ".__init__"
-    )
-
-
-MODULES = {module_of(path): path for package in (MESHES, PACKAGE) for path in package.rglob("*.py")}
-
-
-def imported(path):
-    """Modules of the package that a file imports, wherever in the file."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        is_door = isinstance(node, ast.ImportFrom) and node.module == "namedmesh"
-        if is_door and not path.is_relative_to(MESHES):
-            yield node.module
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ROOTS:
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-            yield from (name if name in MODULES else node.module for name in names)
-        elif isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names if alias.name.split(".")[0] in ROOTS)
-
-
-IMPORTS = {module: set(imported(path)) - {module} for module, path in MODULES.items()}
-
-
-def stage(module):
-    """The package that a module is in; all of namedmesh is the first."""
-    root, *inside = module.split(".")
-    return root if root == "namedmesh" else [*inside, ""][0]
 
 
 def test_modules_import_from_above_only():
