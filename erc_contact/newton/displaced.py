@@ -192,7 +192,7 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
     first, second = np.triu_indices(d, 1)
     moments = product[:, first, second] - product[:, second, first]
     tensors = (forces, found.whole * volume[:, None, None], strain * volume[:, None])
-    sizes = [np.linalg.norm(tensor.reshape(len(volume), -1), axis=1) for tensor in tensors]
+    sizes = [np.sqrt((tensor**2).sum(axis=tuple(range(1, tensor.ndim)))) for tensor in tensors]
     total = np.zeros((count, len(first) + 3))
     np.add.at(total, found.bodies, np.column_stack([moments, *sizes]))
     total = model.comm.allreduce(total, MPI.SUM)
