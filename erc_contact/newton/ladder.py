@@ -275,7 +275,6 @@ def _first(
         # They lead to the solution of a quadratic programme, else near one at best.
         if convex:
             yield from _interior(method, nodal, known)
-            yield Attempt(method, first)
         if not is_nodal and "nodal" not in known:
             yield from _by_nodal(method, nodal, first)
         if not convex:
