@@ -216,11 +216,8 @@ def attempts(
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
             yield Attempt(method, first, proximal=True)
-        # Lowering friction costs less than springs by another method, and an end of it
-        # tells the friction that is needed.
+        # An end of it tells the friction that is needed.
         yield from _lower_friction(method, nodal, known) if slides else ()
-        if not is_nodal and "nodal" not in known:
-            yield from _by_nodal(method, nodal, first, proximal=True)
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
@@ -267,7 +264,8 @@ def _first(
     """
     is_nodal = nodal == method
     if nodal_first and not is_nodal:
-        yield from _by_nodal(method, nodal, first)
+        yield Attempt(nodal, first, final=False)
+        yield Attempt(method, "nodal")
         yield from _interior(method, nodal, known)
         yield Attempt(method, "glued")
     else:
@@ -276,19 +274,12 @@ def _first(
         if convex:
             yield from _interior(method, nodal, known)
         if not is_nodal and "nodal" not in known:
-            yield from _by_nodal(method, nodal, first)
+            yield Attempt(nodal, first, final=False)
+            yield Attempt(method, "nodal")
         if not convex:
             yield from _interior(method, nodal, known)
         if first == "warm":
             yield Attempt(method, "glued")
-
-
-def _by_nodal(
-    method: Method, nodal: Method, first: str, *, proximal: bool = False
-) -> Iterator[Attempt]:
-    """Generate the attempts by a solution of the augmented Lagrangian."""
-    yield Attempt(nodal, first, proximal=proximal, final=False)
-    yield Attempt(method, "nodal")
 
 
 def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:
