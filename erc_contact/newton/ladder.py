@@ -268,7 +268,8 @@ def _first(
         yield from _interior(method, nodal, known)
         yield Attempt(method, "glued")
     else:
-        yield Attempt(method, first, hurried=convex)
+        # Nothing is left of a hurried attempt but the states that interior points find.
+        yield Attempt(method, first, hurried=convex and type(method) in OURS)
         # They lead to the solution of a quadratic programme, else near one at best.
         if convex:
             yield from _interior(method, nodal, known)
