@@ -209,7 +209,6 @@ def attempts(
             point steps lead to the solution.
     """
     nodal = method if method.multiplier else NODAL
-    is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
     yield from _first(method, nodal, first, known, convex=convex, nodal_first=nodal_first)
     if loose:
@@ -227,19 +226,16 @@ def attempts(
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):
         yield from _stiffer(method)
-    accepted = [method]
-    if fallback and not is_nodal:
+    if fallback and nodal != method:
         yield Attempt(nodal, "nodal")
-        accepted.append(nodal)
 
+    if gap:
+        yield Attempt(method, "glued", gap_shares=GAP_SHARES)
     friction_steps = FRICTION_STEPS if friction else ()
-    for last_method in accepted:
-        if gap:
-            yield Attempt(last_method, "glued", gap_shares=GAP_SHARES)
-        for shares in friction_steps:
-            yield Attempt(last_method, "glued", friction_shares=shares)
-        for line_search in LINE_SEARCHES:
-            yield Attempt(last_method, "glued", line_search)
+    for shares in friction_steps:
+        yield Attempt(method, "glued", friction_shares=shares)
+    for line_search in LINE_SEARCHES:
+        yield Attempt(method, "glued", line_search)
 
 
 def _first(
