@@ -215,7 +215,7 @@ def attempts(
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
             yield Attempt(method, first, proximal=True)
-        # An end of it tells the friction that is needed.
+        # The friction at which this ends early tells what friction is needed.
         yield from _lower_friction(method, nodal, known) if slides else ()
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
