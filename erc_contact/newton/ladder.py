@@ -39,18 +39,18 @@ STEPS_OF_NEIGHBOURS = 20
 So are problems with softer springs or less friction. Those that are solved mostly take
 1 to 5 steps, and seldom more than 17.
 """
-GAP_STEPS: tuple[tuple[float, ...], ...] = ((0.0, 1.0), (0.0, 0.01, 0.1, 0.3, 1.0))
-"""Shares of the gaps when they are opened in steps.
+GAP_SHARES = (0.0, 1.0)
+"""Shares of the gaps when they are closed first.
 
 A body that only a contact with a large gap holds is in tension all over where the gap
-is closed all over, as in the glued start. From the solution without gap the contact
-opens bit by bit.
+is closed all over, as in the glued start. In the solution without gap part of the
+contact is open already.
 """
-LINE_SEARCHES = ("l2", "cp", "bt", "nleqerr")
+LINE_SEARCHES = ("cp", "bt")
 """Line searches where bisection fails; each may avoid a cycle of the others."""
 NODAL = AugmentedLagrangian(gamma=1.0)
 """The method whose solution is the start of the others."""
-OTHERS = tuple(AugmentedLagrangian(gamma) for gamma in (0.1, 10.0, 1000.0))
+OTHERS = tuple(AugmentedLagrangian(gamma) for gamma in (0.1, 1000.0))
 """The same method with other parameters, which do not change its solution."""
 STIFFER = (100.0, 30.0, 10.0, 5.0, 3.0, 2.0, 1.4)
 """Factors of Nitsche's gamma for a sequence of problems.
@@ -209,18 +209,14 @@ def attempts(
             point steps lead to the solution.
     """
     nodal = method if method.multiplier else NODAL
-    is_nodal = nodal == method
     first = "warm" if "warm" in known else "glued"
     yield from _first(method, nodal, first, known, convex=convex, nodal_first=nodal_first)
     if loose:
         # Springs take many steps, and a solution that is accepted may be there.
         if not (fallback and "nodal" in known):
             yield Attempt(method, first, proximal=True)
-        # Lowering friction costs less than springs by another method, and an end of it
-        # tells the friction that is needed.
+        # The friction at which this ends early tells what friction is needed.
         yield from _lower_friction(method, nodal, known) if slides else ()
-        if not is_nodal and "nodal" not in known:
-            yield from _by_nodal(method, nodal, first, proximal=True)
 
     # Another parameter of the augmented Lagrangian goes another way to its solution.
     tried = {method, nodal} if first == "glued" else {method}
@@ -230,20 +226,16 @@ def attempts(
             yield Attempt(method, "nodal")
     if isinstance(method, Nitsche):
         yield from _stiffer(method)
-    accepted = [method]
-    if fallback and not is_nodal:
+    if fallback and nodal != method:
         yield Attempt(nodal, "nodal")
-        accepted.append(nodal)
 
-    gap_steps = GAP_STEPS if gap else ()
+    if gap:
+        yield Attempt(method, "glued", gap_shares=GAP_SHARES)
     friction_steps = FRICTION_STEPS if friction else ()
-    for last_method in accepted:
-        for shares in gap_steps:
-            yield Attempt(last_method, "glued", gap_shares=shares)
-        for shares in friction_steps:
-            yield Attempt(last_method, "glued", friction_shares=shares)
-        for line_search in LINE_SEARCHES:
-            yield Attempt(last_method, "glued", line_search)
+    for shares in friction_steps:
+        yield Attempt(method, "glued", friction_shares=shares)
+    for line_search in LINE_SEARCHES:
+        yield Attempt(method, "glued", line_search)
 
 
 def _first(
@@ -267,29 +259,23 @@ def _first(
     """
     is_nodal = nodal == method
     if nodal_first and not is_nodal:
-        yield from _by_nodal(method, nodal, first)
+        yield Attempt(nodal, first, final=False)
+        yield Attempt(method, "nodal")
         yield from _interior(method, nodal, known)
         yield Attempt(method, "glued")
     else:
-        yield Attempt(method, first, hurried=convex)
+        # Nothing is left of a hurried attempt but the states that interior points find.
+        yield Attempt(method, first, hurried=convex and type(method) in OURS)
         # They lead to the solution of a quadratic programme, else near one at best.
         if convex:
             yield from _interior(method, nodal, known)
-            yield Attempt(method, first)
         if not is_nodal and "nodal" not in known:
-            yield from _by_nodal(method, nodal, first)
+            yield Attempt(nodal, first, final=False)
+            yield Attempt(method, "nodal")
         if not convex:
             yield from _interior(method, nodal, known)
         if first == "warm":
             yield Attempt(method, "glued")
-
-
-def _by_nodal(
-    method: Method, nodal: Method, first: str, *, proximal: bool = False
-) -> Iterator[Attempt]:
-    """Generate the attempts by a solution of the augmented Lagrangian."""
-    yield Attempt(nodal, first, proximal=proximal, final=False)
-    yield Attempt(method, "nodal")
 
 
 def _interior(method: Method, nodal: Method, known: Container[str]) -> Iterator[Attempt]:

@@ -10,7 +10,10 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
+from erc_contact.model.promises import bind
 from erc_contact.newton import ladder, snes
+from erc_contact.newton.contact_solve import ContactSolve
+from erc_contact.newton.direct import Direct
 
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 STEEL = 2.1e5
@@ -64,6 +67,22 @@ def test_newton_alone_finds_the_same(method, monkeypatch):
     assert alone.newton_steps > solution.newton_steps
     difference = abs(alone.u.x.array - solution.u.x.array).max()
     assert difference <= 1e-8 * abs(alone.u.x.array).max()
+
+
+@pytest.mark.serial
+def test_steps_of_a_users_method_are_not_ended_early():
+    """No interior points find its states, so that its steps are all that it has."""
+
+    class Own(ec.Nitsche):
+        pass
+
+    scene, stack = leaves(along=20)
+    solve = ContactSolve(Direct(bind(scene, stack, 2, None)), Own(), None)
+    solve.solve(None)
+    assert len(solve.rungs) == 1
+    by_ours = ContactSolve(Direct(bind(scene, stack, 2, None)), METHODS[0], None)
+    by_ours.solve(None)
+    assert "states keep changing" in by_ours.rungs[0]
 
 
 @pytest.mark.pairs
