@@ -26,7 +26,7 @@ from erc_contact.model.model import Model
 from erc_contact.model.peaks import upper_bounds
 from erc_contact.model.quadrature import facet_pieces, polynomials
 from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import split
+from erc_contact.model.trace import Trace, split
 from namedmesh.simplex import barycentric, coefficients, node_vertices, nodes, times_linear
 
 POLYNOMIAL = 1e-14
@@ -126,7 +126,7 @@ def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:
     Their shape is (f, c, m), with c = 1 where no facet may have a jump.
     """
     if contact.between is not None and contact.given_gap is None and not contact.bilateral:
-        return _below_distance(contact)[:, None]
+        return _below_distance(contact.trace, contact.between)[:, None]
     at_nodes = gap_at_nodes(model, contact)
     lengths = contact.gap_lengths
     first = lengths * contact.trace.coefficients(at_nodes / lengths)
@@ -150,18 +150,21 @@ def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:
     return below
 
 
-def _below_distance(contact: ContactOnMesh) -> np.ndarray:
+def _below_distance(trace: Trace, between: np.ndarray) -> np.ndarray:
     """Return coefficients of polynomials below the distance of two bodies, (f, m).
 
     The distance is ``V.N/|N|`` with vectors V and normals N that are linear on a facet,
     |N| is between a least length l and 1. So it is at least ``V.N`` where that is
     positive, and ``V.N/l`` where it is negative; both are of degree 2 and equal to it
     at the vertices. On a facet with both signs ``V.N`` is lowered by what they differ.
+
+    Args:
+        trace: The displacement of the contact.
+        between: V at the vertices of the facets [length], shape (f, d, d).
     """
-    trace = contact.trace
     d, degree = trace.here.d, trace.here.degree
     shares = barycentric(nodes(d - 1, 2))
-    vectors = np.matmul(shares, contact.between)
+    vectors = np.matmul(shares, between)
     normals = np.matmul(shares, trace.normals_at_vertices)
     products = (vectors * normals).sum(axis=-1) @ coefficients(d - 1, 2).T
     more = 1 / _least_length(trace.normals_at_vertices) - 1
