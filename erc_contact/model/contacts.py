@@ -43,6 +43,8 @@ from namedmesh.simplex import lagrange, nodes, rule
 
 SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
+Sides = tuple[Side, Side | None]
+"""Side of a body at a contact, and the side of the other body; None on a foundation."""
 FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
@@ -75,7 +77,7 @@ def bind_contact(
         values = evaluate(gaps[0], space.mesh, space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
-    sides = Trace(here, space.outward_normals(facets), there=there)
+    sides = here, there
     normal, direction, of_corners, given_normal = _normal(space, contact, sides, surface, sign)
     of_gap = None
     if of_corners is not None:
@@ -201,14 +203,14 @@ def _true_surface(space: Space, contact: Contact) -> Ufl:
 
 
 def _normal(
-    space: Space, contact: Contact, sides: Trace, surface: Ufl, sign: float
+    space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float
 ) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
     """Find the normal of a foundation, or the common normal of bodies; collective.
 
     Args:
         space: The mesh.
         contact: What the scene declares.
-        sides: Both sides, with the outward normals of the facets.
+        sides: This side, and the other side of two bodies.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
 
@@ -218,7 +220,7 @@ def _normal(
         (f, d, d), None where they do not turn along any facet; and the normal as the
         scene gives it, of any length, UFL, None where it does not vary.
     """
-    facets = sides.here.facets
+    facets = sides[0].facets
     if contact.normal is None and contact.against is None:
         direction = _flat_normal(space, contact, facets)
     elif isinstance(contact.normal, tuple):
@@ -252,15 +254,16 @@ def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarr
 
 
 def _varying_normal(
-    space: Space, contact: Contact, sides: Trace, surface: Ufl, sign: float
+    space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float
 ) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
     """Find a normal that varies, as :func:`_normal` returns it; collective."""
-    facets = sides.here.facets
+    facets = sides[0].facets
     given = None
     if contact.normal is None:
-        of_corners = _common_normals(space, contact, sides)
-        if greatest(space.comm, of_corners - sides.normals_at_vertices) <= SAME_NORMAL:
-            return space.n, sides.direction, None, None
+        flat = Trace(sides[0], space.outward_normals(facets), there=sides[1])
+        of_corners = _common_normals(space, contact, flat)
+        if greatest(space.comm, of_corners - flat.normals_at_vertices) <= SAME_NORMAL:
+            return space.n, flat.direction, None, None
     else:
         given = _given_normal(space, contact, surface, sign)
         of_corners = _at_vertices(space, contact, facets, given)
