@@ -156,7 +156,8 @@ def _below_distance(trace: Trace, between: np.ndarray) -> np.ndarray:
     The distance is ``V.N/|N|`` with vectors V and normals N that are linear on a facet,
     |N| is between a least length l and 1. So it is at least ``V.N`` where that is
     positive, and ``V.N/l`` where it is negative; both are of degree 2 and equal to it
-    at the vertices. On a facet with both signs ``V.N`` is lowered by what they differ.
+    at the vertices. On a facet with both signs ``V.N`` is lowered by what they differ
+    at most, where it is least.
 
     Args:
         trace: The displacement of the contact.
@@ -172,7 +173,7 @@ def _below_distance(trace: Trace, between: np.ndarray) -> np.ndarray:
     high = products.max(axis=1, initial=-np.inf)
     factor = np.where(high <= 0, 1 + more, 1.0)
     has_both = (low < 0) & (high > 0)
-    lowered = np.where(has_both, more * np.maximum(-low, high), 0.0)
+    lowered = np.where(has_both, -more * low, 0.0)
     below = factor[:, None] * products - lowered[:, None]
     if degree == 2:
         return below

@@ -62,6 +62,8 @@ def hidden_by_data(law: PointLaw, of_cells: np.ndarray, integrands: OfLaw) -> Hi
             for number in np.flatnonzero(is_beyond.any(axis=0)):
                 row = np.flatnonzero(is_beyond[:, number])
                 values = []
+                # The points show what the data do up to their own ends, so that only
+                # the rise from there counts.
                 for bound in (end, at_points):
                     changed = data[row][:, inside]
                     changed[..., number] = bound[row, None, number]
@@ -74,6 +76,7 @@ def hidden_by_data(law: PointLaw, of_cells: np.ndarray, integrands: OfLaw) -> Hi
                 whole = np.zeros((len(cell), rise.shape[1]))
                 whole[row] = rise
                 total = total + whole
-        return total if isinstance(total, np.ndarray) else np.zeros((len(cell), 1))
+        # Where no range goes beyond the points, nothing hides between them.
+        return np.zeros((len(cell), 1)) + total
 
     return hidden

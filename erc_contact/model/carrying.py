@@ -45,13 +45,13 @@ def carry_state(state: StateField, space: Space) -> StateField:
         return state
     # A degree more tells what the new mesh does not carry.
     finer = polynomials_in_cells(space, state.size, more=1)
-    for function in (new, finer):
-        if not _interpolate(state.values, state.space, function, space):
-            raise InputError(
-                "after: the mesh of that solution does not cover the body, so plastic strain "
-                "and hardening are not known everywhere. Give a solution on a mesh of the same "
-                "body."
-            )
+    with _side_by_side([space, state.space]):
+        covers = [_interpolate(state.values, function, space) for function in (new, finer)]
+    if not all(covers):
+        raise InputError(
+            "after: the mesh of that solution does not cover the body, so plastic strain and "
+            "hardening are not known everywhere. Give a solution on a mesh of the same body."
+        )
     cells = space.owned_cells
     of_old = LawState(space, finer).in_cells(cells)
     points = finer.function_space.element.interpolation_points
@@ -86,27 +86,29 @@ def carry_displacement(u: fem.Function, old: Space, space: Space) -> fem.Functio
     """
     result = space.function()
     if u.function_space.mesh is not space.mesh:
-        return result if _interpolate(u, old, result, space) else None
+        with _side_by_side([space, old]):
+            return result if _interpolate(u, result, space) else None
     result.interpolate(u)
     return result
 
 
-def _interpolate(old: fem.Function, old_space: Space, new: fem.Function, space: Space) -> bool:
+def _interpolate(old: fem.Function, new: fem.Function, space: Space) -> bool:
     """Interpolate a function of another mesh at the nodes of a function; collective.
+
+    The meshes are in units of their extent, see :func:`_side_by_side`.
 
     Returns:
         Whether the other mesh covers these nodes.
     """
     cells = space.owned_cells
     spaces = new.function_space, old.function_space
-    with _side_by_side([space, old_space]):
-        for padding in PADDINGS:
-            data = fem.create_interpolation_data(*spaces, cells, padding=padding)
-            is_found = bool((data.src_owner >= 0).all())
-            if space.comm.allreduce(is_found, MPI.LAND):
-                new.interpolate_nonmatching(old, cells, interpolation_data=data)
-                new.x.scatter_forward()
-                return True
+    for padding in PADDINGS:
+        data = fem.create_interpolation_data(*spaces, cells, padding=padding)
+        is_found = bool((data.src_owner >= 0).all())
+        if space.comm.allreduce(is_found, MPI.LAND):
+            new.interpolate_nonmatching(old, cells, interpolation_data=data)
+            new.x.scatter_forward()
+            return True
     return False
 
 

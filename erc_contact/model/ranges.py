@@ -370,6 +370,7 @@ def _product(node: Ufl) -> Callable[[Range, Range], Range]:
     call = WITH_INDICES[classes.Product](node)
 
     def product(a: Range, b: Range) -> Range:
+        # It is linear in each factor, so that its extremes are products of ends.
         ends = _hull(*[call(x, y) for x in a[:2] for y in b[:2]])
         is_linear = a.is_constant or b.is_constant
         return Range(ends.low, ends.high, _if_linear(call, a, b) if is_linear else None)
