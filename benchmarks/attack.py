@@ -62,9 +62,9 @@ from true_errors import reference, true_errors  # isort: skip
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact import contact_parts
 from erc_contact.error.contact_term import contact_density
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import pressures
-from erc_contact.model.quadrature import polynomials
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.foundation import pressures
+from erc_contact.model.data.quadrature import polynomials
 from namedmesh.simplex import coefficients
 
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)

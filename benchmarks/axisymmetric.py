@@ -38,7 +38,7 @@ from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.constitution import act
+from erc_contact.model.law.constitution import act
 from namedmesh.gmsh_session import session
 from namedmesh.simplex import barycentric, rule
 

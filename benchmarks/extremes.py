@@ -39,11 +39,11 @@ import erc_contact as ec
 from dolfinx import fem  # isort: skip - after erc_contact, which loads MPI first
 from true_errors import reference, true_errors  # isort: skip
 from erc_contact.admissible.elastic import cell_stress
-from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.contact.contact_values import friction_parameters
 
 from erc_contact.admissible.cells import cell_geometry  # isort: skip
-from erc_contact.model.trace import split  # isort: skip
-from erc_contact.model.expressions import evaluate  # isort: skip
+from erc_contact.model.contact.trace import split  # isort: skip
+from erc_contact.model.data.expressions import evaluate  # isort: skip
 from namedmesh.simplex import lagrange, rule  # isort: skip
 
 METHODS: tuple[Any, ...] = (ec.Nitsche(), ec.AugmentedLagrangian())

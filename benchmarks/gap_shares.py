@@ -24,7 +24,7 @@ from true_errors import FACET_DEGREE, Reference  # isort: skip
 from true_errors import normal_traction_at, reference, true_errors  # isort: skip
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.data.expressions import evaluate
 from namedmesh.simplex import rule
 
 LEVELS = 3

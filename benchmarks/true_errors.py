@@ -33,9 +33,9 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.friction import CONSTANT
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.friction import CONSTANT
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.interface_map import InterfaceMap

@@ -6,8 +6,8 @@ import numpy as np
 
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
-from erc_contact.model.point_law import Search
-from erc_contact.model.quadrature import cell_pieces
+from erc_contact.model.data.quadrature import cell_pieces
+from erc_contact.model.law.point_law import Search
 from erc_contact.model.space import circumferences
 from namedmesh.simplex import barycentric, rule
 

@@ -17,11 +17,11 @@ from functools import cached_property
 import numpy as np
 
 from erc_contact.admissible.cones import Cones, clip
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import ContactOnMesh, pressures
-from erc_contact.model.friction import PROPORTIONAL
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.foundation import ContactOnMesh, pressures
+from erc_contact.model.contact.friction import PROPORTIONAL
+from erc_contact.model.contact.trace import split
 from erc_contact.model.space import Space
-from erc_contact.model.trace import split
 from namedmesh.simplex import at_nodes, coefficients, nodes
 
 LIMITER_STEPS = 20

@@ -16,9 +16,9 @@ from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.shift import MOBILITY
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.model import Model
-from erc_contact.model.trace import Trace
 
 SMALL_PRESSURE = 0.01
 """Traction of a facet that presses little, over the largest one of its contact [-]."""

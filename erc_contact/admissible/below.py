@@ -1,9 +1,10 @@
 """Polynomials below the gap on the facets of a contact.
 
 The gap's interpolating polynomial is lowered by its greatest excess over the gap on the
-facet, also at its kinks, cusps and jumps (:mod:`erc_contact.model.peaks`). An asperity
-is found if it changes the gap at one of the first samples, 72 on a facet in 2D and 352
-in 3D. The distance of two bodies alone needs no search: it is bounded by polynomials.
+facet, also at its kinks, cusps and jumps (:mod:`erc_contact.model.data.peaks`). An
+asperity is found if it changes the gap at one of the first samples, 72 on a facet in 2D
+and 352 in 3D. The distance of two bodies alone needs no search: it is bounded by
+polynomials.
 
 Where the gap jumps on a facet, this excess is about the height of the jump. Such
 facets have further polynomials: the line through the gap at the vertices, lowered in
@@ -18,15 +19,15 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.jumps import jumps, kinks_on_facets
+from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.jumps import jumps, kinks_on_facets
+from erc_contact.model.contact.trace import Trace, split
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.peaks import upper_bounds
+from erc_contact.model.data.quadrature import facet_pieces, polynomials
+from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.model import Model
-from erc_contact.model.peaks import upper_bounds
-from erc_contact.model.quadrature import facet_pieces, polynomials
-from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import Trace, split
 from namedmesh.simplex import barycentric, coefficients, node_vertices, nodes, times_linear
 
 POLYNOMIAL = 1e-14

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.model.trace import split
+from erc_contact.model.contact.trace import split
 
 
 def clip(z_t: np.ndarray, size: np.ndarray, bound: np.ndarray) -> np.ndarray:

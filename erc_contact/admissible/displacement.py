@@ -23,11 +23,11 @@ from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.space import OnFacets
-from erc_contact.model.trace import split
 
 CORNER_PASSES = 100
 """Limit of the passes over nodes with several normals."""

@@ -13,10 +13,10 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import tensors
-from erc_contact.model.constitution import act
+from erc_contact.model.data.quadrature import polynomials
+from erc_contact.model.data.values import DATA_DEGREE
+from erc_contact.model.law.constitution import act
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import polynomials
-from erc_contact.model.values import DATA_DEGREE
 from namedmesh.simplex import (
     barycentric,
     bernstein,

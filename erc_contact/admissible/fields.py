@@ -23,8 +23,8 @@ from erc_contact.admissible.macro import macro_values
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.data.quadrature import cell_pieces, polynomials
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import cell_pieces, polynomials
 from erc_contact.model.space import circumferences
 from erc_contact.scene.material import tensor_basis
 from namedmesh.simplex import barycentric, rule

@@ -44,8 +44,8 @@ from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.model.model import Model
-from erc_contact.model.motions import greatest_of_bodies
-from erc_contact.model.rigid_faces import RigidFace
+from erc_contact.model.motions.rigid_faces import RigidFace
+from erc_contact.model.motions.rigid_motions import greatest_of_bodies
 from namedmesh.base.percent import place_words
 from namedmesh.simplex import local_facet_nodes
 

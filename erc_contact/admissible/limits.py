@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.model import Model
-from erc_contact.model.trace import Trace
 
 
 @dataclass(frozen=True, eq=False)

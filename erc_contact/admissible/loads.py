@@ -15,13 +15,13 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry, add_moments
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.jumps import kinks_on_facets
+from erc_contact.model.contact.jumps import kinks_on_facets
+from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.quadrature import cell_pieces, facet_pieces, integrate, polynomials
+from erc_contact.model.data.symbolic import varies_in_cells
+from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import cell_pieces, facet_pieces, integrate, polynomials
-from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.values import DATA_DEGREE
 from namedmesh.simplex import bernstein, from_means, nodes, rule
 
 

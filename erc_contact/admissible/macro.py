@@ -24,7 +24,7 @@ import numpy as np
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.reference import reference_map
-from erc_contact.model.quadrature import cell_pieces, polynomials
+from erc_contact.model.data.quadrature import cell_pieces, polynomials
 from namedmesh.simplex import (
     barycentric,
     bernstein,

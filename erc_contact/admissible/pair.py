@@ -24,11 +24,11 @@ from erc_contact.admissible.fields import FIELD_DEGREE, stress_function, sub_dx,
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.status import facet_status
 from erc_contact.model.meridian import area_ratio, per_area
 from erc_contact.model.model import Model
 from erc_contact.model.profile import profile_points, profile_weights
-from erc_contact.model.status import facet_status
 from erc_contact.newton.solution import Solution
 from namedmesh import Domain
 from namedmesh.base import checks
@@ -184,7 +184,7 @@ class Admissible:
     def status(self, traction: ContactTraction) -> np.ndarray:
         """Tell which facets are open, slip, stick or are closed, (f,); collective.
 
-        See :func:`erc_contact.model.status.facet_status`.
+        See :func:`erc_contact.model.contact.status.facet_status`.
         """
         model = self.model
         r, bound = self.at_profile_points(traction)

@@ -26,11 +26,11 @@ from erc_contact.admissible.springs import (
     spring_stiffness,
     spring_tractions,
 )
-from erc_contact.model.held_motions import held_products
 from erc_contact.model.model import Model
-from erc_contact.model.motions import greatest_of_bodies, motions_not_held
+from erc_contact.model.motions.held_motions import held_products
+from erc_contact.model.motions.rigid_motions import greatest_of_bodies, motions_not_held
+from erc_contact.model.motions.unheld import is_round_off, taking_up, works_on
 from erc_contact.model.preload import motions_of_halves
-from erc_contact.model.unheld import is_round_off, taking_up, works_on
 from erc_contact.newton.linear.solver import ElasticSolver
 from namedmesh.simplex import coefficients, local_facet_nodes, mass, nodes
 

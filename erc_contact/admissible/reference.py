@@ -12,7 +12,7 @@ from math import factorial
 
 import numpy as np
 
-from erc_contact.model.quadrature import cell_pieces
+from erc_contact.model.data.quadrature import cell_pieces
 from erc_contact.scene.material import mandel_basis
 from namedmesh.simplex import (
     bernstein,

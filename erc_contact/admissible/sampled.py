@@ -14,8 +14,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.space import Space
 
 MARGIN = 0.2

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.jumps import jumps
+from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.jumps import jumps
+from erc_contact.model.contact.trace import split
+from erc_contact.model.contact.turning import Turning
+from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.space import Space
-from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import split
-from erc_contact.model.turning import Turning
 from namedmesh.simplex import averages, barycentric, lagrange, rule
 
 MOBILITY = 0.1

@@ -21,8 +21,8 @@ from erc_contact.admissible.balance_parts import OtherForces, weights_and_motion
 from erc_contact.admissible.rebalance import Rebalanced
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.model import Model
-from erc_contact.model.motions import block_diagonal
-from erc_contact.model.rigid_shapes import translations_and_rotations
+from erc_contact.model.motions.rigid_motions import block_diagonal
+from erc_contact.model.motions.rigid_shapes import translations_and_rotations
 from namedmesh.base.ranks import box
 
 SOFT_SHARE = 0.15

@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry, add_moments, moments, tractions_of
 from erc_contact.model.model import Model
-from erc_contact.model.motions import kernel
+from erc_contact.model.motions.rigid_motions import kernel
 from erc_contact.model.springs import BoundSpring
 from namedmesh.simplex import bernstein, coefficients, rule
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.normals import SAME_NORMAL
-from erc_contact.model.trace import split
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.normals import SAME_NORMAL
+from erc_contact.model.contact.trace import split
 from namedmesh.for_solvers import spread
 from namedmesh.simplex import at_nodes, bernstein, nodes
 

@@ -17,14 +17,14 @@ from erc_contact.admissible.balance_parts import weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip, shift_of_far_open
 from erc_contact.admissible.traction import ContactTraction, is_kinked
-from erc_contact.model.contact_values import friction_parameters, spring_displacement
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh, pressures
-from erc_contact.model.friction import CONSTANT
+from erc_contact.model.contact.contact_values import friction_parameters, spring_displacement
+from erc_contact.model.contact.foundation import ContactOnMesh, pressures
+from erc_contact.model.contact.friction import CONSTANT
+from erc_contact.model.contact.turning import Turning, turning_of
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.meridian import off_axis, vertices_off_axis, without_axis
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
-from erc_contact.model.turning import Turning, turning_of
 from namedmesh.simplex import (
     at_nodes,
     averages,
@@ -42,7 +42,7 @@ class Trial:
     """Hold the traction of the method on one contact, and what limits it.
 
     Where the normals of a contact turn along its facets, all tractions here are about
-    the middle normals of the facets (:mod:`erc_contact.model.turning`).
+    the middle normals of the facets (:mod:`erc_contact.model.contact.turning`).
 
     Attributes:
         best: Coefficients of the L2 projection of the method's traction [force/area],

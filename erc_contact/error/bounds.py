@@ -30,8 +30,8 @@ order. For bounds of second order one would need a dual problem whose contact se
 certain.
 
 ``guaranteed`` means that the interval is proved, up to round-off and to integrals that
-are resolved at the points of quadrature (:mod:`erc_contact.model.quadrature`). This
-needs
+are resolved at the points of quadrature (:mod:`erc_contact.model.data.quadrature`).
+This needs
 
 - no friction, or given friction: if the bound depends on the pressure, (a) has a
   further term of no sign;

@@ -16,7 +16,7 @@ from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.error.rings import is_rational, squares_of_rings
-from erc_contact.model.quadrature import cell_pieces, integrate
+from erc_contact.model.data.quadrature import cell_pieces, integrate
 from namedmesh.for_solvers import sides_of_facets, swept
 from namedmesh.simplex import bernstein
 

@@ -33,9 +33,9 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.model.constitution import act
-from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.trace import split
+from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.trace import split
+from erc_contact.model.law.constitution import act
 from erc_contact.newton.given import AnyField, solution_of, with_nitsche_tractions
 from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene

@@ -56,12 +56,12 @@ from erc_contact.error.oscillation import (
 )
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.tiny_edges import tell_tiny_edges
+from erc_contact.model.contact.friction import depends_on_pressure
+from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.forces import Force
-from erc_contact.model.friction import depends_on_pressure
 from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
 from erc_contact.model.stress import von_mises
-from erc_contact.model.values import DATA_DEGREE
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at

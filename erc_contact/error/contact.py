@@ -29,16 +29,16 @@ from erc_contact.error.contact_term import (
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
 from erc_contact.error.slip_rules import rule_between_zeros, same_rule, slip_may_vanish
-from erc_contact.model.contact_values import ContactData, friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh, pressures
-from erc_contact.model.friction import CONCAVE
-from erc_contact.model.jumps import kinks_on_facets
+from erc_contact.model.contact.contact_values import ContactData, friction_parameters
+from erc_contact.model.contact.foundation import ContactOnMesh, pressures
+from erc_contact.model.contact.friction import CONCAVE
+from erc_contact.model.contact.jumps import kinks_on_facets
+from erc_contact.model.contact.trace import Trace, split
+from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.over_ranks import sums_of_cells
+from erc_contact.model.data.quadrature import Integral, facet_pieces, integrate, polynomials
+from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import sums_of_cells
-from erc_contact.model.quadrature import Integral, facet_pieces, integrate, polynomials
-from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import Trace, split
 
 CONTACT_DEGREE = 21
 """Quadrature degree where the integrand is smooth, but no polynomial.

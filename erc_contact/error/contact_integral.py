@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.quadrature import Cuts, Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import Cuts, Integral, facet_pieces, integrate, polynomials
-from erc_contact.model.trace import split
 
 type ContactDensity = Callable[
     [np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray
@@ -38,7 +38,7 @@ def contact_integral(
         density: The density.
         floor: What the integrals may leave unknown.
         cuts: Where the density has kinks, see
-            :func:`erc_contact.model.quadrature.integrate`.
+            :func:`erc_contact.model.data.quadrature.integrate`.
     """
     trace = contact.trace
     of_w = trace.coefficients(trace.of(u.x.array))

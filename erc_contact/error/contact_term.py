@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from erc_contact.admissible.cones import clip
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.trace import Trace, split
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import Trace, split
 
 
 def contact_density(

@@ -22,9 +22,9 @@ from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.laws import LawError
-from erc_contact.model.point_law import PointLaw
-from erc_contact.model.potential import ConvexConstitution
-from erc_contact.model.quadrature import INSET, cell_pieces, integrate
+from erc_contact.model.data.quadrature import INSET, cell_pieces, integrate
+from erc_contact.model.law.point_law import PointLaw
+from erc_contact.model.law.potential import ConvexConstitution
 from erc_contact.model.space import circumferences
 from namedmesh.simplex import barycentric, nodes
 

@@ -51,12 +51,12 @@ from dolfinx import fem
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.contact_term import slider_of
-from erc_contact.model.contact_values import ContactData
-from erc_contact.model.foundation import pressures
-from erc_contact.model.jumps import kinks_on_facets
+from erc_contact.model.contact.contact_values import ContactData
+from erc_contact.model.contact.foundation import pressures
+from erc_contact.model.contact.jumps import kinks_on_facets
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.quadrature import Integral
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import Integral
-from erc_contact.model.trace import split
 
 
 def foundation_energies(

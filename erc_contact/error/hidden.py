@@ -2,7 +2,7 @@
 
 Data that vary inside cells, as a yield stress with a narrow dip, may leave the range
 that they have at the points of a piece. Where the range in the whole piece is known
-(:mod:`erc_contact.model.ranges`), the integrand with the data at the ends of this
+(:mod:`erc_contact.model.data.ranges`), the integrand with the data at the ends of this
 range, less the integrand with the data at the ends of the range at the points, bounds
 what is between them. One number after the other is taken so.
 
@@ -15,8 +15,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.model.point_law import PointLaw
-from erc_contact.model.quadrature import Hidden, piece_points
+from erc_contact.model.data.quadrature import Hidden, piece_points
+from erc_contact.model.law.point_law import PointLaw
 
 OUTSIDE = 1e-5
 """Distance of a range from the data at the points that counts as none, over the range.

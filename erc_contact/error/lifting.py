@@ -20,10 +20,10 @@ from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.numbers import ROUND_OFF
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.over_ranks import product
+from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import product
-from erc_contact.model.symbolic import sum_of
 from erc_contact.newton.linear.solver import ElasticSolver
 
 SPRING_FACTOR = 1e6

@@ -1,7 +1,7 @@
 """Work of the loads on displacements.
 
 It is known up to what the integrals leave unknown: the integrals of loads that vary in
-space are adapted to the loads (:mod:`erc_contact.model.quadrature`).
+space are adapted to the loads (:mod:`erc_contact.model.data.quadrature`).
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.loads import bind_loads
-from erc_contact.model.model import Model
-from erc_contact.model.preload import PreloadOnMesh
-from erc_contact.model.quadrature import (
+from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.quadrature import (
     Integrand,
     cell_pieces,
     facet_pieces,
     integrate,
     polynomials,
 )
-from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.data.symbolic import varies_in_cells
+from erc_contact.model.loads import bind_loads
+from erc_contact.model.model import Model
+from erc_contact.model.preload import PreloadOnMesh
 from erc_contact.scene.load import Load
 from namedmesh.simplex import coefficients, lattice
 

@@ -8,7 +8,7 @@ from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.runs import Run, error_of
-from erc_contact.model.friction import depends_on_pressure
+from erc_contact.model.contact.friction import depends_on_pressure
 from erc_contact.newton.deflation import other_states
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.solution import Solution

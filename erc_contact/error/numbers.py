@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.model.quadrature import Integral
+from erc_contact.model.data.quadrature import Integral
 
 ROUND_OFF = 1e-12
 """Numbers below this, relative to their scale, count as zero [-]."""
@@ -92,7 +92,7 @@ class BoundedNumber:
     Attributes:
         value: Its value.
         bound: Bound or estimate of its error, see
-            :class:`erc_contact.model.quadrature.Integral`.
+            :class:`erc_contact.model.data.quadrature.Integral`.
         resolved: Whether ``bound`` is within the tolerance.
     """
 

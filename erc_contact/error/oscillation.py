@@ -8,13 +8,12 @@ to constants of Korn and Poincare,
     sum h^2/(pi^2 E) |f - f_T|^2 + sum h/E |F - F_h|^2 + sum E/h |U - U_h|^2,
 
 with E the modulus of the material. The moduli are not projected; their part is what the
-integrals of the energies leave unknown (:mod:`erc_contact.model.quadrature`). u^ and r^
-may violate the gap and the friction bound of the scene at the points of quadrature.
-These violations are measured as for a support and a load.
-
-Each part is exactly 0 if the mesh represents the data: constants, constants by region,
-tractions and supports that are polynomials of degree k on each facet, and body forces
-of degree k-1 in each cell.
+integrals of the energies leave unknown (:mod:`erc_contact.model.data.quadrature`). u^
+and r^ may violate the gap and the friction bound of the scene at the points of
+quadrature. These violations are measured as for a support and a load. Each part is
+exactly 0 if the mesh represents the data: constants, constants by region, tractions and
+supports that are polynomials of degree k on each facet, and body forces of degree k-1
+in each cell.
 """
 
 from __future__ import annotations
@@ -29,16 +28,16 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.model import Model
-from erc_contact.model.quadrature import (
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.quadrature import (
     Integrand,
     cell_pieces,
     facet_pieces,
     integrate,
     polynomials,
 )
-from erc_contact.model.symbolic import varies_in_cells
+from erc_contact.model.data.symbolic import varies_in_cells
+from erc_contact.model.model import Model
 from namedmesh.simplex import coefficients, from_means
 
 DATA_ROUND_OFF = 1e-12

@@ -14,9 +14,9 @@ from mpi4py import MPI
 from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.contact import contact_parts
-from erc_contact.model.contact_values import gap_at_nodes
+from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
-from erc_contact.model.motions import nearest_motion, rigid_motions
+from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
 
 RESOLUTION = 1e-12
 """Accuracy of the solver: error of a displacement over its size [-]."""

@@ -14,9 +14,9 @@ from erc_contact.admissible.axisymmetric.kernels import ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.error.oscillation import UNKNOWN_SHARE
+from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
-from erc_contact.model.symbolic import varies_in_cells
 from namedmesh.simplex import barycentric, rule
 
 SERIES = (0, 1, 2, 4, 8, 16, 24)

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.trace import split
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
 from namedmesh.simplex import barycentric, rule
 
 SLIP_DEVIATION = 0.5

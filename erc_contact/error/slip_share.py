@@ -17,8 +17,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.status import CLOSED, SLIP
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.status import CLOSED, SLIP
 
 
 def small_slips(error: ConstitutiveError) -> dict[str, float]:

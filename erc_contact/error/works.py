@@ -2,7 +2,7 @@
 
 It is known up to what the integrals leave unknown. The integrals are exact where no
 data vary inside cells. Elsewhere they are adapted to the data
-(:mod:`erc_contact.model.quadrature`).
+(:mod:`erc_contact.model.data.quadrature`).
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from erc_contact.error.foundations import Sliding, foundation_energies
 from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
-from erc_contact.model.constitution import act
-from erc_contact.model.contact_values import ContactData
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import ContactData
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.quadrature import Hidden, Integral, Integrand, cell_pieces, integrate
+from erc_contact.model.law.constitution import act
+from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.model import Model
-from erc_contact.model.point_law import PointLaw
-from erc_contact.model.quadrature import Hidden, Integral, Integrand, cell_pieces, integrate
 from erc_contact.model.space import circumferences
-from erc_contact.model.trace import split
 from namedmesh.simplex import bernstein, mass
 
 

@@ -17,10 +17,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.law_entries import StateField
-from erc_contact.model.law_state import LawState, polynomials_in_cells
-from erc_contact.model.motions import bodies_of_nodes
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.law.law_entries import StateField
+from erc_contact.model.law.law_state import LawState, polynomials_in_cells
+from erc_contact.model.motions.rigid_motions import bodies_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.scene.potential import Potential, remembers
 from namedmesh.base.ranks import distinct_rows

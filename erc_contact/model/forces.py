@@ -22,11 +22,11 @@ from mpi4py import MPI
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.ties import Claim, tie_forces
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
-from erc_contact.model.ties import Claim, tie_forces
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import coefficients, lagrange, rule

@@ -20,9 +20,9 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.law_entries import StateField
+from erc_contact.model.contact.trace import Trace, split
+from erc_contact.model.law.law_entries import StateField
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace, split
 from namedmesh.base.ranks import boxes, greatest, of_all
 from namedmesh.for_solvers import closest
 from namedmesh.simplex import lagrange, rule

@@ -15,32 +15,32 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.carrying import state_of
-from erc_contact.model.connections import Connections
-from erc_contact.model.constitution import Constitution
-from erc_contact.model.contact_values import at_nodes, friction_parameters, gap_at_nodes
-from erc_contact.model.contacts import bind_contact
+from erc_contact.model.contact.connections import Connections
+from erc_contact.model.contact.contact_values import at_nodes, friction_parameters, gap_at_nodes
+from erc_contact.model.contact.contacts import bind_contact
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.jumps import gap_by_coefficients
+from erc_contact.model.contact.ties import bind_tie
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.symbolic import has_arguments, sum_of, varies_in_cells
+from erc_contact.model.data.users import try_material, try_potential
+from erc_contact.model.data.values import DATA_DEGREE, moduli
 from erc_contact.model.dimension import check_dimension, check_half_plane
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.held_motions import held_products, loose_motions, resisted_by_all
-from erc_contact.model.jumps import gap_by_coefficients
 from erc_contact.model.last_step import Greatest, LastStep
+from erc_contact.model.law.constitution import Constitution
+from erc_contact.model.law.point_law import PointLaw
+from erc_contact.model.law.potential import ConvexConstitution, Linearised
+from erc_contact.model.law.strains import Strains, bind_strains
 from erc_contact.model.loads import bind_loads
 from erc_contact.model.meridian import in_half_plane, in_space, strain_of
-from erc_contact.model.motions import bodies_of_nodes, body_motions, motions_not_held
-from erc_contact.model.point_law import PointLaw
-from erc_contact.model.potential import ConvexConstitution, Linearised
+from erc_contact.model.motions.held_motions import held_products, loose_motions, resisted_by_all
+from erc_contact.model.motions.rigid_faces import face_forces
+from erc_contact.model.motions.rigid_motions import bodies_of_nodes, body_motions, motions_not_held
+from erc_contact.model.motions.unheld import Relief, find_unheld, relief_of
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
-from erc_contact.model.rigid_faces import face_forces
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
-from erc_contact.model.strains import Strains, bind_strains
 from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
-from erc_contact.model.symbolic import has_arguments, sum_of, varies_in_cells
-from erc_contact.model.ties import bind_tie
-from erc_contact.model.unheld import Relief, find_unheld, relief_of
-from erc_contact.model.users import try_material, try_potential
-from erc_contact.model.values import DATA_DEGREE, moduli
 from erc_contact.scene.law import Coulomb
 from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential

@@ -9,8 +9,8 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.model.law.point_law import Search
 from erc_contact.model.model import Model
-from erc_contact.model.point_law import Search
 from namedmesh.simplex import rule
 
 SIZES = 10.0 ** np.arange(-6, 1)

@@ -35,8 +35,8 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import bodies_of_nodes
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.motions.rigid_motions import bodies_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.scene.tied import Preload, Tied
 from namedmesh.base.ranks import union

@@ -15,15 +15,15 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact_values import slip_at
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import slip_at
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.status import facet_status
+from erc_contact.model.contact.trace import split, tangents
+from erc_contact.model.contact.turning import turning_of
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.meridian import area_ratio
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
-from erc_contact.model.status import facet_status
-from erc_contact.model.trace import split, tangents
-from erc_contact.model.turning import turning_of
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
 from namedmesh.simplex import (
@@ -80,7 +80,7 @@ def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.
     force: on a gap that curves within a facet Nitsche's traction is far from its mean
     at single points. So it may pull a little on the facet where a contact ends.
     Where normals turn along facets, the polynomials turn as r^ does, see
-    :mod:`erc_contact.model.turning`.
+    :mod:`erc_contact.model.contact.turning`.
     """
     samples, weights = rule(model.d - 1, model.contact_degree)
     sampled = evaluate(traction, model.mesh, samples, contact.facets)
@@ -122,7 +122,7 @@ def profile_table(
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
           [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick, 3 closed without
-          friction, see :func:`erc_contact.model.status.facet_status`,
+          friction, see :func:`erc_contact.model.contact.status.facet_status`,
         - ``weight``: part of the contact that the point stands for [length] in 2D,
           [area] in 3D. The sum of ``weight * pressure`` is the normal force up to
           round-off, because the tractions of an admissible pair are polynomials of

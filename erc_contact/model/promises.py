@@ -21,10 +21,10 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.contact_values import friction_parameters, gap_at_nodes
-from erc_contact.model.contacts import bind_contact
-from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import friction_parameters, gap_at_nodes
+from erc_contact.model.contact.contacts import bind_contact
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.last_step import LastStep
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model

@@ -18,8 +18,8 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.trace import Side
+from erc_contact.model.contact.trace import Side
+from erc_contact.model.data.expressions import evaluate
 from namedmesh.base.ranks import global_numbers
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import Bodies, check_shape

@@ -16,8 +16,8 @@ import ufl
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.contact.trace import Side, split
 from erc_contact.model.space import Space, circumferences
-from erc_contact.model.trace import Side, split
 from erc_contact.scene.support import Spring
 from namedmesh.simplex import bernstein, coefficients, projection, rule
 

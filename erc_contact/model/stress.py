@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.law.point_law import Search
+from erc_contact.model.law.strains import Strains
 from erc_contact.model.model import Model
-from erc_contact.model.point_law import Search
-from erc_contact.model.strains import Strains
 from erc_contact.scene.material import mandel_basis
 from namedmesh.simplex import nodes
 

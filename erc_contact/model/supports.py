@@ -15,13 +15,13 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.over_ranks import marks_of_owners
+from erc_contact.model.data.values import number
 from erc_contact.model.meridian import nodes_on_axis
-from erc_contact.model.over_ranks import marks_of_owners
-from erc_contact.model.rigid_faces import RigidFace, bind_rigid
+from erc_contact.model.motions.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
-from erc_contact.model.values import number
 from erc_contact.scene.support import Displacement, Rigid
 from namedmesh.base.ranks import greatest
 

@@ -15,12 +15,12 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.contact_values import spring_displacement
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import spring_displacement
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.status import STICK
+from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.over_ranks import sum_over_ranks
 from erc_contact.model.last_step import Greatest, LastStep
-from erc_contact.model.over_ranks import sum_over_ranks
-from erc_contact.model.status import STICK
 from erc_contact.newton.rest import load_size
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene

@@ -12,11 +12,11 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.sparse import local_matrix
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.groups import NOBODY
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.groups import NOBODY
+from erc_contact.model.contact.trace import dofs_of, places_of
+from erc_contact.model.data.over_ranks import matrix_of_common_entries
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import matrix_of_common_entries
-from erc_contact.model.trace import dofs_of, places_of
 from namedmesh.base.ranks import of_all
 
 NO_ENTRY = 1e-14

@@ -19,7 +19,7 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped, track_communicator
 from erc_contact.base.runtime.interrupts import check_interrupts
-from erc_contact.model.friction import depends_on_pressure
+from erc_contact.model.contact.friction import depends_on_pressure
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.ladder import NODAL, Attempt, attempts

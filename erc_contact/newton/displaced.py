@@ -38,10 +38,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
-from erc_contact.model.rigid_shapes import translations_and_rotations
+from erc_contact.model.motions.rigid_shapes import translations_and_rotations
 from erc_contact.newton.distortion import gradients_of
 from erc_contact.scene.material import mandel_basis
 from namedmesh.base.ranks import of_all

@@ -21,7 +21,7 @@ from dolfinx import fem
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import together
-from erc_contact.model.trace import dofs_of, places_of
+from erc_contact.model.contact.trace import dofs_of, places_of
 from erc_contact.newton.contact_nodes import Entries, Reading
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness

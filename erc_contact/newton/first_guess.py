@@ -25,8 +25,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import together
-from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.last_step import gather_facets, interpolate
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms

@@ -14,10 +14,10 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.users import linear
 from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
-from erc_contact.model.users import linear
 from erc_contact.newton.methods import OURS, Method
 from namedmesh.base.checks import description
 from namedmesh.simplex import rule

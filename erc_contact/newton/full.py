@@ -1,7 +1,7 @@
 """The contact problem for all degrees of freedom of the body, in parallel.
 
 The equations e of a method are forces on what the contacts read, ``w = B u``
-(:mod:`erc_contact.model.groups`). Without a multiplier the problem is
+(:mod:`erc_contact.model.contact.groups`). Without a multiplier the problem is
 
     R(u) = K u - b + B^T e(w) = 0.
 
@@ -26,8 +26,8 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import product
 from erc_contact.newton.contact_nodes import PRESSING, contact_normals
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms

@@ -21,7 +21,7 @@ import ufl
 from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.methods import Method

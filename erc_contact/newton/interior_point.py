@@ -35,9 +35,9 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.trace import tangents
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.trace import tangents
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 

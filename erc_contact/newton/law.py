@@ -36,9 +36,9 @@ from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
 from erc_contact.model.carrying import carry_displacement
+from erc_contact.model.data.values import DATA_DEGREE
+from erc_contact.model.law.potential import StrainOf
 from erc_contact.model.model import Model
-from erc_contact.model.potential import StrainOf
-from erc_contact.model.values import DATA_DEGREE
 from erc_contact.newton.contact_solve import Solver, solution_of
 from erc_contact.newton.methods import Method
 from erc_contact.newton.solution import Solution

@@ -21,7 +21,7 @@ import ufl
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from namedmesh.base import checks
 

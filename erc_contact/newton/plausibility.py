@@ -14,12 +14,12 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
-from erc_contact.model.body_words import boundary_parts, lying_words
-from erc_contact.model.contact_values import gap_at_nodes
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import Trace
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
-from erc_contact.model.trace import Trace
+from erc_contact.model.motions.body_words import boundary_parts, lying_words
 from erc_contact.newton.displaced import MISSING, missing_moments
 from erc_contact.newton.distortion import ROTATION, STRAIN, Distortion
 from erc_contact.newton.solution import Solution

@@ -2,9 +2,9 @@
 
 The force is the reaction r, what the elastic equations leave at the nodes of the
 contact. It does the work of forces g on what the contacts read, ``r = B^T g``
-(:mod:`erc_contact.model.groups`), a row of B for each node or pair. Where rows are
-independent r tells g. The multiplier of a row belongs to the first contact that has it.
-There ``area lambda`` is g less the multipliers of later contacts. In these, and for
+(:mod:`erc_contact.model.contact.groups`), a row of B for each node or pair. Where rows
+are independent r tells g. The multiplier of a row belongs to the first contact that has
+it. There ``area lambda`` is g less the multipliers of later contacts. In these, and for
 components that a support fixes, it is the mean of its neighbours in the contact: its
 own would be redundant.
 
@@ -36,10 +36,10 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array, diags_array, eye_array  # type: ignore[import-untyped]
 
 from erc_contact.base.sparse import local_matrix
-from erc_contact.model.connections import gather_prescribed
-from erc_contact.model.groups import NOBODY, Groups
+from erc_contact.model.contact.connections import gather_prescribed
+from erc_contact.model.contact.groups import NOBODY, Groups
+from erc_contact.model.contact.trace import dofs_of
 from erc_contact.model.model import Model
-from erc_contact.model.trace import dofs_of
 from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
 from namedmesh.simplex import at_nodes, coefficients
 

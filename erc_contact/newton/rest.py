@@ -14,13 +14,13 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.friction import PROPORTIONAL
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.friction import PROPORTIONAL
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
-from erc_contact.model.motions import nearest_motion, rigid_motions
-from erc_contact.model.trace import split
-from erc_contact.model.values import DATA_DEGREE
+from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
 from namedmesh.for_solvers import spread
 from namedmesh.simplex import lattice
 

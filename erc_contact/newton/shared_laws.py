@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dolfinx import fem
 
-from erc_contact.model.over_ranks import sum_over_ranks
+from erc_contact.model.data.over_ranks import sum_over_ranks
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.reactions import MultiplierMap
 

@@ -12,11 +12,13 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact_values import friction_parameters
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
-from erc_contact.model.foundation import ContactOnMesh
 from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
+from erc_contact.model.motions.rigid_faces import Motion, motion_of
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
     profile_points,
@@ -24,10 +26,8 @@ from erc_contact.model.profile import (
     profile_traction,
     slip_before_table,
 )
-from erc_contact.model.rigid_faces import Motion, motion_of
 from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, von_mises
-from erc_contact.model.trace import split
 from erc_contact.newton.distortion import Distortion, measure
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method

@@ -31,12 +31,12 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import together
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.friction import CONCAVE, CONSTANT
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.friction import CONCAVE, CONSTANT
+from erc_contact.model.contact.trace import tangents
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
-from erc_contact.model.trace import tangents
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import from_first, gathered
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.model.status import OPEN
+from erc_contact.model.contact.status import OPEN
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,

@@ -13,7 +13,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.status import OPEN
+from erc_contact.model.contact.status import OPEN
 from erc_contact.output.along import along, through_means
 from erc_contact.output.contact_maps import contact_maps
 from erc_contact.output.drawing import (

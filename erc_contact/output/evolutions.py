@@ -12,8 +12,8 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.progress import at, stage
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import LoadingHistory
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.status import OPEN
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.status import OPEN
 from erc_contact.output.deformed import draw_deformed, magnification
 from erc_contact.output.drawing import (
     COLOUR_CYCLE,

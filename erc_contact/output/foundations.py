@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.model.status import OPEN
+from erc_contact.model.contact.status import OPEN
 from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal

@@ -15,9 +15,9 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.model.contact_values import gap_at_nodes, slip_at
+from erc_contact.model.contact.contact_values import gap_at_nodes, slip_at
+from erc_contact.model.contact.trace import split
 from erc_contact.model.model import Model
-from erc_contact.model.trace import split
 from erc_contact.output.files import degree_of, gather
 from namedmesh import Domain
 from namedmesh.base.ranks import global_numbers

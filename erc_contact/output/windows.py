@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.status import OPEN
+from erc_contact.model.contact.status import OPEN
 from erc_contact.output.files import gather
 from erc_contact.results.states import ACCUMULATED, state, states_of
 from namedmesh.base.ranks import greatest

@@ -5,10 +5,10 @@ the contact tractions. A :class:`erc_contact.Solution` has the same results of i
 fields as members.
 """
 
+from erc_contact.model.contact.status import CLOSED, OPEN, SLIP, STICK
 from erc_contact.model.forces import Force
 from erc_contact.model.maximum import Maximum
-from erc_contact.model.rigid_faces import Motion
-from erc_contact.model.status import CLOSED, OPEN, SLIP, STICK
+from erc_contact.model.motions.rigid_faces import Motion
 from erc_contact.model.stress import von_mises
 from erc_contact.results.forces import force, reactions, whole_force
 from erc_contact.results.points import Values, at

@@ -37,7 +37,8 @@ def profile(result: Any, name: str) -> np.ndarray:
 def contact_status(result: Any, name: str) -> np.ndarray:
     """Tell which facets of a contact are open, slip or stick; collective.
 
-    This follows from u^ and r^, see :func:`erc_contact.model.status.facet_status`.
+    This follows from u^ and r^:
+    :func:`erc_contact.model.contact.status.facet_status`.
 
     Args:
         result: An admissible pair, an error, or a history.

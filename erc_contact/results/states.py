@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.law_entries import place_of
+from erc_contact.model.law.law_entries import place_of
 from erc_contact.model.space import circumferences
 from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.potential import Shapes

@@ -12,7 +12,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.reference import mandel
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 from namedmesh.simplex import barycentric, from_means, mass, nodes

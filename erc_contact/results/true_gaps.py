@@ -17,8 +17,8 @@ from mpi4py import MPI
 
 from erc_contact.admissible.pair import pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.quadrature import facet_pieces
-from erc_contact.model.status import is_open
+from erc_contact.model.contact.status import is_open
+from erc_contact.model.data.quadrature import facet_pieces
 from namedmesh.for_solvers import closest
 from namedmesh.simplex import lagrange
 

@@ -73,11 +73,11 @@ from erc_contact.error.load_work import assemble_number
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import friction_work, spring_energy, strain_energy
 from erc_contact.model.carrying import carry_state
-from erc_contact.model.contacts import bind_contact
-from erc_contact.model.law_entries import place_of
-from erc_contact.model.law_state import ValuesAt
+from erc_contact.model.contact.contacts import bind_contact
+from erc_contact.model.law.law_entries import place_of
+from erc_contact.model.law.law_state import ValuesAt
+from erc_contact.model.law.potential import StrainOf
 from erc_contact.model.model import Model
-from erc_contact.model.potential import StrainOf
 from erc_contact.newton.solution import Solution
 from namedmesh.for_solvers import closest
 from namedmesh.simplex import barycentric, bernstein, lagrange, projection, rule

@@ -2,7 +2,7 @@
 
 A table is a callable of the position, as all data of a scene are. In UFL it is an
 operator of its own (:mod:`erc_contact.base.ufl_tables`). Where a scene meets its mesh,
-numpy evaluates it (:mod:`erc_contact.model.tables`).
+numpy evaluates it (:mod:`erc_contact.model.data.tables`).
 """
 
 from __future__ import annotations

@@ -31,9 +31,9 @@ from erc_contact.admissible.macro import macro_points, macro_stress
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.reference import bubbles, mandel, reference_map, tensors
 from erc_contact.admissible.sampled import lowering
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.trace import split
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.scene.material import mandel_basis
 from namedmesh.simplex import (
     at_nodes,

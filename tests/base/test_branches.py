@@ -55,9 +55,9 @@ match comm.size:
 
 
 def test_a_module_that_is_new_is_named():
-    before = Counter({"model/trace.py": 2, "model/space.py": 1})
-    after = Counter({"model/trace.py": 3, "error/rings.py": 1})
+    before = Counter({"model/contact/trace.py": 2, "model/space.py": 1})
+    after = Counter({"model/contact/trace.py": 3, "error/rings.py": 1})
     assert list(branches.grown(before, after)) == [
-        "model/trace.py: 2 -> 3",
+        "model/contact/trace.py: 2 -> 3",
         "error/rings.py: 1, new on this axis",
     ]

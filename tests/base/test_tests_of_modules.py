@@ -10,7 +10,7 @@ TESTS = ROOT / "tests"
 def test_a_module_that_tests_name():
     assert (
         TESTS / "model" / "test_trace.py"
-        in reaching("erc_contact.model.trace")["erc_contact.model.trace"]
+        in reaching("erc_contact.model.contact.trace")["erc_contact.model.contact.trace"]
     )
 
 

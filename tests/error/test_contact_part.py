@@ -12,8 +12,8 @@ import pytest
 
 import erc_contact as ec
 from erc_contact.error.contact import contact_parts
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.trace import split
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.trace import split
 from namedmesh.simplex import bernstein, rule
 
 pytestmark = pytest.mark.serial

@@ -14,7 +14,7 @@ import pytest
 import ufl
 
 import erc_contact as ec
-from erc_contact.model.friction import CONCAVE, CONSTANT, PROPORTIONAL, bind_friction
+from erc_contact.model.contact.friction import CONCAVE, CONSTANT, PROPORTIONAL, bind_friction
 
 pytestmark = pytest.mark.serial
 

@@ -16,7 +16,7 @@ import erc_contact as ec
 from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
 from erc_contact.error.fenchel import fenchel_error
-from erc_contact.model.quadrature import cell_pieces
+from erc_contact.model.data.quadrature import cell_pieces
 
 pytestmark = pytest.mark.serial
 PARTS = 32

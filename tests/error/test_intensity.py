@@ -21,7 +21,7 @@ from test_cracks import measured as certified
 import erc_contact as ec
 from erc_contact.base.runtime import compiled
 from erc_contact.error.goals.singular_strain import INNER_SHARE, SingularStrain
-from erc_contact.model.expressions import Everywhere
+from erc_contact.model.data.expressions import Everywhere
 from namedmesh.gmsh_session import session
 
 COMM = MPI.COMM_WORLD

@@ -24,7 +24,7 @@ from scenes import mostly_serial, two_materials
 from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.scene.material import strain
 from namedmesh.simplex import lagrange
 

@@ -25,9 +25,9 @@ from test_two_bodies import METHODS, certified
 
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits
-from erc_contact.model.expressions import Everywhere
+from erc_contact.model.contact.trace import Side, Trace
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.promises import bind
-from erc_contact.model.trace import Side, Trace
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
 from erc_contact.run.states import Restored, level_of

@@ -9,10 +9,10 @@ from laws import TwoModuli
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.model import array_code as module
-from erc_contact.model import point_law
-from erc_contact.model.array_code import array_code
-from erc_contact.model.expressions import OfNumbers, evaluate
+from erc_contact.model.data import array_code as module
+from erc_contact.model.data.array_code import array_code
+from erc_contact.model.data.expressions import OfNumbers, evaluate
+from erc_contact.model.law import point_law
 
 pytestmark = pytest.mark.serial
 POINTS = np.array([[0.2, 0.3], [0.6, 0.1], [1 / 3, 1 / 3]])

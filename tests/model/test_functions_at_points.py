@@ -5,7 +5,7 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.model.expressions import function_at
+from erc_contact.model.data.expressions import function_at
 from namedmesh.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - MPI first

@@ -19,7 +19,7 @@ from test_two_bodies import vector
 from two_bodies import random_joint
 
 import erc_contact as ec
-from erc_contact.model.groups import NOBODY, Groups
+from erc_contact.model.contact.groups import NOBODY, Groups
 from namedmesh.tags import tags_of
 
 COMM = MPI.COMM_WORLD

@@ -17,11 +17,11 @@ from mpi4py import MPI
 from reference import nested, true_errors
 
 import erc_contact as ec
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.contact.normals import normal_field
+from erc_contact.model.contact.trace import interpolate_normals
+from erc_contact.model.contact.turning import Turning
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
-from erc_contact.model.normals import normal_field
-from erc_contact.model.trace import interpolate_normals
-from erc_contact.model.turning import Turning
 from namedmesh.normals import vertex_normals
 from namedmesh.simplex import barycentric, bernstein, lagrange, outward_normals, rule
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import erc_contact as ec
-from erc_contact.model.peaks import upper_bounds
-from erc_contact.model.quadrature import facet_pieces
+from erc_contact.model.data.peaks import upper_bounds
+from erc_contact.model.data.quadrature import facet_pieces
 
 pytestmark = pytest.mark.serial
 COUNT = 300

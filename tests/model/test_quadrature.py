@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from erc_contact.model.quadrature import (
+from erc_contact.model.data.quadrature import (
     Cuts,
     bisect,
     cell_pieces,

@@ -10,9 +10,9 @@ import pytest
 import ufl
 
 import erc_contact as ec
-from erc_contact.model.array_code import UnknownOperatorError
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.ranges import Ranges, ranges_of
+from erc_contact.model.data.array_code import UnknownOperatorError
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.ranges import Ranges, ranges_of
 from namedmesh.base.releases import cell_nodes
 
 pytestmark = pytest.mark.serial

@@ -23,9 +23,9 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.model.over_ranks import sums_of_cells
+from erc_contact.model.contact.trace import Trace
+from erc_contact.model.data.over_ranks import sums_of_cells
 from erc_contact.model.promises import bind
-from erc_contact.model.trace import Trace
 from namedmesh.base.releases import cell_nodes
 from namedmesh.simplex import bernstein, nodes
 

@@ -20,7 +20,7 @@ from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.model import model as models
-from erc_contact.model.motions import Unheld
+from erc_contact.model.motions.rigid_motions import Unheld
 
 import gmsh  # isort: skip - after erc_contact, as in all tests
 

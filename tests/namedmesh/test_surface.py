@@ -17,7 +17,7 @@ import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from namedmesh.base.releases import cell_nodes
 from namedmesh.simplex import bernstein, facet_vertices

@@ -22,9 +22,9 @@ from scenes import moved_box
 from test_bad_input import refused
 
 import erc_contact as ec
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace
 from erc_contact.newton.after import last_step
 from erc_contact.run.energy import energies
 

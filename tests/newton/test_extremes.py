@@ -18,9 +18,9 @@ from extreme_bodies import block
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import cell_stress
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.trace import split
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.expressions import evaluate
 from namedmesh.simplex import rule
 
 pytestmark = pytest.mark.serial

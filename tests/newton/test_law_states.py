@@ -19,7 +19,7 @@ import erc_contact as ec
 from erc_contact.error import fenchel
 from erc_contact.error.load_work import assemble_number
 from erc_contact.model.carrying import carry_displacement, carry_state
-from erc_contact.model.law_state import LawState
+from erc_contact.model.law.law_state import LawState
 from erc_contact.model.model import Model
 
 COMM = MPI.COMM_WORLD

@@ -24,8 +24,8 @@ import erc_contact as ec
 from erc_contact.error.load_work import load_work
 from erc_contact.error.works import friction_work, stress_work
 from erc_contact.model.carrying import carry_state
+from erc_contact.model.law.point_law import Search
 from erc_contact.model.model import Model
-from erc_contact.model.point_law import Search
 from erc_contact.newton.after import last_step
 
 COMM = MPI.COMM_WORLD

@@ -22,7 +22,7 @@ from test_bad_input import refused
 import erc_contact as ec
 from erc_contact.error.load_work import load_work
 from erc_contact.error.works import friction_work, stress_work
-from erc_contact.model.point_law import Search
+from erc_contact.model.law.point_law import Search
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)

@@ -8,7 +8,7 @@ from dolfinx.mesh import meshtags
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.data.expressions import evaluate
 
 COMM = MPI.COMM_WORLD
 

@@ -19,9 +19,9 @@ from scenes import block, common_block
 
 import erc_contact as ec
 from erc_contact.admissible.cones import Cones
-from erc_contact.model.expressions import evaluate
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
-from erc_contact.model.trace import split
 from erc_contact.scene.law import project
 from erc_contact.scene.material import strain
 from namedmesh.closest import closest

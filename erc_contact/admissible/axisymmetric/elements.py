@@ -35,10 +35,10 @@ from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reference import bubbles, reference_map
-from erc_contact.model.constitution import ElasticMatrix
+from erc_contact.model.data.quadrature import cell_pieces
+from erc_contact.model.law.constitution import ElasticMatrix
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import cell_pieces
 from namedmesh.simplex import (
     barycentric,
     bernstein,

@@ -31,7 +31,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.tighten import iteration
 from erc_contact.admissible.tighten.iteration import Ending
-from erc_contact.model.point_law import Search
+from erc_contact.model.law.point_law import Search
 from erc_contact.model.space import Space, circumferences
 from namedmesh.simplex import barycentric
 

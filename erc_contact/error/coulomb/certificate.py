@@ -49,7 +49,7 @@ from erc_contact.error.coulomb.other_mesh import change_of_norm, other_mesh
 from erc_contact.error.coulomb.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.coulomb.surface import PairOnSurface, has_coulomb, pair_on_surface
 from erc_contact.error.runs import Run, error_of
-from erc_contact.model.friction import depends_on_pressure
+from erc_contact.model.contact.friction import depends_on_pressure
 from erc_contact.newton.linear.solver import Traces
 from erc_contact.scene.potential import refuse_potential
 

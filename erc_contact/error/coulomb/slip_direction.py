@@ -19,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.error.coulomb.surface import CoulombSurface, PairOnSurface
-from erc_contact.model.trace import split
+from erc_contact.model.contact.trace import split
 
 LENGTHS = (0.0, 0.01, 0.03, 0.1, 0.3)
 """Lengths l over the size of the surface [-]."""

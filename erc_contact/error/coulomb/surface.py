@@ -15,12 +15,12 @@ from functools import cache
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.contact_values import friction_parameters
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.friction import PROPORTIONAL
+from erc_contact.model.contact.contact_values import friction_parameters
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.friction import PROPORTIONAL
+from erc_contact.model.contact.trace import interpolate_normals, split
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
-from erc_contact.model.trace import interpolate_normals, split
 from namedmesh.simplex import (
     barycentric,
     bernstein,

@@ -25,7 +25,7 @@ from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_loa
 from erc_contact.error.goals.virtual_motion import Shift, VirtualMotion, shift_value
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.scene import Scene
 from namedmesh.base.ranks import union

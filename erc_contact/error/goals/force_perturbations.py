@@ -18,7 +18,7 @@ from erc_contact.error.goals.perturbation import BaseScene, Perturbation, no_loa
 from erc_contact.error.goals.virtual_motion import VirtualMotion
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.rigid_faces import RigidFace, bind_rigid, centroid
+from erc_contact.model.motions.rigid_faces import RigidFace, bind_rigid, centroid
 from erc_contact.scene.goal import Moment, Resultant
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Rigid

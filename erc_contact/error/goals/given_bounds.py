@@ -17,7 +17,7 @@ import ufl
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.friction import depends_on_pressure
+from erc_contact.model.contact.friction import depends_on_pressure
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Tresca
 

@@ -28,9 +28,9 @@ from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import strain_work
-from erc_contact.model.expressions import Everywhere
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.quadrature import polynomials
 from erc_contact.model.model import Model
-from erc_contact.model.quadrature import polynomials
 from erc_contact.scene.goal import StressIntensity
 from erc_contact.scene.scene import Scene
 from namedmesh.base.ranks import of_all

@@ -32,8 +32,8 @@ from erc_contact.error.contact_integral import contact_integral
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.contact_values import ContactData
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import ContactData
+from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.space import circumferences
 from erc_contact.scene.goal import GoalOfContact, Opening, Slip

@@ -18,8 +18,8 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.rigid_faces import RigidFace
-from erc_contact.model.users import vector
+from erc_contact.model.data.users import vector
+from erc_contact.model.motions.rigid_faces import RigidFace
 from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
 from erc_contact.scene.load import Load, Traction
 from erc_contact.scene.scene import Scene

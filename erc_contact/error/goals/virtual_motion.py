@@ -14,7 +14,7 @@ from mpi4py import MPI
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.model import Model
-from erc_contact.model.rigid_faces import bind_rigid
+from erc_contact.model.motions.rigid_faces import bind_rigid
 from erc_contact.scene.support import Displacement, Rigid
 
 Shift = float | Callable[[Ufl], Ufl]

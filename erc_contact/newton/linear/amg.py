@@ -8,7 +8,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.rigid_shapes import translations_and_rotations
+from erc_contact.model.motions.rigid_shapes import translations_and_rotations
 from namedmesh.base.communicators import lasting
 
 AMG_PREFIX = "erc_contact_elastic_"

@@ -7,8 +7,8 @@ over its facets. The springs resist what contacts read of the displacement,
 
 so that D is diagonal on foundations, and couples the two nodes of a pair.
 
-Symbols: B_c as in :mod:`erc_contact.model.groups`, k degree, m nodes of a facet, h
-height of a cell over its facet F.
+Symbols: B_c as in :mod:`erc_contact.model.contact.groups`, k degree, m nodes of a
+facet, h height of a cell over its facet F.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import numpy as np
 from dolfinx import fem, la
 from petsc4py import PETSc
 
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.over_ranks import matrix_of_ranks, sum_over_ranks
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import Side, dofs_of
+from erc_contact.model.data.over_ranks import matrix_of_ranks, sum_over_ranks
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Side, dofs_of
 from namedmesh.simplex import measures
 
 GLUE_FACTOR = 10.0

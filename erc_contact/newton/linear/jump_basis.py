@@ -10,8 +10,8 @@ import numpy as np
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.sparse import local_matrix
-from erc_contact.model.groups import Groups
-from erc_contact.model.trace import dofs_of
+from erc_contact.model.contact.groups import Groups
+from erc_contact.model.contact.trace import dofs_of
 
 
 class JumpBasis:

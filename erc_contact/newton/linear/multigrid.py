@@ -20,8 +20,8 @@ from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.base.sparse import as_entries
+from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import product
 from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share

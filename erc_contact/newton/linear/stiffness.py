@@ -5,11 +5,11 @@ problem needs only the stiffness condensed on the contact, a small dense matrix.
 factorisation serves the whole contact solve and the rebalance after it.
 
 Contacts read displacements in the row space of their B only
-(:mod:`erc_contact.model.groups`). So the unknowns L are amounts in an orthonormal basis
-Q: first the displacements of groups of nodes that change a jump, then the displacements
-that do not, and the displacements of the other nodes. Where no contact is between
-bodies, Q is the identity. For a pair of nodes the first displacements are
-``(u_1 - u_2)/sqrt(2)``, and the second ones ``(u_1 + u_2)/sqrt(2)``.
+(:mod:`erc_contact.model.contact.groups`). So the unknowns L are amounts in an
+orthonormal basis Q: first the displacements of groups of nodes that change a jump, then
+the displacements that do not, and the displacements of the other nodes. Where no
+contact is between bodies, Q is the identity. For a pair of nodes the first
+displacements are ``(u_1 - u_2)/sqrt(2)``, and the second ones ``(u_1 + u_2)/sqrt(2)``.
 
 Symbols: K elastic stiffness with the supports [force/length]; D the glue
 (:mod:`erc_contact.newton.linear.glue`); L the free components of the nodes of contacts
@@ -37,9 +37,9 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
+from erc_contact.model.contact.trace import places_of
+from erc_contact.model.data.over_ranks import marked_by_any
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import marked_by_any
-from erc_contact.model.trace import places_of
 from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.elastic import Elastic
 from erc_contact.newton.linear.jump_basis import JumpBasis

@@ -29,8 +29,8 @@ from petsc4py import PETSc
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.sparse import sparse_like
+from erc_contact.model.data.over_ranks import sum_over_ranks
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import sum_over_ranks
 from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.glue import Glue
 from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorise

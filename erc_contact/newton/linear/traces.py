@@ -19,9 +19,9 @@ from petsc4py import PETSc
 from scipy.sparse import csr_array, diags_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import together
+from erc_contact.model.contact.trace import dofs_of
+from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
-from erc_contact.model.over_ranks import product
-from erc_contact.model.trace import dofs_of
 from erc_contact.newton.linear.jump_basis import JumpBasis
 
 ROUGH_LIFTING = 1e-2

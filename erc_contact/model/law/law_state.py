@@ -15,9 +15,9 @@ import numpy as np
 from dolfinx import fem
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.law_entries import entries, size_of
-from erc_contact.model.ranges import bernstein_coefficients
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.ranges import bernstein_coefficients
+from erc_contact.model.law.law_entries import entries, size_of
 from erc_contact.model.space import Space
 from erc_contact.scene.potential import Remembering, Shapes
 from namedmesh.for_solvers import INSIDE_CELLS

@@ -24,7 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
-from erc_contact.model.trace import Trace
+from erc_contact.model.contact.trace import Trace
 from namedmesh.simplex import averages, barycentric, bernstein, node_vertices, rule
 
 

@@ -24,17 +24,17 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.space import Space
-from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.users import call_of_user
-from erc_contact.model.values import (
+from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.symbolic import varies_in_cells
+from erc_contact.model.data.users import call_of_user
+from erc_contact.model.data.values import (
     DATA_DEGREE,
     by_region,
     number,
     parameter,
     without_plain_numbers,
 )
+from erc_contact.model.space import Space
 from erc_contact.scene.material import Material, mandel_basis, tensor_basis
 from erc_contact.scene.strain import GivenStrain
 from namedmesh.simplex import rule

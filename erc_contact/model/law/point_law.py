@@ -21,11 +21,11 @@ import ufl
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
-from erc_contact.model.law_entries import StateField, entries, size_of, state_after
-from erc_contact.model.ranges import Ranges, ranges_of
+from erc_contact.model.data.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.data.ranges import Ranges, ranges_of
+from erc_contact.model.data.symbolic import varies_in_cells, without_derivatives, without_variables
+from erc_contact.model.law.law_entries import StateField, entries, size_of, state_after
 from erc_contact.model.space import Space
-from erc_contact.model.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
 from namedmesh.base.communicators import lasting

@@ -18,9 +18,9 @@ from ufl.corealg.traversal import traverse_unique_terminals
 
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.quadrature import Cuts, facet_pieces, piece_points, polynomials
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.data.quadrature import Cuts, facet_pieces, piece_points, polynomials
 from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric, node_vertices, nodes
 

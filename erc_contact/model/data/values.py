@@ -20,10 +20,10 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import at_cells, evaluate
+from erc_contact.model.data.expressions import at_cells, evaluate
+from erc_contact.model.data.tables import on_mesh
+from erc_contact.model.data.users import call_of_user, scalar, vector
 from erc_contact.model.space import Space
-from erc_contact.model.tables import on_mesh
-from erc_contact.model.users import call_of_user, scalar, vector
 from erc_contact.scene.material import Material
 from erc_contact.scene.potential import Potential
 from namedmesh.base.checks import description
@@ -40,7 +40,7 @@ def without_plain_numbers(expression: Ufl, mesh: dmesh.Mesh, *, of_material: boo
     """Replace the plain numbers of a UFL expression by Constants; collective.
 
     Expressions that differ only in these numbers are then compiled once. Tables become
-    Functions on the mesh, see :func:`erc_contact.model.tables.on_mesh`.
+    Functions on the mesh, see :func:`erc_contact.model.data.tables.on_mesh`.
     """
     expression = on_mesh(expression, mesh, at_cells, of_material=of_material)
     constants = {}

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import kernel, sum_products
-from erc_contact.model.rigid_faces import RigidFace
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.motions.rigid_faces import RigidFace
+from erc_contact.model.motions.rigid_motions import kernel, sum_products
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
 

@@ -21,22 +21,22 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import evaluate
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.friction import Friction, bind_friction
-from erc_contact.model.last_step import LastStep, lost_on_facets
-from erc_contact.model.normals import (
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.friction import Friction, bind_friction
+from erc_contact.model.contact.normals import (
     SAME_NORMAL,
     gap_vectors,
     normal_field,
     normals_of_side,
     turns,
 )
+from erc_contact.model.contact.trace import Side, Trace
+from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.symbolic import sum_of
+from erc_contact.model.data.users import call_of_user, scalar
+from erc_contact.model.data.values import components, number, parameter
+from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.space import Space
-from erc_contact.model.symbolic import sum_of
-from erc_contact.model.trace import Side, Trace
-from erc_contact.model.users import call_of_user, scalar
-from erc_contact.model.values import components, number, parameter
 from erc_contact.scene.contact import Contact
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule

@@ -24,10 +24,16 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import NotHeldError
-from erc_contact.model.body_words import boundary_parts, hinge_words, lying_words
-from erc_contact.model.foundation import ContactOnMesh
-from erc_contact.model.motions import BodyMotions, Group, Unheld, kernel, motions_together
-from erc_contact.model.over_ranks import marks_of_owners
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.data.over_ranks import marks_of_owners
+from erc_contact.model.motions.body_words import boundary_parts, hinge_words, lying_words
+from erc_contact.model.motions.rigid_motions import (
+    BodyMotions,
+    Group,
+    Unheld,
+    kernel,
+    motions_together,
+)
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import components, swept

@@ -20,7 +20,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from erc_contact.model.quadrature import Cuts, Pieces, bisect, first_pieces, piece_points
+from erc_contact.model.data.quadrature import Cuts, Pieces, bisect, first_pieces, piece_points
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""
@@ -87,7 +87,7 @@ def upper_bounds(
         f: The function.
         vertices: Vertices of the simplices [length], shape (simplices, v, d).
         pieces: The first pieces of each simplex, from
-            :func:`erc_contact.model.quadrature.facet_pieces`, (c, v, v).
+            :func:`erc_contact.model.data.quadrature.facet_pieces`, (c, v, v).
         round_off: By how much the bound of each simplex may always be too large, shape
             (simplices,).
         cuts: Kinks of the function that are known, on segments; None without.

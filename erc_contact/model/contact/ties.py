@@ -12,9 +12,9 @@ import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace
 from erc_contact.scene.tied import Tied
 
 Claim = tuple[np.ndarray, np.ndarray]

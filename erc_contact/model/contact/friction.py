@@ -15,10 +15,10 @@ from ufl.classes import Division, Product, Sum
 from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import OfNumbers, stand_in
-from erc_contact.model.symbolic import constant_value, varies, varies_in_cells
-from erc_contact.model.tables import write_out
-from erc_contact.model.users import call_of_user, scalar
+from erc_contact.model.data.expressions import OfNumbers, stand_in
+from erc_contact.model.data.symbolic import constant_value, varies, varies_in_cells
+from erc_contact.model.data.tables import write_out
+from erc_contact.model.data.users import call_of_user, scalar
 from erc_contact.scene.law import Law
 from namedmesh.base.communicators import lasting
 

@@ -28,11 +28,11 @@ from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.constitution import Constitution, ElasticMatrix, StrainField
-from erc_contact.model.expressions import Everywhere
-from erc_contact.model.law_state import LawState
+from erc_contact.model.data.expressions import Everywhere
+from erc_contact.model.law.constitution import Constitution, ElasticMatrix, StrainField
+from erc_contact.model.law.law_state import LawState
+from erc_contact.model.law.point_law import Derivatives, PointLaw, Search
 from erc_contact.model.meridian import in_space, strain_of
-from erc_contact.model.point_law import Derivatives, PointLaw, Search
 from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import mandel_basis, strain
 from erc_contact.scene.potential import Potential, remembers

@@ -18,8 +18,8 @@ from ufl.corealg.traversal import traverse_unique_terminals
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.array_code import array_code
-from erc_contact.model.symbolic import (
+from erc_contact.model.data.array_code import array_code
+from erc_contact.model.data.symbolic import (
     constant_value,
     has_fields,
     is_data,
@@ -27,7 +27,7 @@ from erc_contact.model.symbolic import (
     varies_in_cells,
     without_derivatives,
 )
-from erc_contact.model.tables import on_mesh
+from erc_contact.model.data.tables import on_mesh
 from namedmesh.base.communicators import lasting
 from namedmesh.base.releases import cell_nodes
 
@@ -218,10 +218,10 @@ def polynomial_at(function: fem.Function, x: np.ndarray, cells: np.ndarray) -> n
 class OfNumbers:
     """Evaluate a UFL expression whose terminals are numbers of each point.
 
-    numpy evaluates it (:mod:`erc_contact.model.array_code`), unless it has an operator
-    that only the compiler knows. Then fields and constants are replaced by fields and
-    constants of a common mesh. So expressions that differ only in what they stand for
-    are compiled once, on all meshes of a process.
+    numpy evaluates it (:mod:`erc_contact.model.data.array_code`), unless it has an
+    operator that only the compiler knows. Then fields and constants are replaced by
+    fields and constants of a common mesh. So expressions that differ only in what they
+    stand for are compiled once, on all meshes of a process.
 
     Args:
         expression: UFL expression without derivatives.

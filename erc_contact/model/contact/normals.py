@@ -26,8 +26,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.contact.trace import Side
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Side
 from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import spread, vertex_normals
 from namedmesh.simplex import barycentric, rule

@@ -14,7 +14,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.model.rigid_shapes import translations_and_rotations
+from erc_contact.model.motions.rigid_shapes import translations_and_rotations
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import boxes, of_all
 from namedmesh.for_solvers import components

@@ -1,7 +1,7 @@
 """Find the nodes that contacts between bodies connect.
 
-What contacts read of these nodes is in :mod:`erc_contact.model.groups`. All ranks have
-the pairs of nodes of all contacts between bodies.
+What contacts read of these nodes is in :mod:`erc_contact.model.contact.groups`. All
+ranks have the pairs of nodes of all contacts between bodies.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.groups import NOBODY, Groups
-from erc_contact.model.over_ranks import matrix_of_common_entries, product
+from erc_contact.model.contact.groups import NOBODY, Groups
+from erc_contact.model.contact.trace import Trace, dofs_of
+from erc_contact.model.data.over_ranks import matrix_of_common_entries, product
 from erc_contact.model.space import Space
-from erc_contact.model.trace import Trace, dofs_of
 from namedmesh.base.ranks import distinct_rows
 
 

@@ -19,10 +19,10 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.model.contact_values import slip_at
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.contact_values import slip_at
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
 from erc_contact.model.space import Space
-from erc_contact.model.trace import split
 
 OPEN, SLIP, STICK, CLOSED = 0, 1, 2, 3
 """Codes of the status of a facet."""

@@ -17,9 +17,9 @@ from typing import Protocol
 import numpy as np
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.data.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.data.symbolic import constant_value, varies_in_cells
 from erc_contact.model.space import Space, circumferences
-from erc_contact.model.symbolic import constant_value, varies_in_cells
 from erc_contact.scene.material import Elastic, Material, mandel_matrix, tensor_basis
 from namedmesh.base.communicators import lasting
 
@@ -31,7 +31,7 @@ class StrainField(Protocol):
     def varies_in_cells(self) -> bool: ...  # noqa: D102
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return the strains, see :class:`erc_contact.model.strains.Strains`."""
+        """Return the strains, see :class:`erc_contact.model.law.strains.Strains`."""
 
 
 class Constitution:

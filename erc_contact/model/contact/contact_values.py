@@ -8,11 +8,11 @@ import numpy as np
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.expressions import Everywhere, evaluate
-from erc_contact.model.foundation import ContactOnMesh
+from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.trace import split
+from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.space import Space, circumferences
-from erc_contact.model.symbolic import varies_in_cells
-from erc_contact.model.trace import split
 from namedmesh.simplex import lagrange
 
 

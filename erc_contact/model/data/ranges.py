@@ -33,10 +33,15 @@ from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.array_code import SAME, WITH_INDICES, ArrayCode, UnknownOperatorError
-from erc_contact.model.expressions import Everywhere, at_cells, function_at, is_polynomial
-from erc_contact.model.symbolic import constant_value, varies, varies_in_cells, without_derivatives
-from erc_contact.model.tables import on_mesh
+from erc_contact.model.data.array_code import SAME, WITH_INDICES, ArrayCode, UnknownOperatorError
+from erc_contact.model.data.expressions import Everywhere, at_cells, function_at, is_polynomial
+from erc_contact.model.data.symbolic import (
+    constant_value,
+    varies,
+    varies_in_cells,
+    without_derivatives,
+)
+from erc_contact.model.data.tables import on_mesh
 from namedmesh.simplex import barycentric, coefficients, nodes
 
 MOST_POINTS = 2500

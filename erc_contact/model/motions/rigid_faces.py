@@ -23,7 +23,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.rigid_shapes import motions_about_axes
+from erc_contact.model.motions.rigid_shapes import motions_about_axes
 from erc_contact.model.space import Space
 from erc_contact.scene.support import Rigid
 from namedmesh.base.ranks import union

@@ -11,9 +11,9 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.friction import Friction
-from erc_contact.model.symbolic import has_arguments, varies_in_cells
-from erc_contact.model.trace import Trace
+from erc_contact.model.contact.friction import Friction
+from erc_contact.model.contact.trace import Trace
+from erc_contact.model.data.symbolic import has_arguments, varies_in_cells
 from erc_contact.scene.law import project
 from erc_contact.scene.words import contact_in_words
 
@@ -44,7 +44,8 @@ class ContactOnMesh:
             it does not vary.
         friction: Friction law, or None without friction.
         gap: Gap [length], UFL; None where it is zero. On facets of two bodies along
-            which normals turn it is ``g |M|``, see ``erc_contact.model.normals``.
+            which normals turn it is ``g |M|``, see
+            ``erc_contact.model.contact.normals``.
         given_gap: The part of the gap that the scene gives, and the motion of a
             foundation, UFL; None without. What is left is the distance of two bodies.
         gap_varies: Whether the gap is a callable.

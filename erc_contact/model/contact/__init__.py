@@ -1,0 +1,1 @@
+"""Put contacts on a mesh: both sides of an interface, normal, gap, friction, status."""

@@ -1,0 +1,1 @@
+"""Put data on a mesh: numbers, callables and tables, evaluated, integrated, bounded."""

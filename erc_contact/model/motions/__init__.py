@@ -1,0 +1,1 @@
+"""Find the rigid motions of bodies and of faces, and which of them nothing holds."""
