@@ -48,7 +48,7 @@ from erc_contact.admissible.springs import (
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.tied import Preload
 
@@ -97,10 +97,11 @@ def equilibrated(
     """
     began = perf_counter()
     model = solution.model
-    cells = cell_geometry(model)
+    space = model.space
+    cells = cell_geometry(space)
     if solution.at_rest:
         pair = _at_rest(solution, cells)
-        return replace(pair, seconds=model.comm.allreduce(perf_counter() - began, MPI.MAX))
+        return replace(pair, seconds=space.comm.allreduce(perf_counter() - began, MPI.MAX))
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported_components(model, cells)
@@ -127,7 +128,7 @@ def equilibrated(
             with suppress(NotBalanced):
                 again, _, less = _make_pair(data, tractions, tighten, near)
                 pair = again if less is not None and less < bulk else pair
-    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    seconds = space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
 
@@ -157,16 +158,24 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
     facets do not carry the gap.
     """
     model = solution.model
+    space = model.space
     cell_count = len(cells.nodes)
-    moment = np.zeros((model.facet_count, len(model.facet_points), model.d))
-    fe_stress = np.zeros((cell_count, comb(model.degree - 1 + model.d, model.d), model.d, model.d))
+    moment = np.zeros((space.facet_count, len(space.facet_points), space.d))
+    fe_stress = np.zeros(
+        (
+            cell_count,
+            comb(space.degree - 1 + space.d, space.d),
+            space.d,
+            space.d,
+        )
+    )
     components = model.constitution.metric.size
-    coefficients = comb(model.degree + model.d, model.d)
-    sigma = np.zeros((model.domain.owned_cells, model.d + 1, coefficients, components))
+    coefficients = comb(space.degree + space.d, space.d)
+    sigma = np.zeros((model.domain.owned_cells, space.d + 1, coefficients, components))
     return Admissible(
         solution=solution,
         displacement=solution.u,
-        tractions=[no_traction(model, contact) for contact in model.contacts],
+        tractions=[no_traction(space, contact) for contact in model.contacts],
         spring_tractions=chosen_tractions(model, moment, moment),
         cell_geometry=cells,
         balanced=CellStress(fe_stress),
@@ -219,6 +228,7 @@ def _make_pair(
     """
     cells = data.cells
     model = data.solution.model
+    space = model.space
     u_hat, tractions, balanced, boundary = _before_tightening(data, tractions)
     given = Reconstruction(
         model=model,
@@ -231,10 +241,10 @@ def _make_pair(
         tighten=tighten,
         correction=None if near is None else near.correction,
     )
-    bulk = axisymmetric_bulk(given) if model.axisymmetric else plane_bulk(given)
-    if model.axisymmetric:
+    bulk = axisymmetric_bulk(given) if space.axisymmetric else plane_bulk(given)
+    if space.axisymmetric:
         # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary = boundary_off_axis(model, cells, boundary)
+        boundary = boundary_off_axis(space, cells, boundary)
     of_boundary = Given(boundary, data.fixed, tractions)
     u = data.solution.u
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
@@ -273,20 +283,21 @@ def _before_tightening(
     """
     solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
     model = solution.model
-    if model.comm.size > 1 and tractions:
-        tractions = _of_owners(model, cells, tractions)
+    space = model.space
+    if space.comm.size > 1 and tractions:
+        tractions = _of_owners(space, cells, tractions)
     # A support takes up the load on its components.
     boundary = np.where(fixed[:, None, :], 0.0, data.loads)
     u_hat = solution.u
     if tractions:
         u_hat = admissible_displacement(model, solution.u, tractions)
     for traction in tractions:
-        of_contact = moments(traction.area, traction.values, model.degree)
+        of_contact = moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
-        add_moments(model, boundary, trace.here.facets, of_contact)
+        add_moments(space, boundary, trace.here.facets, of_contact)
         if trace.there is not None:
             # Action and reaction: on the other body acts the opposite traction.
-            add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
+            add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
     b = load_forces(model, cells, boundary, force)
     balanced = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
     if model.springs:
@@ -297,19 +308,19 @@ def _before_tightening(
 
 
 def _of_owners(
-    model: Model, cells: CellGeometry, tractions: list[ContactTraction]
+    space: Space, cells: CellGeometry, tractions: list[ContactTraction]
 ) -> list[ContactTraction]:
     """Return r^ as the owner of each facet has computed it; collective.
 
     After a large slide the round-off of two ranks differs by more than the balance
     allows.
     """
-    shared = SharedMoments(model, cells)
+    shared = SharedMoments(space, cells)
     result = []
     for traction in tractions:
         side = traction.contact.trace.here
-        total = np.zeros((model.facet_count, len(model.facet_points), model.d))
-        add_moments(model, total, side.facets[side.owned], traction.values[side.owned])
-        values = values_on(model, shared.total(total), side.facets)
+        total = np.zeros((space.facet_count, len(space.facet_points), space.d))
+        add_moments(space, total, side.facets[side.owned], traction.values[side.owned])
+        values = values_on(space, shared.total(total), side.facets)
         result.append(replace(traction, values=values))
     return result

@@ -89,8 +89,8 @@ def _unit_slips(model: Model) -> list[fem.Function]:
     It is the axis without its normal part at contact nodes, and zero elsewhere.
     """
     fields = []
-    for axis in np.eye(model.d):
-        field = model.function()
+    for axis in np.eye(model.space.d):
+        field = model.space.function()
         for contact in model.contacts:
             n = contact.trace.normals
             along = axis - (n @ axis)[..., None] * n

@@ -80,7 +80,7 @@ class FullSpace:
         self.length = length
         self.force = force
         self.forms = forms
-        self._equations = model.function()
+        self._equations = model.space.function()
         self._fixed = elastic.fixed
         self._reactions: Reactions | None = None
         self._rows = ~self._fixed
@@ -122,7 +122,7 @@ class FullSpace:
             equations.x.scatter_reverse(la.InsertMode.add)
             if reader.contact is not None:
                 jump = self.model.connections.jump(reader.contact)
-                equations = product(self.model, jump, equations, transpose=True)
+                equations = product(self.model.space, jump, equations, transpose=True)
             forces += equations.x.array[: len(forces)]
         return forces
 
@@ -222,7 +222,7 @@ class FullSpace:
     def status(self, x: PETSc.Vec) -> Status:
         """Return the contact status of all points."""
         self._set(x)
-        comm = self.model.comm
+        comm = self.model.space.comm
         status = self.forms.status()
         digests = comm.allgather(sha256(status.tobytes()).digest())
         counts = comm.allreduce(np.bincount(status, minlength=3), MPI.SUM)

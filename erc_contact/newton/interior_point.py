@@ -145,28 +145,29 @@ class CentralPath:
 
     def __init__(self, forms: InteriorForms, friction: float) -> None:
         model = forms.model
+        space = model.space
         self._forms = forms
         self._friction = friction
-        self._comm = model.comm
+        self._comm = space.comm
         self._shapes: list[tuple[int, int]] = []
         self._laws = []
         axes = []
         opens = []
         for contact in model.contacts:
             owned = contact.trace.here.owned
-            normals = evaluate(contact.normal, model.mesh, forms.points, contact.facets)[owned]
+            normals = evaluate(contact.normal, space.mesh, forms.points, contact.facets)[owned]
             self._shapes.append((len(normals), len(forms.points)))
-            flat = normals.reshape(-1, model.d)
+            flat = normals.reshape(-1, space.d)
             axes.append(np.stack([flat, *tangents(flat)], axis=1))
             opens.append(np.full(len(axes[-1]), not contact.bilateral))
-            parameters = friction_parameters(model, contact, forms.points)
+            parameters = friction_parameters(space, contact, forms.points)
             of_owned = {name: values[owned] for name, values in parameters.items()}
             self._laws.append((contact, of_owned))
         self._axes = np.concatenate(axes)
         self._opens = np.concatenate(opens)
         self._solved: list[Directions] = []
         """Directions of the solutions of this step."""
-        self._sides = _sides(model.d)
+        self._sides = _sides(space.d)
 
     def soften(self) -> None:
         """Set weights and offsets to soft springs at all points."""

@@ -172,7 +172,7 @@ class Iterative:
         stretch = target.copy()
         stretch.x.array[:] -= u.x.array
         pull = self.elastic.glue.times(stretch).x.array[owned]
-        comm = self.model.comm
+        comm = self.model.space.comm
         self._length = greatest(comm, u.x.array) or 1.0
         self._force = float(np.sqrt(comm.allreduce(np.dot(pull, pull), MPI.SUM))) or 1.0
         return u

@@ -182,7 +182,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     refuse_potential(error.solution.scene.material, "coulomb_certificate()", e_alone)
     pair = error.admissible
     model = pair.model
-    raise_together(model.comm, None)
+    raise_together(model.space.comm, None)
     contacts = []
     for contact in model.contacts:
         if depends_on_pressure(contact.friction):

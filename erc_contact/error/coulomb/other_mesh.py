@@ -78,7 +78,7 @@ def other_mesh(model: Model) -> OtherMesh | None:
         cannot be meshed so coarsely.
     """
     domain = model.domain
-    d = model.d
+    d = model.space.d
     try:
         if domain.cells * 2**d <= MOST_REFINED[d]:
             return body_on(model, domain.refined())
@@ -93,7 +93,7 @@ def other_mesh(model: Model) -> OtherMesh | None:
 
 def body_on(model: Model, domain: Domain) -> OtherMesh:
     """Make the body of a model on another mesh; collective."""
-    new_model = bind(model.scene, domain, model.degree)
+    new_model = bind(model.scene, domain, model.space.degree)
     surface = coulomb_surface(new_model)
     stiffness = stiffness_of(new_model)
     with stiffness.in_memory():

@@ -21,6 +21,7 @@ from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.trace import interpolate_normals, split
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import (
     barycentric,
     bernstein,
@@ -225,6 +226,7 @@ def coulomb_surface(model: Model) -> CoulombSurface:
 
     There is one at least.
     """
+    space = model.space
     numbers_of_contacts = []
     corners_of_contacts = []
     normals_of_contacts = []
@@ -233,7 +235,7 @@ def coulomb_surface(model: Model) -> CoulombSurface:
     for contact in model.contacts:
         here = contact.trace.here
         facet_nodes = here.nodes[here.owned]
-        of_contact = model.global_numbers(facet_nodes)
+        of_contact = space.global_numbers(facet_nodes)
         if not has_coulomb(contact):
             others.append(of_contact.ravel())
             continue
@@ -246,27 +248,27 @@ def coulomb_surface(model: Model) -> CoulombSurface:
             others.append(of_contact[model.connections.is_paired[facet_nodes]])
         # Nor is the jump of a contact an unknown where more than two bodies meet.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
-    all_numbers = _gather(model, numbers_of_contacts)
-    corners = _gather(model, corners_of_contacts)
-    of_corners = _gather(model, normals_of_contacts)
-    fixed = _gather(model, fixed_of_contacts)
+    all_numbers = _gather(space, numbers_of_contacts)
+    corners = _gather(space, corners_of_contacts)
+    of_corners = _gather(space, normals_of_contacts)
+    fixed = _gather(space, fixed_of_contacts)
     numbers, places = np.unique(all_numbers, return_inverse=True)
     facets = places.reshape(all_numbers.shape)
-    normal = np.zeros((len(numbers), model.d))
-    of_nodes = interpolate_normals(of_corners, barycentric(model.facet_points))
+    normal = np.zeros((len(numbers), space.d))
+    of_nodes = interpolate_normals(of_corners, barycentric(space.facet_points))
     np.add.at(normal, facets, measures(corners)[:, None, None] * of_nodes)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
 
     # Blocked are nodes of another contact, at an edge of the foundation, and where a
     # support holds some component of the normal but not all components.
-    blocked = np.isin(numbers, _gather(model, others))
+    blocked = np.isin(numbers, _gather(space, others))
     cosine = (normal[facets] * of_nodes).sum(axis=-1)
     blocked[facets[cosine < EDGE_COSINE]] = True
-    supported = np.zeros((len(numbers), model.d), dtype=bool)
+    supported = np.zeros((len(numbers), space.d), dtype=bool)
     supported[facets] = fixed
     some_of_normal = (supported & (abs(normal) > ZERO_COMPONENT)).any(axis=1)
     blocked |= some_of_normal & ~supported.all(axis=1)
-    return CoulombSurface(model.degree, numbers, facets, corners, of_corners, normal, blocked)
+    return CoulombSurface(space.degree, numbers, facets, corners, of_corners, normal, blocked)
 
 
 def pair_on_surface(pair: Admissible) -> PairOnSurface:
@@ -275,6 +277,7 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
     There is one such contact at least.
     """
     model = pair.model
+    space = model.space
     u = pair.displacement.x.array
     values = []
     displacements = []
@@ -288,29 +291,29 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
         owned = trace.here.owned
         values.append(traction.values[owned])
         displacements.append(trace.since(u)[owned])
-        frictions.append(_friction(model, contact)[owned])
+        frictions.append(_friction(space, contact)[owned])
         stiffnesses.append(trace.stiffness[owned])
     return PairOnSurface(
         surface=coulomb_surface(model),
-        traction=_gather(model, values),
-        displacement=_gather(model, displacements),
-        friction=_gather(model, frictions),
-        stiffness=_gather(model, stiffnesses),
+        traction=_gather(space, values),
+        displacement=_gather(space, displacements),
+        friction=_gather(space, frictions),
+        stiffness=_gather(space, stiffnesses),
     )
 
 
-def _friction(model: Model, contact: ContactOnMesh) -> np.ndarray:
+def _friction(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Return the coefficient mu at nodes of facets [-], shape (f, m); collective."""
-    ones = np.ones((len(contact.facets), len(model.facet_points)))
-    parameters = friction_parameters(model, contact, model.facet_points)
+    ones = np.ones((len(contact.facets), len(space.facet_points)))
+    parameters = friction_parameters(space, contact, space.facet_points)
     return np.array(contact.friction_bound(ones, parameters))
 
 
-def _gather(model: Model, parts: list[np.ndarray]) -> np.ndarray:
+def _gather(space: Space, parts: list[np.ndarray]) -> np.ndarray:
     """Gather arrays of the facets of this rank, contact by contact; collective.
 
     Returns:
         One array of all ranks.
     """
-    gathered: list[np.ndarray] = model.comm.allgather(np.concatenate(parts))
+    gathered: list[np.ndarray] = space.comm.allgather(np.concatenate(parts))
     return np.concatenate(gathered)
