@@ -61,7 +61,7 @@ from true_errors import reference, true_errors  # isort: skip
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact import contact_parts
-from erc_contact.error.contact_term import contact_density
+from erc_contact.error.contact_term import AtPoints, contact_density
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import pressures
 from erc_contact.model.data.quadrature import polynomials
@@ -170,7 +170,8 @@ def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> fl
     normal = contact.direction[:, None, :]
     parameters = friction_parameters(space, contact, np.array([[0.5]]))
     bound = contact.friction_bound(pressures(r, normal), parameters)
-    density = contact_density(contact, normal, r, w, 0.0, 0.0, bound)
+    at = AtPoints(normal, r, w, np.zeros_like(w), 0.0, bound)
+    density = contact_density(contact, at, 0.0)
     means = density @ np.tile(0.5 * weights / PANELS, PANELS)
     return float(traction.area @ means)
 

@@ -20,11 +20,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_term import (
+    AtPoints,
     bound_cancellation,
     contact_density,
-    law_sum,
-    slider_of,
-    spring_of,
+    foundation_sum,
 )
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
@@ -62,6 +61,22 @@ class ContactSquares(NamedTuple):
     of_sum: np.ndarray
     gaps: float = 0.0
     friction: float = 0.0
+
+
+class Squares[T](NamedTuple):
+    """Hold a number for each density that a contact integrates adaptively.
+
+    Attributes:
+        term: Twice the contact term.
+        of_sum: Square of the sum of both tractions of a compliant foundation.
+        of_gap: Square of the oscillation of the gap and of the normal.
+        of_friction: Square of the oscillation of the friction bound.
+    """
+
+    term: T
+    of_sum: T
+    of_gap: T
+    of_friction: T
 
 
 def contact_parts(space: Space, u_hat: fem.Function, traction: ContactTraction) -> np.ndarray:
@@ -190,7 +205,7 @@ def _means(
     gap = 0.0 if contact.gap is None else evaluate(contact.gap, space.mesh, middle, contact.facets)
     parameters = friction_parameters(space, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
-    density = contact_density(contact, n, r, w, s, gap, bound, cancelling=cancelling)
+    density = contact_density(contact, AtPoints(n, r, w, s, gap, bound), cancelling)
     return (density * weights).sum(axis=1)
 
 
@@ -219,55 +234,68 @@ def _adapted_squares(
     least_gap = _round_off(space, of_w)
     least_force = _round_off(space, traction.values)
 
-    def terms(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the contact term, what data are exceeded by, and the law's sum."""
+    def squares(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the densities of :class:`Squares`, in its order."""
         n = contact.trace.normals_at_places(places, facet)
         shape = polynomials(space.degree, places)
         r = np.matmul(shape, traction.values[facet])
         w = np.matmul(shape, of_w[facet])
         s = np.matmul(shape, of_s[facet])
-        r_n, r_t, friction = split(r, n)
         gap = data.gap(facet, x)
-        normal = data.normal(facet, x, n)
-        bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
-        stiffness = data.stiffness(facet, x)
-        tangential = data.tangential_stiffness(facet, x)
-        shared = cancelling[facet]
-        density = contact_density(contact, n, r, w, s, gap, bound, stiffness, tangential, shared)
+        bound = data.bound(facet, x, pressures(r, n))
+        springs = data.stiffness(facet, x), data.tangential_stiffness(facet, x)
+        at = AtPoints(n, r, w, s, gap, bound, *springs)
 
-        opening = (w * normal).sum(axis=-1) - gap
-        beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
-        of_sum = np.zeros(opening.shape)
-        if stiffness is not None:
-            beyond = np.zeros(opening.shape)  # the foundation gives way
-            entry = (w * n).sum(axis=-1) - gap
-            of_sum += law_sum(*spring_of(entry, np.maximum(-r_n, 0.0), stiffness))
-        if tangential is not None:
-            _, slide, _ = split(w - s, n)
-            of_sum += law_sum(*slider_of(slide, r_t, bound, tangential))
-        beyond = np.where(beyond <= least_gap, 0.0, beyond)
+        normal = data.normal(facet, x, n)
+        beyond = _above(_beyond_gap(contact, at, normal), least_gap)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
-        turned = np.where(turned <= least_force, 0.0, turned)
-        excess = friction - bound
-        excess = np.where(excess <= least_force, 0.0, excess)
+        turned = _above(turned, least_force)
+        _, _, friction = split(r, n)
+        excess = _above(friction - bound, least_force)
         # A violation of the gap is measured like a wrong support, E/h |.|^2; a
         # violation of the normal or of the friction bound like a wrong load, h/E |.|^2.
         compliance = (1 / contact.trace.stiffness)[facet][:, None]
-        gaps = beyond**2 / compliance + turned**2 * compliance
-        return np.stack([density, gaps, excess**2 * compliance, of_sum], axis=-1)
+        densities = Squares(
+            term=contact_density(contact, at, cancelling[facet]),
+            of_sum=foundation_sum(at),
+            of_gap=beyond**2 / compliance + turned**2 * compliance,
+            of_friction=excess**2 * compliance,
+        )
+        return np.stack(densities, axis=-1)
 
-    corners = contact.trace.here.corners
+    share = Squares(
+        term=UNKNOWN_SHARE,
+        of_sum=UNKNOWN_SHARE,
+        of_gap=OSCILLATION_SHARE,
+        of_friction=OSCILLATION_SHARE,
+    )
     total = integrate(
         space.comm,
-        terms,
-        corners,
+        squares,
+        contact.trace.here.corners,
         area,
         facet_pieces(space.d - 1),
-        share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE, UNKNOWN_SHARE]),
-        floor=np.array([floor, 0.0, 0.0, 0.0]),
+        share=np.array(share),
+        floor=np.array(Squares(term=floor, of_sum=0.0, of_gap=0.0, of_friction=0.0)),
         cuts=kinks_on_facets(space, contact.data, contact.facets),
     )
     return _with_unknown(contact, total)
+
+
+def _beyond_gap(contact: ContactOnMesh, at: AtPoints, normal: np.ndarray) -> np.ndarray:
+    """Return how far w is beyond the gap along a normal [length], shape (n, q).
+
+    A compliant foundation gives way, so that it is zero.
+    """
+    opening = (at.w * normal).sum(axis=-1) - at.gap
+    if at.stiffness is not None:
+        return np.zeros(opening.shape)
+    return abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
+
+
+def _above(values: np.ndarray, round_off: float) -> np.ndarray:
+    """Return values with zero for what is round-off or negative."""
+    return np.where(values <= round_off, 0.0, values)
 
 
 def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
@@ -275,23 +303,19 @@ def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
 
     Args:
         contact: The contact.
-        total: Integrals of the contact term, of the oscillations of the gap and of the
-            friction bound, and of the sum of both tractions, on each facet.
+        total: Integrals of the densities of :class:`Squares` over each facet.
     """
-    parts, of_gap, of_friction, of_sum = total.value.T
-    parts_unknown = total.bound[:, 0]
-    gap_unknown = 0.0
-    friction_unknown = 0.0
-    if not total.resolved[0]:
+    value, unknown = Squares(*total.value.T), Squares(*total.bound.T)
+    gaps = float(value.of_gap.sum())
+    friction = float(value.of_friction.sum())
+    if not Squares(*total.resolved).term:
         # A varying gap is the likely reason, otherwise the friction bound.
         of_normal = [value for value in (contact.gap, contact.stiffness) if value is not None]
         if any(varies_in_cells(value) for value in of_normal):
-            gap_unknown = float(parts_unknown.sum())
+            gaps += float(unknown.term.sum())
         else:
-            friction_unknown = float(parts_unknown.sum())
-    gaps_2 = float(of_gap.sum()) + gap_unknown
-    friction_2 = float(of_friction.sum()) + friction_unknown
-    return ContactSquares(parts + parts_unknown, of_sum, gaps_2, friction_2)
+            friction += float(unknown.term.sum())
+    return ContactSquares(value.term + unknown.term, value.of_sum, gaps, friction)
 
 
 def _round_off(space: Space, values: np.ndarray) -> float:
