@@ -28,7 +28,13 @@ from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
 from erc_contact.newton.rest import displacement_at_rest, displacement_back_at_rest
-from erc_contact.newton.snes import ENDLESS, ROUND_OFF_HIDES, DiscreteSolution, Outcome
+from erc_contact.newton.snes import (
+    ENDLESS,
+    ROUND_OFF_HIDES,
+    Attempted,
+    DiscreteSolution,
+    Outcome,
+)
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.newton.statics import mechanism
 
@@ -76,10 +82,8 @@ class Solver(Protocol):
     def warm(self, old: Model, u: fem.Function) -> Any:
         """Return the state of a displacement u of a model on another mesh."""
 
-    def attempt(
-        self, attempt: Attempt, state: Any, tolerance: float | None
-    ) -> tuple[Outcome, Any, DiscreteSolution | None]:
-        """Make one attempt from a state; return its outcome, last state and result."""
+    def attempt(self, step: Attempt, state: Any, tolerance: float | None) -> Attempted:
+        """Make one attempt from a state."""
 
     def destroy(self) -> None:
         """Free what no solution needs."""

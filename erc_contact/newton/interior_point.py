@@ -29,7 +29,7 @@ Symbols: n points of this rank, d dimension, j bounds of a traction.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -95,9 +95,21 @@ class LinearStep(Protocol):
         """
 
 
-def follow(
-    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool
-) -> tuple[np.ndarray, int, bool]:
+class Path(NamedTuple):
+    """Tell how far the central path was followed.
+
+    Attributes:
+        unknowns: The last unknowns of this rank.
+        steps: Number of steps.
+        is_known: Whether the states of all points are known.
+    """
+
+    unknowns: np.ndarray
+    steps: int
+    is_known: bool
+
+
+def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool) -> Path:
     """Follow the central path until the states of all points are known; collective.
 
     Args:
@@ -105,9 +117,6 @@ def follow(
         solve: Makes the linear solves.
         u: Unknowns of this rank.
         corrects: Whether each step has a third solution.
-
-    Returns:
-        The last unknowns, the number of steps, and whether the states are known.
     """
     count = 0
     is_known = False
@@ -132,7 +141,7 @@ def follow(
         # Nothing holds a motion: the tangent is singular.
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
-    return u, count, is_known
+    return Path(u, count, is_known)
 
 
 class CentralPath:
