@@ -60,7 +60,7 @@ def gap_limits(model: Model, contact: ContactOnMesh, values: np.ndarray) -> np.n
     below = model.gap_limits[contact]
     if below.shape[1] == 1:
         return below[:, 0]
-    w_n, _, _ = split(contact.trace.of(values), contact.trace.normals)
+    w_n = split(contact.trace.of(values), contact.trace.normals).normal
     change = (np.maximum(w_n[:, None] - below, 0.0) ** 2).sum(axis=2)
     return below[np.arange(len(below)), change.argmin(axis=1)]
 

@@ -52,5 +52,10 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         tight = balanced(first, law)
     missing = unbalanced_cells(cells, tight.stress, tight.forces, force)
     return BulkStress(
-        tight.stress, tight.moment, tight.iterations, correction, tight.square, missing
+        stress=tight.stress,
+        moment=tight.moment,
+        iterations=tight.iterations,
+        correction=correction,
+        square=tight.square,
+        missing=missing,
     )

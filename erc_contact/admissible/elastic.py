@@ -174,7 +174,7 @@ def elastic_coefficients(
     sub-simplices.
     """
     d, k = cells.d, cells.degree
-    _, points, _ = macro_points(d, k)
+    points = macro_points(d, k).points
     if model.space.axisymmetric:
         return _coefficients_of_rings(model, cells, u, count)
     stiffness = macro_moduli(model, cells, count)
@@ -195,7 +195,7 @@ def _coefficients_of_rings(
 ) -> np.ndarray:
     """Return :func:`elastic_coefficients` of an axisymmetric body."""
     strain = CellStrains.of(model.space, cells, u)
-    _, points, _ = macro_points(cells.d, cells.degree)
+    points = macro_points(cells.d, cells.degree).points
     values = np.empty((count, len(points), strain.in_plane.shape[2] + 1))
     for chunk in _chunks(count):
         x = np.matmul(barycentric(points), cells.corners[chunk])
@@ -212,7 +212,7 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
     """
     d, k = cells.d, cells.degree
     values = elastic_coefficients(model, cells, u, count)
-    _, points, _ = macro_points(d, k)
+    points = macro_points(d, k).points
     if values.shape[1] in (1, len(points)):
         return values
     return np.matmul(bernstein(d, k - 1, points), values)
@@ -231,7 +231,7 @@ def strains_at(
 
 def macro_places(space: Space, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the points of :func:`macro_points` in the first cells, (count, q, d)."""
-    _, points, _ = macro_points(space.d, space.degree)
+    points = macro_points(space.d, space.degree).points
     return _places(cells, points, count, True)
 
 
@@ -300,7 +300,7 @@ def macro_moduli(
         Mandel components, shape (count, (d+1) q, s, s). The first number is 1 if all
         cells have the same matrix, the second is 1 if no matrix varies inside a cell.
     """
-    _, points, _ = macro_points(model.space.d, model.space.degree)
+    points = macro_points(model.space.d, model.space.degree).points
     return moduli(model, cells, points, count, inverse=inverse)
 
 

@@ -182,7 +182,7 @@ def certify(
     for contact in model.contacts:
         if contact.stiffness is not None:
             continue  # a compliant foundation may be entered
-        w_n, _, _ = split(contact.trace.of(solution.u.x.array), contact.trace.normals)
+        w_n = split(contact.trace.of(solution.u.x.array), contact.trace.normals).normal
         beyond = w_n - gap_at_nodes(model.space, contact)
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     moved = float(abs(solution.u.x.array).max(initial=0.0))

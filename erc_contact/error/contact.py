@@ -250,7 +250,7 @@ def _adapted_squares(
         beyond = _above(_beyond_gap(contact, at, normal), least_gap)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         turned = _above(turned, least_force)
-        _, _, friction = split(r, n)
+        friction = split(r, n).length
         excess = _above(friction - bound, least_force)
         # A violation of the gap is measured like a wrong support, E/h |.|^2; a
         # violation of the normal or of the friction bound like a wrong load, h/E |.|^2.

@@ -47,7 +47,7 @@ def contact_integral(
     def values(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape = polynomials(space.degree, places)
         n = trace.normals_at_places(places, facet)
-        _, s, _ = split(np.matmul(shape, of_before[facet]), n)
+        s = split(np.matmul(shape, of_before[facet]), n).tangential
         w = np.matmul(shape, of_w[facet]) - s
         return density(facet, shape, w, n, x)[..., None]
 

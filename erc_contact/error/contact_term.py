@@ -71,7 +71,7 @@ class AtPoints(NamedTuple):
         """Return the spring of a compliant foundation along its normal."""
         if self.stiffness is None:
             return None
-        r_n, _, _ = split(self.r, self.n)
+        r_n = split(self.r, self.n).normal
         return spring_of(self.entry, np.maximum(-r_n, 0.0), self.stiffness)
 
     @property
@@ -79,8 +79,8 @@ class AtPoints(NamedTuple):
         """Return the tangential spring of a compliant foundation."""
         if self.tangential is None:
             return None
-        _, r_t, _ = split(self.r, self.n)
-        _, slide, _ = split(self.w - self.s, self.n)
+        r_t = split(self.r, self.n).tangential
+        slide = split(self.w - self.s, self.n).tangential
         return slider_of(slide, r_t, self.bound, self.tangential)
 
 

@@ -74,7 +74,7 @@ def foundation_energies(
     def energy(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        w_n, _, _ = split(w, n)
+        w_n = split(w, n).normal
         stored = np.zeros(w_n.shape)
         stiffness = data.stiffness(facet, x)
         if stiffness is not None:
@@ -121,7 +121,7 @@ class Sliding:
         tangential = self._data.tangential_stiffness(facet, x)
         if tangential is None:
             return 0.0
-        _, slide, _ = split(w, n)
+        slide = split(w, n).tangential
         spring = slider_of(slide, 0.0 * slide, self.bound(facet, shape, n, x), tangential)
         return spring.allowed / tangential[..., None]
 
@@ -129,5 +129,5 @@ class Sliding:
         self, facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
         """Return the slip ``w_t - s - v`` [length], shape (f, q, d)."""
-        _, slide, _ = split(w, n)
+        slide = split(w, n).tangential
         return slide - self.give_way(facet, shape, w, n, x)

@@ -148,7 +148,7 @@ def profile_table(
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(space.d - 1, space.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
-    w_n, _, _ = split(w, n)
+    w_n = split(w, n).normal
     w_t = contact.sign * slip_at(space, contact, u.x.array, r, points)
     slip = np.linalg.norm(w_t, axis=-1)
     r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)

@@ -98,7 +98,8 @@ def displacement_back_at_rest(
         off = max(off, float(abs(stretched).max(initial=0.0)))
     for contact in model.contacts:
         if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:
-            _, slip, _ = split(contact.trace.since(displacement.x.array), contact.trace.normals)
+            moved = contact.trace.since(displacement.x.array)
+            slip = split(moved, contact.trace.normals).tangential
             off = max(off, float(abs(slip).max(initial=0.0)))
     return displacement if space.comm.allreduce(off, MPI.MAX) <= round_off else None
 

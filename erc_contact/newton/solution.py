@@ -266,7 +266,7 @@ class Solution:
         where = model.contact(contact)
         points = profile_points(space)
         r = profile_traction(space, where, self.traction(where))
-        r_n, _, _ = split(r, where.trace.normals_at(points))
+        r_n = split(r, where.trace.normals_at(points)).normal
         pressure = -r_n
         bound = self._bound(where, np.maximum(pressure, 0.0), points)
         if where in model.ties:

@@ -121,7 +121,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     owned = contact.trace.here.owned
     gap = gap_at_nodes(space, contact)
     u = admissible.displacement.x.array
-    w_n, _, _ = split(contact.trace.of(u), contact.trace.normals)
+    w_n = split(contact.trace.of(u), contact.trace.normals).normal
     r = np.matmul(at_nodes(space.d - 1, space.degree), traction.values)
     slip = slip_at(space, contact, u, r, space.facet_points)
     nodes = traction.nodes

@@ -80,7 +80,7 @@ def _of_stress(
 def _admissible_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of sigma^ in each owned cell, Mandel components."""
     if admissible.model.space.axisymmetric:
-        _, _, weights = macro_points(2, admissible.model.space.degree)
+        weights = macro_points(2, admissible.model.space.degree).weights
         return weights @ _at_points(admissible)
     stress = admissible.stress
     # All Bernstein polynomials and all sub-simplices of a cell have the same integral.
@@ -97,7 +97,7 @@ def _elastic_means(admissible: Admissible) -> np.ndarray:
     at_points = _elastic_at_points(admissible)
     if at_points.shape[1] == 1:
         return at_points[:, 0]
-    _, _, weights = macro_points(model.space.d, model.space.degree)
+    weights = macro_points(model.space.d, model.space.degree).weights
     repeated = np.tile(weights.ravel(), at_points.shape[1] // weights.size)
     return (repeated / repeated.sum()) @ at_points
 

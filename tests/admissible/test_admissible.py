@@ -375,7 +375,7 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     # The bubbles, from degree 2 on, are chosen by the nearest stress.
     for is_relaxed in range(degree):
         if is_relaxed:
-            points = macro_points(d, degree)[1]
+            points = macro_points(d, degree).points
             at = x[:count, :1] + np.einsum("qj,nij->nqi", points, cells.J[:count])
             compliance = moduli(model, cells, points[:1], 1, inverse=True)
             stress = relax(cells, stress, mandel(stress_at(at)), compliance)

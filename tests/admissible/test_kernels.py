@@ -151,7 +151,7 @@ def test_energy_against_numpy(d, degree, at_points):
     x = rng.standard_normal((len(free), m, d))
     x[:, :d] = Patches(model.space, cells, compliance, free)(x)[:, :d]
     if at_points:
-        stiffer = 1 + rng.random((len(cells.nodes), len(macro_points(d, degree)[1]), 1, 1))
+        stiffer = 1 + rng.random((len(cells.nodes), len(macro_points(d, degree).points), 1, 1))
         compliance = compliance * stiffer
     near, _, weights = macro_points(d, degree)
     forces = force_coefficients(

@@ -43,7 +43,7 @@ def rings(inner_radius: float, degree: int) -> tuple[Model, Elements]:
 
 
 def compliances(model: Model, elements: Elements) -> np.ndarray:
-    _, points, _ = macro_points(2, model.space.degree)
+    points = macro_points(2, model.space.degree).points
     return law_of_cells(model.constitution.metric, elements.corners, points)
 
 
@@ -68,7 +68,7 @@ def test_energies_of_stresses(inner_radius: float, degree: int) -> None:
     model, elements = rings(inner_radius, degree)
     cells = elements.cells
     rng = np.random.default_rng(5)
-    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree)[1]), 4))
+    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree).points), 4))
     energies = elements.energies(elastic, compliances(model, elements))
     off = off_axis(~nodes_on_axis(model.space)[cells.vertices_of_facets], degree)
     forces = rng.standard_normal((*off.shape, 2)) * off[..., None]
@@ -97,7 +97,7 @@ def test_tightening_ends_at_the_least_energy(inner_radius: float, degree: int) -
     model, elements = rings(inner_radius, degree)
     cells = elements.cells
     rng = np.random.default_rng(7)
-    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree)[1]), 4))
+    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree).points), 4))
     energies = elements.energies(elastic, compliances(model, elements))
     off = off_axis(~nodes_on_axis(model.space)[cells.vertices_of_facets], degree)
     # Forces of the boundary are free on its upper side, which is connected: patches of

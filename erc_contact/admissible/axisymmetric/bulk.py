@@ -75,7 +75,7 @@ def _law(given: Reconstruction) -> CellLaw:
     if model.hoop_load is not None:
         places = macro_places(model.space, cells, owned)
         elastic[..., -1] -= model.hoop_load(places, model.space.owned_cells)
-    _, points, _ = macro_points(2, cells.degree)
+    points = macro_points(2, cells.degree).points
     return CellLaw(elastic, law_of_cells(model.constitution.metric, cells.corners, points))
 
 

@@ -65,9 +65,9 @@ class OtherMesh:
         # The other surface gives the field; edges and supports of this one block it.
         x = here.positions()
         field = np.where(here.blocked[:, None], 0.0, surface.interpolate(t, x))
-        q, _, phi = coupling(here.normal, self.traces, field, x)
-        along = here.interpolate(phi[:, None] * here.normal, surface.positions())
-        return q, (along * surface.normal).sum(axis=1)
+        norm = coupling(here.normal, self.traces, field, x)
+        along = here.interpolate(norm.displacement[:, None] * here.normal, surface.positions())
+        return norm.q, (along * surface.normal).sum(axis=1)
 
 
 def other_mesh(model: Model) -> OtherMesh | None:

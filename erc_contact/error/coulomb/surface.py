@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,6 +113,24 @@ class CoulombSurface:
         return total
 
 
+class OnPieces(NamedTuple):
+    """Hold a traction on a quadrature of the pieces of the facets.
+
+    There are c pieces of a facet, with q points each.
+
+    Attributes:
+        area: Weights [length^(d-1)], shape (F, c, q).
+        linear: The functions that are linear on a piece at its points, shape (q, d).
+        pressure: Pressure of r^ [force/area], shape (F, c, q).
+        shear: Its tangential part, shape (F, c, q, d).
+    """
+
+    area: np.ndarray
+    linear: np.ndarray
+    pressure: np.ndarray
+    shear: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class PairOnSurface:
     """Hold an admissible pair on a surface.
@@ -138,14 +157,8 @@ class PairOnSurface:
         np.minimum.at(least, self.surface.facets, self.friction)
         return least
 
-    def at_points(self, degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate the traction on a quadrature of the pieces of the facets.
-
-        Returns:
-            Its weights [length^(d-1)], shape (F, c, q); the functions that are linear
-            on a piece at its points, (q, d); the pressure of r^ [force/area], (F, c,
-            q), and its tangential part, (F, c, q, d).
-        """
+    def at_points(self, degree: int) -> OnPieces:
+        """Evaluate the traction on a quadrature of a degree."""
         s = self.surface
         d = s.normal.shape[1]
         k = s.degree
@@ -158,7 +171,7 @@ class PairOnSurface:
         shape = (len(s.facets), len(corners), len(points))
         area = np.broadcast_to(s.area[:, None, None] * weights / len(corners), shape)
         pressure = -np.minimum(r_n, 0.0).reshape(shape)
-        return area, linear, pressure, r_t.reshape(*shape, d)
+        return OnPieces(area, linear, pressure, r_t.reshape(*shape, d))
 
     def unbalanced(self, t: np.ndarray) -> tuple[np.ndarray, float]:
         """Assemble ``rho = r^_t + |r^_n| t`` as forces at the nodes [force].
@@ -173,13 +186,13 @@ class PairOnSurface:
         d = t.shape[1]
         k = s.degree
         cut = pieces(d - 1, k)
-        area, linear, pressure, shear = self.at_points(2 * k + 1)
-        points = np.matmul(linear, nodes(d - 1, k)[cut])
+        at = self.at_points(2 * k + 1)
+        points = np.matmul(at.linear, nodes(d - 1, k)[cut])
         # The field is linear on a piece, less its normal part.
-        field = np.matmul(linear, t[s.facets[:, cut]])
+        field = np.matmul(at.linear, t[s.facets[:, cut]])
         normals = s.normals_at(points.reshape(-1, d - 1)).reshape(field.shape)
         field -= (field * normals).sum(axis=-1, keepdims=True) * normals
-        rho = area[..., None] * (shear + pressure[..., None] * field)
+        rho = at.area[..., None] * (at.shear + at.pressure[..., None] * field)
         shape = lagrange(d - 1, k, points.reshape(-1, d - 1)).reshape(*points.shape[:2], -1)
         of_facets = np.einsum("cqm,fcqi->fmi", shape, rho)
         return s.sum_up(of_facets, s.facets), float(np.sum(of_facets * self.displacement))
@@ -244,9 +257,9 @@ def coulomb_surface(model: Model) -> CoulombSurface:
         normals_of_contacts.append(contact.trace.normals_at_vertices[here.owned])
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
         if contact.against is None:
-            # The unknown of the solver at a node of a pair is the jump, and not u.
+            # At a node of a pair the body is seen by the jump, and not by u.
             others.append(of_contact[model.connections.is_paired[facet_nodes]])
-        # Nor is the jump of a contact an unknown where more than two bodies meet.
+        # Where more than two bodies meet it is seen by the jump of one pair alone.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
     all_numbers = _gather(space, numbers_of_contacts)
     corners = _gather(space, corners_of_contacts)
