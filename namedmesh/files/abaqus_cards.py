@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Iterator
 from contextlib import suppress
@@ -29,11 +30,13 @@ class Card:
         keyword: The keyword, "NODE" for instance.
         parameters: Values of the parameters by their names in capitals, "" without one.
         lines: Lines of data.
+        place: Name of the file and number of the line of the keyword, "job.inp:12".
     """
 
     keyword: str
     parameters: dict[str, str]
     lines: list[str]
+    place: str = ""
 
     def has(self, parameter: str) -> bool:
         """Tell whether a parameter is given."""
@@ -79,20 +82,22 @@ class _Included:
         """
         card: Card | None = None
         keyword = ""
-        for line in self.lines(path, above):
+        place = ""
+        for number, line in enumerate(self.lines(path, above), start=1):
             stripped = line.strip()
             if not stripped or stripped.startswith("**"):
                 continue
-            if keyword.endswith(","):  # the line of a keyword goes on
-                keyword += stripped
-            elif stripped.startswith("*"):
+            if stripped.startswith("*"):
                 if card is not None:
                     yield from self.with_included(card, path, above)
                 keyword = stripped
+                place = f"{path.name}:{number}"
+            elif keyword.endswith(","):  # the line of a keyword goes on
+                keyword += stripped
             else:
                 keyword = ""
             if keyword:
-                card = _card(keyword)
+                card = _card(keyword, place)
             elif card is not None:
                 card.lines.append(stripped)
         if card is not None:
@@ -109,7 +114,7 @@ class _Included:
             raise InputError(f"files include each other without end, last {path.name!r}.")
         if self.count > MOST_FILES:
             raise InputError(f"it includes more than {MOST_FILES} files, last {path.name!r}.")
-        return path.read_text("latin-1").splitlines()
+        return _decoded(path.read_bytes()).splitlines()
 
     def with_included(self, card: Card, path: Path, above: tuple[Path, ...]) -> Iterator[Card]:
         """Return a card, or the cards of the file that it includes."""
@@ -125,7 +130,16 @@ class _Included:
         yield card
 
 
-def _card(line: str) -> Card:
+def _decoded(data: bytes) -> str:
+    """Return the text of a file, which programs write in several encodings."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", "replace")
+    with suppress(UnicodeDecodeError):
+        return data.decode("utf-8-sig")
+    return data.decode("latin-1")
+
+
+def _card(line: str, place: str) -> Card:
     """Return the card of a line with a keyword."""
     words = [word.strip() for word in line.lstrip("* ").split(",")]
     parameters = {}
@@ -133,7 +147,7 @@ def _card(line: str) -> Card:
         name, _, value = word.partition("=")
         if name.strip():
             parameters[name.strip().upper()] = value.strip().strip("\"'")
-    return Card(" ".join(words[0].upper().split()), parameters, [])
+    return Card(" ".join(words[0].upper().split()), parameters, [], place)
 
 
 def numbers_of(lines: list[str], width: int) -> np.ndarray:

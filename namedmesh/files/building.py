@@ -95,7 +95,7 @@ def build_simplices(
     if marks:
         face_marks = np.full(len(faces.count), NO_TAG)
         for marked in marks:
-            face_marks[_faces_at(body, faces, marked.corners)] = marked.tag
+            face_marks[faces_at(body, faces, marked.corners)] = marked.tag
         side_marks = _side_tags(simplices, faces, face_marks)
 
     used, cells = np.unique(simplices.cells, return_inverse=True)
@@ -160,14 +160,14 @@ def _parts(mesh: FileMesh, body: Body, faces: Faces) -> tuple[list[Named], list[
     found = []
     lost = 0
     for facet_set in [*_sides_of_elements(mesh), *mesh.facet_sets]:
-        members = _faces_at(body, faces, facet_set.corners)
+        members = faces_at(body, faces, facet_set.corners)
         lost += int((members < 0).sum())
         members = np.unique(members[members >= 0])
         if facet_set.outer:
             members = members[faces.count[members] == 1]
         found.append(Named(facet_set.name, facet_set.tag, members, facet_set.weak))
     for node_set in mesh.node_sets:
-        members = _faces_within(body, faces, node_set.nodes)
+        members = faces_within(body, faces, node_set.nodes)
         found.append(Named(node_set.name, node_set.tag, members, node_set.weak))
     notes = []
     if lost:
@@ -214,7 +214,7 @@ def _sides_of_elements(mesh: FileMesh) -> list[FacetSet]:
     return result
 
 
-def _faces_at(body: Body, faces: Faces, corners: np.ndarray) -> np.ndarray:
+def faces_at(body: Body, faces: Faces, corners: np.ndarray) -> np.ndarray:
     """Return the numbers of faces with given corners, shape (n,); -1 for none."""
     known = (corners >= 0).all(axis=1) & (corners < len(body.same)).all(axis=1)
     wanted = body.same[np.where(known[:, None], corners, 0)]
@@ -225,7 +225,7 @@ def _faces_at(body: Body, faces: Faces, corners: np.ndarray) -> np.ndarray:
     return np.where(known, look_up(there, faces.number[candidates], distinct(wanted)), -1)
 
 
-def _faces_within(body: Body, faces: Faces, nodes: np.ndarray) -> np.ndarray:
+def faces_within(body: Body, faces: Faces, nodes: np.ndarray) -> np.ndarray:
     """Return the outer faces all of whose corners are in a set of nodes.
 
     If there is none, the set may be an interface inside: then all faces count.
