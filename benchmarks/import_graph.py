@@ -18,6 +18,7 @@ ORDER = [
     "error",
     "output",
     "run",
+    "decks",
     "__main__",
     "",
 ]

@@ -33,6 +33,7 @@ from erc_contact.base.exceptions import (
 )
 from erc_contact.base.keywords import name_nearest
 from erc_contact.base.logs import log_to_console
+from erc_contact.decks.deck import Deck, read_deck
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
@@ -93,6 +94,7 @@ __all__ = [
     "Contact",
     "Coulomb",
     "CoulombCertificate",
+    "Deck",
     "Displacement",
     "Domain",
     "Eigenstrain",
@@ -158,6 +160,7 @@ __all__ = [
     "mark",
     "other_solutions",
     "potential_energy",
+    "read_deck",
     "read_domain",
     "read_history",
     "read_mesh",

@@ -28,7 +28,8 @@ class Card:
 
     Attributes:
         keyword: The keyword, "NODE" for instance.
-        parameters: Values of the parameters by their names in capitals, "" without one.
+        parameters: Values of the parameters by their names in capitals and without
+            blanks, "" without one.
         lines: Lines of data.
         place: Name of the file and number of the line of the keyword, "job.inp:12".
     """
@@ -92,7 +93,7 @@ class _Included:
                     yield from self.with_included(card, path, above)
                 keyword = stripped
                 place = f"{path.name}:{number}"
-            elif keyword.endswith(","):  # the line of a keyword goes on
+            elif keyword.endswith(",") and stripped[0].isalpha():  # its line goes on
                 keyword += stripped
             else:
                 keyword = ""
@@ -146,7 +147,8 @@ def _card(line: str, place: str) -> Card:
     for word in words[1:]:
         name, _, value = word.partition("=")
         if name.strip():
-            parameters[name.strip().upper()] = value.strip().strip("\"'")
+            # CalculiX reads REFNODE and REF NODE alike.
+            parameters["".join(name.upper().split())] = value.strip().strip("\"'")
     return Card(" ".join(words[0].upper().split()), parameters, [], place)
 
 

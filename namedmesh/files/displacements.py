@@ -133,7 +133,7 @@ def _values_between(
     for a, b in edges_of(block.shape):
         on_edge[int(a), int(b)] = 0.5 * (corners[:, a] + corners[:, b])
     if second:
-        for (a, b), column in _edge_nodes(mesh, block).items():
+        for (a, b), column in edge_nodes(mesh, block).items():
             on_edge[a, b] = u[block.nodes[:, column]]
     result = [(a, b, value) for (a, b), value in on_edge.items()]
     faces = shape.faces if shape.dim == 3 else (tuple(range(shape.corners)),)
@@ -164,7 +164,7 @@ def _in_the_middle(corners: np.ndarray, edges: list[np.ndarray], second: bool) -
     return OF_CORNERS * corners.sum(axis=1) + of_edges * np.sum(edges, axis=0)
 
 
-def _edge_nodes(mesh: FileMesh, block: Block) -> dict[tuple[int, int], int]:
+def edge_nodes(mesh: FileMesh, block: Block) -> dict[tuple[int, int], int]:
     """Return the column of the node of each edge of cells of second order.
 
     Files count these nodes each in their way, so that their places tell the edge.

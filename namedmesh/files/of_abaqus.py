@@ -51,21 +51,13 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
 
 def _file_mesh(mesh: Tables) -> FileMesh:
     """Return the mesh with all sets, whose rows are now numbers in blocks."""
-    dim = max((part.block.dim for part in mesh.blocks if part.solid), default=0)
-    left_out = Counter(mesh.left_out)
-    blocks = []
-    for part in mesh.blocks:
-        fits = part.block.dim == dim - 1 or (part.solid and part.block.dim == dim)
-        if not fits:
-            left_out[part.kind] += len(part.block.nodes)
-        # The numbers of the other blocks stay.
-        blocks.append(part.block if fits else Block("vertex", part.block.nodes[:, :1]))
+    dim, blocks, left_out = blocks_of(mesh)
     begins = np.array([part.begin for part in mesh.blocks])
     facet_sets = []
     for name, faces in mesh.surfaces.items():
         for rows, face in faces:
-            for block, elements in members_in_blocks(begins, rows).items():
-                facet_sets += faces_of_elements(name, blocks[block], elements, face)
+            for block, elements in _members(begins, rows).items():
+                facet_sets += _facets(name, blocks[block], elements, face)
     element_sets, node_sets = _sets(mesh, begins)
     passed = []
     for space in mesh.spaces:
@@ -91,9 +83,26 @@ def _file_mesh(mesh: Tables) -> FileMesh:
     )
 
 
-def members_in_blocks(
-    begins: np.ndarray, rows: Sequence[int] | np.ndarray
-) -> dict[int, np.ndarray]:
+def blocks_of(mesh: Tables) -> tuple[int, list[Block], Counter[str]]:
+    """Return the dimension of the body, its cells and sides, and what is neither.
+
+    Returns:
+        The dimension, the blocks of the tables, of which blocks of other elements are
+        points, and the number of these elements by their type.
+    """
+    dim = max((part.block.dim for part in mesh.blocks if part.solid), default=0)
+    left_out = Counter(mesh.left_out)
+    blocks = []
+    for part in mesh.blocks:
+        fits = part.block.dim == dim - 1 or (part.solid and part.block.dim == dim)
+        if not fits:
+            left_out[part.kind] += len(part.block.nodes)
+        # The numbers of the other blocks stay.
+        blocks.append(part.block if fits else Block("vertex", part.block.nodes[:, :1]))
+    return dim, blocks, left_out
+
+
+def _members(begins: np.ndarray, rows: Sequence[int] | np.ndarray) -> dict[int, np.ndarray]:
     """Return the numbers in blocks of elements that are given by their rows."""
     every = np.unique(np.asarray(rows, dtype=np.int64))
     block = np.searchsorted(begins, every, side="right") - 1
@@ -114,7 +123,7 @@ def _sets(mesh: Tables, begins: np.ndarray) -> tuple[list[ElementSet], list[Node
             if name not in space.hidden and not INNER.match(name):
                 called = _name_of(space, name, several)
                 weak = name not in space.listed
-                element_sets.append(ElementSet(called, members_in_blocks(begins, rows), weak=weak))
+                element_sets.append(ElementSet(called, _members(begins, rows), weak=weak))
     for space in of_nodes:
         for name, rows in space.node_sets.items():
             if not INNER.match(name):
@@ -124,7 +133,7 @@ def _sets(mesh: Tables, begins: np.ndarray) -> tuple[list[ElementSet], list[Node
     instances = [space for space in instances if space.element_rows]
     if len(instances) > 1:
         for space in instances:
-            members = members_in_blocks(begins, list(space.element_rows.values()))
+            members = _members(begins, list(space.element_rows.values()))
             element_sets.append(ElementSet(space.name, members, weak=True))
     for name, rows in mesh.node_surfaces.items():
         node_sets.append(NodeSet(name, np.unique(np.asarray(rows, dtype=np.int64))))
@@ -145,9 +154,7 @@ def _name_of(space: Space, name: str, several: set[str]) -> str:
     return f"{space.name}.{spelled}" if space.name and name in several else spelled
 
 
-def faces_of_elements(
-    name: str, block: Block, elements: np.ndarray, face: int | None
-) -> list[FacetSet]:
+def _facets(name: str, block: Block, elements: np.ndarray, face: int | None) -> list[FacetSet]:
     """Return faces of elements by their number; None means all outer faces."""
     faces = FACES.get(block.shape, ())
     if face is not None:

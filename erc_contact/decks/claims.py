@@ -1,0 +1,62 @@
+"""Make parts that share no face of what the cards of a deck claim.
+
+A face may be held, loaded and in a surface, by sets that overlap. Each part has the
+faces that the same claims have, and the names of these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Claims:
+    """Collect faces that cards speak of, by names.
+
+    Attributes:
+        names: Name of each claim.
+        faces: Faces of each claim.
+    """
+
+    names: list[str] = field(default_factory=list)
+    faces: list[np.ndarray] = field(default_factory=list)
+
+    def add(self, name: str, faces: np.ndarray) -> int:
+        """Add a claim and return its number; equal claims are one."""
+        faces = np.unique(faces)
+        for number, known in enumerate(self.names):
+            if known == name and np.array_equal(self.faces[number], faces):
+                return number
+        self.names.append(name)
+        self.faces.append(faces)
+        return len(self.names) - 1
+
+    def parts(self) -> tuple[dict[str, np.ndarray], list[tuple[str, ...]]]:
+        """Return the faces of each part, and the names of the parts of each claim."""
+        every = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *self.faces]))
+        claimed = np.zeros((len(every), len(self.names)), dtype=bool)
+        for number, faces in enumerate(self.faces):
+            claimed[np.searchsorted(every, faces), number] = True
+        patterns, which = np.unique(claimed, axis=0, return_inverse=True)
+        parts: dict[str, np.ndarray] = {}
+        names = []
+        for number, pattern in enumerate(patterns):
+            words = dict.fromkeys(self.names[i] for i in np.flatnonzero(pattern))
+            name = self._free_name(" & ".join(words), parts)
+            parts[name] = every[which.ravel() == number]
+            names.append(name)
+        of_claim = []
+        for number in range(len(self.names)):
+            of_claim.append(tuple(names[i] for i in np.flatnonzero(patterns[:, number])))
+        return parts, of_claim
+
+    def _free_name(self, name: str, taken: dict[str, np.ndarray]) -> str:
+        """Return a name that no part has."""
+        free = name
+        number = 2
+        while free in taken:
+            free = f"{name} {number}"
+            number += 1
+        return free

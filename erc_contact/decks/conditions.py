@@ -1,0 +1,419 @@
+"""Read supports, loads, temperatures, amplitudes and steps.
+
+What they prescribe is kept as the deck says it, in nodes, elements and faces of
+elements; see :mod:`erc_contact.decks.supports` and :mod:`erc_contact.decks.loads`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.decks.histories import Amplitude
+from erc_contact.decks.reading import Axes, Reading
+from erc_contact.decks.told import number_of, numbers_in
+from namedmesh.deck_mesh import Card, Space
+
+NAMED_SUPPORTS = {
+    "ENCASTRE": (1, 6),
+    "PINNED": (1, 3),
+    "XSYMM": (1, 1),
+    "YSYMM": (2, 2),
+    "ZSYMM": (3, 3),
+    "XASYMM": (2, 3),
+    "YASYMM": (1, 3),
+    "ZASYMM": (1, 2),
+}
+"""Supports of Abaqus by their names: first and last component."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Hold a prescribed component of the displacement of nodes.
+
+    Attributes:
+        name: Name of the set, or "" of single nodes.
+        nodes: Points, or numbers of reference nodes.
+        component: Degree of freedom of the deck, from 1.
+        values: Values at the nodes [length].
+        card: The card.
+    """
+
+    name: str
+    nodes: np.ndarray
+    component: int
+    values: np.ndarray
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class NodalForces:
+    """Hold forces on nodes, shape (n, d) of components of the deck."""
+
+    name: str
+    nodes: np.ndarray
+    forces: np.ndarray
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class Pressure:
+    """Hold pressures on faces [force/area]."""
+
+    name: str
+    faces: np.ndarray
+    values: np.ndarray
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class FaceTraction:
+    """Hold a force per area on faces, d numbers [force/area]."""
+
+    name: str
+    faces: np.ndarray
+    value: tuple[float, ...]
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity:
+    """Hold an acceleration of cells, d numbers [length/time^2]."""
+
+    cells: np.ndarray
+    acceleration: tuple[float, ...]
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class Spin:
+    """Hold a rotation of cells about an axis: square of its speed, point, direction."""
+
+    cells: np.ndarray
+    square: float
+    point: tuple[float, ...]
+    direction: tuple[float, ...]
+    card: Card
+
+
+@dataclass(frozen=True, eq=False)
+class Warmth:
+    """Hold temperatures of nodes."""
+
+    nodes: np.ndarray
+    values: np.ndarray
+    card: Card
+
+
+# --- steps
+
+
+def read_step(reading: Reading, card: Card, space: Space) -> None:
+    """Begin a step."""
+    reading.current = None
+    reading.steps.open(jumps=card.get("AMPLITUDE").upper() == "STEP")
+    if card.has("NLGEOM") and card.get("NLGEOM").upper() != "NO":
+        reading.told.assume(card, "NLGEOM: displacements are taken as small")
+    if card.has("PERTURBATION"):
+        reading.told.assume(card, "PERTURBATION: the step begins without the loads before")
+
+
+def read_static(reading: Reading, card: Card, space: Space) -> None:
+    """Take the period of a static step."""
+    numbers = numbers_in(card)
+    if len(numbers) > 1 and numbers[1] > 0:
+        reading.steps.last(numbers[1])
+
+
+def read_end_step(reading: Reading, card: Card, space: Space) -> None:
+    """End a step."""
+    reading.steps.close()
+
+
+def read_amplitude(reading: Reading, card: Card, space: Space) -> None:
+    """Read a table of factors by time."""
+    if card.get("DEFINITION").upper() not in ("", "TABULAR"):
+        reading.told.refuse(card, f"DEFINITION={card.get('DEFINITION')}: tables are read.")
+        return
+    if card.has("USER"):
+        reading.told.refuse(card, "USER: a subroutine cannot be read; give a table.")
+        return
+    numbers = [number for line in range(len(card.lines)) for number in numbers_in(card, line)]
+    times = tuple(numbers[0::2])
+    factors = tuple(numbers[1::2])
+    if len(times) != len(factors) or not times or np.any(np.diff(times) <= 0):
+        reading.told.refuse(card, "give pairs of times that increase and factors.")
+        return
+    total = card.get("TIME").upper().startswith("TOTAL")
+    reading.amplitudes[card.get("NAME").upper()] = Amplitude(times, factors, total)
+
+
+# --- supports
+
+
+def read_transform(reading: Reading, card: Card, space: Space) -> None:
+    """Read local axes of nodes."""
+    numbers = [*numbers_in(card), *([0.0] * 6)][:6]
+    a = np.array(numbers[:3])
+    b = np.array(numbers[3:])
+    nodes = reading.mesh.nodes(card.get("NSET"), space)
+    kind = card.get("TYPE").upper() or "R"
+    if kind == "R":
+        x = a / np.linalg.norm(a)
+        z = np.cross(a, b)
+        z /= np.linalg.norm(z)
+        axes = np.array([x, np.cross(z, x), z])
+        reading.transforms.append(Axes(nodes, np.zeros(3), axes, False, card))
+    elif kind == "C":
+        z = (b - a) / np.linalg.norm(b - a)
+        axes = np.array([np.zeros(3), np.zeros(3), z])
+        reading.transforms.append(Axes(nodes, a, axes, True, card))
+    else:
+        reading.told.refuse(card, f"TYPE={kind}: R and C are read.")
+
+
+def read_boundary(reading: Reading, card: Card, space: Space) -> None:
+    """Read prescribed displacements."""
+    if card.has("FIXED"):
+        reading.told.refuse(card, "FIXED: give the displacements of the last step in numbers.")
+        return
+    if any(card.has(name) for name in ("SUBMODEL", "MASSFLOW", "USER", "LOADCASE")):
+        reading.told.refuse(card, f"{', '.join(card.parameters)}: values in lines alone are read.")
+        return
+    amplitude = reading.amplitude(card)
+    if card.get("OP").upper() == "NEW":
+        reading.steps.renew("held")
+    singles: dict[int, dict[int, float]] = {}
+    for row in card.rows:
+        word = row[0]
+        first, last, value = _components(card, row)
+        for component in range(first, last + 1):
+            if word.isdigit():
+                singles.setdefault(component, {})[int(word)] = value
+                continue
+            nodes = reading.mesh.nodes(word, space)
+            if not len(nodes):
+                reading.told.refuse(card, f"no set of nodes is called {word!r}; mend the name.")
+                break
+            values = np.full(len(nodes), value)
+            held = Held(word, nodes, component, values, card)
+            reading.steps.add("held", (word.upper(), component), held, amplitude)
+    for component, by_number in singles.items():
+        _hold_singles(reading, card, space, component, by_number, amplitude)
+
+
+def _components(card: Card, row: list[str]) -> tuple[int, int, float]:
+    """Return first and last component and the value of a line of *BOUNDARY."""
+    if len(row) > 1 and row[1].upper() in NAMED_SUPPORTS:
+        return (*NAMED_SUPPORTS[row[1].upper()], 0.0)
+    numbers = [number_of(card, word) for word in row[1:]]
+    first = int(numbers[0]) if numbers else 1
+    last = int(numbers[1]) if len(numbers) > 1 and numbers[1] else first
+    return first, last, numbers[2] if len(numbers) > 2 else 0.0
+
+
+def _hold_singles(
+    reading: Reading,
+    card: Card,
+    space: Space,
+    component: int,
+    by_number: dict[int, float],
+    amplitude: Amplitude | None,
+) -> None:
+    """Hold single nodes: reference nodes each, and nodes of the body together."""
+    references = reading.references()
+    nodes = []
+    values = []
+    for number, value in by_number.items():
+        if number in references:
+            held = Held("", np.array([number]), component, np.array([value]), card)
+            reading.steps.add("grip", (number, component), held, amplitude)
+            continue
+        rows = reading.mesh.nodes(str(number), space)
+        if not len(rows):
+            reading.told.refuse(card, f"there is no node {number}; mend the number.")
+            return
+        nodes.append(rows[0])
+        values.append(value)
+    if nodes:
+        points = np.array(nodes)
+        held = Held("", points, component, np.array(values), card)
+        key = (tuple(sorted(nodes)), component)
+        reading.steps.add("held", key, held, amplitude)
+
+
+# --- loads
+
+
+def read_cload(reading: Reading, card: Card, space: Space) -> None:
+    """Read forces on nodes."""
+    if any(card.has(name) for name in ("USER", "SUBMODEL", "SECTOR")):
+        reading.told.refuse(card, f"{', '.join(card.parameters)}: values in lines alone are read.")
+        return
+    amplitude = reading.amplitude(card)
+    if card.get("OP").upper() == "NEW":
+        reading.steps.renew("forces")
+        reading.steps.renew("grip force")
+    references = reading.references()
+    forces: dict[int, np.ndarray] = {}
+    for row in card.rows:
+        component = int(row[1])
+        value = number_of(card, row[2])
+        if row[0].isdigit() and int(row[0]) in references:
+            held = Held("", np.array([int(row[0])]), component, np.array([value]), card)
+            reading.steps.add("grip force", (int(row[0]), component), held, amplitude)
+            continue
+        if component > 3:
+            reading.told.refuse(
+                card, f"component {component}: a moment acts on no point of a body."
+            )
+            return
+        nodes = reading.mesh.nodes(row[0], space)
+        if not len(nodes):
+            reading.told.refuse(card, f"there is no node or set {row[0]!r}; mend the name.")
+            return
+        for node in nodes:
+            forces.setdefault(int(node), np.zeros(3))[component - 1] += value
+    if forces:
+        nodes = np.array(sorted(forces))
+        table = np.array([forces[node] for node in nodes])
+        name = card.rows[0][0]
+        load = NodalForces("" if name.isdigit() else name, nodes, table, card)
+        reading.steps.add("forces", tuple(nodes), load, amplitude)
+
+
+def read_dload(reading: Reading, card: Card, space: Space) -> None:
+    """Read loads on elements: pressures on faces, gravity and rotation."""
+    amplitude = reading.amplitude(card)
+    if card.get("OP").upper() == "NEW":
+        for kind in ("pressure", "body"):
+            reading.steps.renew(kind)
+    by_face: dict[int, float] = {}
+    for row in card.rows:
+        word, label = row[0], row[1].upper()
+        numbers = [number_of(card, entry) for entry in row[2:]]
+        if label in ("GRAV", "CENTRIF"):
+            _read_body_load(reading, card, space, word, label, numbers, amplitude)
+        elif len(label) == 2 and label[0] == "P" and label[1].isdigit():
+            faces = reading.mesh.face_of_element(word, label, space)
+            if not len(faces):
+                reading.told.refuse(card, f"{word}, {label} is no face of a solid; mend the line.")
+                return
+            if word.isdigit():
+                for face in faces:
+                    by_face[int(face)] = by_face.get(int(face), 0.0) + numbers[0]
+                continue
+            load = Pressure(word, faces, np.full(len(faces), numbers[0]), card)
+            reading.steps.add("pressure", (word.upper(), label), load, amplitude)
+        else:
+            reading.told.refuse(card, f"the load {label}: P1 to P6, GRAV and CENTRIF are read.")
+    if by_face:
+        faces = np.array(sorted(by_face))
+        values = np.array([by_face[face] for face in faces])
+        load = Pressure("", faces, values, card)
+        reading.steps.add("pressure", tuple(faces), load, amplitude)
+
+
+def _read_body_load(
+    reading: Reading,
+    card: Card,
+    space: Space,
+    word: str,
+    label: str,
+    numbers: list[float],
+    amplitude: Amplitude | None,
+) -> None:
+    """Read gravity or a rotation of elements; without a set it is of all."""
+    d = reading.mesh.d
+    mesh = reading.mesh
+    cells = mesh.cells(word, space) if word else np.concatenate(mesh.body.numbers)
+    if not len(cells):
+        reading.told.refuse(card, f"no solid element is called {word!r}; mend the name.")
+        return
+    numbers = [*numbers, *([0.0] * 7)]
+    what: Gravity | Spin
+    if label == "GRAV":
+        direction = np.array(numbers[1:4])
+        length = np.linalg.norm(direction) or 1.0
+        acceleration = numbers[0] * direction / length
+        what = Gravity(cells, tuple(float(value) for value in acceleration[:d]), card)
+    else:
+        point, direction = tuple(numbers[1:4]), tuple(numbers[4:7])
+        what = Spin(cells, numbers[0], point, direction, card)
+    reading.steps.add("body", (word.upper(), label), what, amplitude)
+
+
+def read_dsload(reading: Reading, card: Card, space: Space) -> None:
+    """Read loads on surfaces: pressures, and tractions along a vector."""
+    amplitude = reading.amplitude(card)
+    if card.get("OP").upper() == "NEW":
+        reading.steps.renew("pressure")
+    for row in card.rows:
+        faces = reading.mesh.surface(row[0])
+        label = row[1].upper()
+        if faces is None or not len(faces):
+            reading.told.refuse(card, f"no surface is called {row[0]!r}; mend the name.")
+        elif label == "P":
+            values = np.full(len(faces), number_of(card, row[2]))
+            load = Pressure(row[0], faces, values, card)
+            reading.steps.add("pressure", (row[0].upper(), label), load, amplitude)
+        elif label == "TRVEC":
+            numbers = [number_of(card, word) for word in row[2:6]]
+            direction = np.array(numbers[1:])
+            vector = numbers[0] * direction / np.linalg.norm(direction)
+            value = tuple(float(entry) for entry in vector[: reading.mesh.d])
+            traction = FaceTraction(row[0], faces, value, card)
+            reading.steps.add("pressure", (row[0].upper(), label), traction, amplitude)
+        else:
+            reading.told.refuse(card, f"the load {label}: P and TRVEC are read.")
+
+
+# --- temperatures
+
+
+def read_temperature(reading: Reading, card: Card, space: Space) -> None:
+    """Read temperatures of nodes in a step."""
+    if card.has("FILE") or card.has("USER"):
+        reading.told.refuse(card, "temperatures in lines alone are read; write them there.")
+        return
+    if card.get("OP").upper() == "NEW":
+        reading.steps.renew("warmth")
+    amplitude = reading.amplitude(card)
+    for nodes, values in _nodal_values(reading, card, space):
+        key = (len(nodes), int(nodes[0]), int(nodes[-1]))
+        reading.steps.add("warmth", key, Warmth(nodes, values, card), amplitude)
+
+
+def read_initial(reading: Reading, card: Card, space: Space) -> None:
+    """Read temperatures of nodes at the beginning."""
+    kind = card.get("TYPE").upper()
+    if kind != "TEMPERATURE":
+        reading.told.refuse(card, f"TYPE={kind}: TEMPERATURE alone is read.")
+        return
+    for nodes, values in _nodal_values(reading, card, space):
+        reading.initial.update(zip(nodes.tolist(), values.tolist(), strict=True))
+
+
+def _nodal_values(
+    reading: Reading, card: Card, space: Space
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return nodes and values of the lines of a card; single nodes are together."""
+    singles: dict[int, float] = {}
+    result = []
+    for row in card.rows:
+        nodes = reading.mesh.nodes(row[0], space)
+        if not len(nodes):
+            raise InputError(
+                f"*{card.keyword} ({card.place}): there is no node or set {row[0]!r}; mend it."
+            )
+        value = number_of(card, row[1])
+        if row[0].isdigit():
+            singles[int(nodes[0])] = value
+        else:
+            result.append((nodes, np.full(len(nodes), value)))
+    if singles:
+        nodes = np.array(sorted(singles))
+        result.append((nodes, np.array([singles[node] for node in nodes])))
+    return result

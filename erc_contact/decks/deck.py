@@ -1,0 +1,194 @@
+"""Hold a deck as a domain and its scenes, and read it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+from erc_contact.base.exceptions import InputError
+from erc_contact.decks.plan import Joint, Plan
+from erc_contact.decks.planning import plan_of
+from erc_contact.decks.readers import read_cards
+from erc_contact.decks.scenes import scene_of
+from erc_contact.decks.told import Note, Told
+from erc_contact.scene.scene import Scene
+from erc_contact.scene.words import in_words
+from namedmesh import Domain
+from namedmesh.base.exceptions import on_rank
+from namedmesh.base.html import table
+from namedmesh.deck_mesh import domain_of, read
+
+PENALTIES = ("hard", "kept")
+"""What a pressure over an overclosure may become."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Deck:
+    """Hold what a deck of CalculiX or Abaqus says, as a domain and its scenes.
+
+    It prints as a table.
+
+    Attributes:
+        path: The file.
+        domain: The bodies, with their parts, regions and pairs.
+        scene: The scene at the end of the last step.
+        times: Ends of the steps, from which ``ec.evolve(deck.scene_at, deck.domain,
+            deck.times, accuracy)`` goes.
+        assumed: What is taken in another way than the deck says.
+        left_out: What is left out.
+        taken: Keywords that are taken, with the number of their cards.
+
+    Example:
+        >>> deck = ec.read_deck("press.inp")
+        >>> history = ec.adapt(deck.scene, deck.domain, accuracy=0.1)
+    """
+
+    path: Path
+    domain: Domain
+    plan: Plan
+    told: Told
+
+    @property
+    def scene(self) -> Scene:
+        """Return the scene at the end of the last step."""
+        return self.scene_at(self.times[-1] if self.times else 0.0)
+
+    def scene_at(self, t: float) -> Scene:
+        """Return the scene at a time, which is counted from the beginning.
+
+        Raises:
+            InputError: If a scene refuses what the deck says.
+        """
+        return scene_of(self.plan, t)
+
+    @property
+    def times(self) -> list[float]:
+        """Return the ends of the steps."""
+        return self.plan.times
+
+    @property
+    def assumed(self) -> list[Note]:
+        """Return what is taken in another way than the deck says."""
+        return self.told.assumed
+
+    @property
+    def left_out(self) -> list[Note]:
+        """Return what is left out."""
+        return self.told.left_out
+
+    @property
+    def taken(self) -> dict[str, int]:
+        """Return the keywords that are taken, with the number of their cards."""
+        return self.told.taken
+
+    def __repr__(self) -> str:
+        """Write the deck as a table."""
+        rows = self._rows()
+        width = max(len(name) for name, _ in rows)
+        return "\n".join(f"{name.ljust(width)}  {words}".rstrip() for name, words in rows)
+
+    def _repr_html_(self) -> str:
+        """Return the table in HTML, for notebooks."""
+        return table(self._rows(), caption=f"Deck {self.path.name}")
+
+    def _rows(self) -> list[tuple[str, str]]:
+        """Return the rows of the table."""
+        regions = ", ".join(self.domain.regions)
+        parts = ", ".join(self.domain.names)
+        cards = ", ".join(f"{name} {count}" for name, count in self.taken.items())
+        ends = ", ".join(f"{time:g}" for time in self.times)
+        rows = [
+            ("deck", f"{self.path.name}, {self.domain.cells} cells in {self.plan.d}D"),
+            ("regions", regions),
+            ("parts", parts),
+            *in_words(self.scene),
+            ("steps", f"{len(self.times)}, to t = {ends}"),
+            ("cards", cards),
+        ]
+        rows += [("assumed", str(note)) for note in self.assumed]
+        rows += [("left out", str(note)) for note in self.left_out]
+        return rows
+
+
+def read_deck(
+    path: str | Path,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    without: Sequence[str] = (),
+    penalty: str = "hard",
+) -> Deck:
+    """Read a deck of CalculiX or Abaqus as a whole model; collective.
+
+    Mesh, names, materials, supports, loads, contact pairs, ties and steps become a
+    domain and its scenes. Each card is taken, or harmless (output, controls of the
+    solver), or assumed, which is told, or refused.
+
+    Args:
+        path: The file.
+        comm: Communicator that shares the mesh.
+        without: Cards that are left out, ``["*EQUATION"]``, or by a parameter
+            ``["*ELEMENT, TYPE=S4"]``.
+        penalty: What a pressure over an overclosure (LINEAR, EXPONENTIAL) and a stick
+            slope are: "hard" takes them as penalties for hard contact, "kept" as a
+            layer that gives way.
+
+    Returns:
+        The deck, which prints as a table.
+
+    Raises:
+        InputError: If the file cannot be read, or has cards that cannot be taken; the
+            message lists all of them with their lines.
+
+    Example:
+        >>> deck = ec.read_deck("press.inp")
+        >>> deck.domain
+        <Domain in 3D: ...>
+    """
+    if not isinstance(path, str | Path):
+        raise InputError(f"read_deck: the path is {path!r}; give the name of a file.")
+    if penalty not in PENALTIES:
+        raise InputError(f"read_deck: penalty is {penalty!r}; give one of {PENALTIES}.")
+    wanted = [without] if isinstance(without, str) else list(without)
+    path = Path(path)
+    subject = f"The deck {str(path)!r}"
+    # Only rank 0 need have the file.
+    made = on_rank(comm, 0, _read, path, wanted, penalty, subject)
+    plan, told = comm.bcast(made[:2] if made else None)
+    domain = domain_of(comm, made[2] if made else None, subject)
+    joints = []
+    for joint in plan.joints:
+        domain, joined = _joined(domain, joint)
+        joints.append(joined)
+    return Deck(path, domain, replace(plan, joints=joints), told)
+
+
+def _read(path, wanted, penalty, subject):  # type: ignore[no-untyped-def]
+    """Read a deck on this rank."""
+    if not path.is_file():
+        raise InputError(f"{subject} does not exist; look at the path and the working folder.")
+    mesh = read(path)
+    reading = read_cards(mesh, wanted, penalty)
+    reading.told.raise_refused(subject)
+    plan, regions, parts = plan_of(reading)
+    reading.told.raise_refused(subject)
+    return plan, reading.told, reading.mesh.named(regions, parts)
+
+
+def _joined(domain: Domain, joint: Joint) -> tuple[Domain, Joint]:
+    """Join or split a domain at a joint, and return the joint of its parts."""
+    if joint.kind == "preload":
+        sides = dict(zip((joint.here, joint.there), joint.regions, strict=True))
+        return domain.split(sides, on=joint.on), joint
+    sides = [_remaining(domain, name) for name in (joint.here, joint.there)]
+    joined = replace(joint, here=sides[0], there=sides[1])
+    return domain.joined(*sides, apart=joint.apart), joined
+
+
+def _remaining(domain: Domain, name: str) -> str:
+    """Return the name of what earlier joints have left of a part."""
+    while any(name in pair for pair in domain.pairs):
+        name = f"{name} outside"
+    return name

@@ -1,0 +1,141 @@
+"""Put rigid faces, coupled surfaces and cuts of bolts on faces of the body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from erc_contact.decks.affine import linear_traction
+from erc_contact.decks.claims import Claims
+from erc_contact.decks.loads import LoadedFaces
+from erc_contact.decks.plan import Joint, Plan, RigidPart
+from erc_contact.decks.reading import Grip, Reading
+
+Gripped = list[tuple[Grip, np.ndarray]]
+"""Couplings with their faces."""
+
+
+def gripped_faces(reading: Reading) -> Gripped:
+    """Return the faces of rigid bodies and couplings."""
+    mesh = reading.mesh
+    result = []
+    for grip in reading.grips:
+        faces = mesh.within(grip.nodes) if not grip.surface else mesh.surface(grip.surface)
+        if faces is None or not len(faces):
+            reading.told.refuse(grip.card, f"{grip.name!r} has no face of a solid.")
+        elif grip.reference not in mesh.spaces[0].node_rows:
+            reading.told.refuse(grip.card, f"there is no reference node {grip.reference}.")
+        elif not set(range(1, mesh.d + 1)) <= set(grip.components):
+            reading.told.refuse(
+                grip.card, "all displacements of the surface are coupled, or none: give 1, 3."
+            )
+        else:
+            result.append((grip, faces))
+    return result
+
+
+def place_of(reading: Reading, number: int) -> np.ndarray:
+    """Return the place of a node by its number [length], shape (d,)."""
+    row = reading.mesh.spaces[0].node_rows[number]
+    return reading.mesh.mesh.points[row, : reading.mesh.d]
+
+
+def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[LoadedFaces]:
+    """Return the tractions of forces on nodes that surfaces share."""
+    mesh = reading.mesh
+    result = []
+    for grip, faces in grips:
+        if grip.rigid:
+            continue
+        for entry in reading.steps.entries.get("grip", []):
+            if entry.key[0] == grip.reference:
+                reading.told.refuse(
+                    entry.what.card, "a node of *DISTRIBUTING moves as its surface: load it alone."
+                )
+        for entry in reading.steps.entries.get("grip force", []):
+            number, component = entry.key
+            if number != grip.reference:
+                continue
+            force = np.zeros(3)
+            moment = np.zeros(3)
+            value = float(entry.what.values[0]) / thickness
+            target = force if component <= 3 else moment
+            target[(component - 1) % 3] = value
+            place = np.zeros(3)
+            place[: mesh.d] = place_of(reading, number)
+            moment = moment + np.cross(place, force)
+            about = moment if mesh.d == 3 else moment[2:]
+            points = mesh.x[mesh.simplices(faces)]
+            traction = linear_traction(force[: mesh.d], about, points, mesh.measures(faces))
+            result.append(LoadedFaces(grip.name, faces, None, tuple(traction), entry))
+            reading.told.assume(
+                grip.card,
+                "a shared force is a traction, linear on the face, of its force and moment",
+            )
+    return result
+
+
+def plan_grips(plan: Plan, reading: Reading, grips: Gripped, names: list[tuple[str, ...]]) -> None:
+    """Add rigid faces to a plan."""
+    for (grip, _), parts in zip(grips, names, strict=True):
+        if not grip.rigid:
+            continue
+        if len(parts) > 1:
+            reading.told.refuse(
+                grip.card,
+                f"{grip.name!r} shares faces with other supports, loads or surfaces: "
+                f"{', '.join(parts)}.",
+            )
+            continue
+        about = tuple(float(value) for value in place_of(reading, grip.reference))
+        plan.rigids.append(RigidPart(parts[0], grip.reference, grip.rotation, about))
+    for kind in ("grip", "grip force"):
+        entries = reading.steps.entries.get(kind, [])
+        plan.entries[kind] = [replace(entry, what=float(entry.what.values[0])) for entry in entries]
+
+
+def claim_cuts(reading: Reading, claims: Claims) -> list[int]:
+    """Claim the faces of cuts through bolts."""
+    result = []
+    for pretension in reading.pretensions:
+        faces = reading.mesh.surface(pretension.surface)
+        assert faces is not None  # regions were cut there
+        result.append(claims.add(pretension.surface, faces))
+    return result
+
+
+def plan_cuts(
+    plan: Plan,
+    reading: Reading,
+    regions: dict[str, np.ndarray],
+    names: list[tuple[str, ...]],
+) -> None:
+    """Add cuts through bolts to a plan."""
+    mesh = reading.mesh
+    region_of_cell = np.full(mesh.body.count, -1)
+    for number, cells in enumerate(regions.values()):
+        region_of_cell[cells] = number
+    called = list(regions)
+    for pretension, parts in zip(reading.pretensions, names, strict=True):
+        inner = mesh.cells_of_surface(pretension.surface)
+        faces = mesh.surface(pretension.surface)
+        assert faces is not None
+        outer = np.setdiff1d(mesh.cells_at(faces), inner)
+        here = np.unique(region_of_cell[inner])
+        there = np.unique(region_of_cell[outer])
+        if len(here) != 1 or len(there) != 1 or len(parts) != 1:
+            reading.told.refuse(
+                pretension.card, "its cut is not between two pieces of one section each."
+            )
+            continue
+        sides = (f"{pretension.surface} side 1", f"{pretension.surface} side 2")
+        plan.joints.append(
+            Joint(
+                *sides,
+                "preload",
+                node=pretension.node,
+                on=parts[0],
+                regions=(called[int(here[0])], called[int(there[0])]),
+            )
+        )

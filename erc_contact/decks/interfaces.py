@@ -1,0 +1,189 @@
+"""Read contact pairs and their laws, ties, cuts of bolts, and rigid faces."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.decks.reading import Facing, Grip, Interaction, Pretension, Reading
+from erc_contact.decks.told import number_of, numbers_in
+from namedmesh.deck_mesh import Card, Space
+
+LOG_100 = float(np.log(100.0))
+"""Logarithm of the pressure at the overclosure 0 over the pressure at the distance c0."""
+
+
+def read_interaction(reading: Reading, card: Card, space: Space) -> None:
+    """Begin the law of a contact."""
+    interaction = Interaction(card)
+    reading.interactions[card.get("NAME").upper()] = interaction
+    reading.current = interaction
+
+
+def _interaction_of(reading: Reading, card: Card) -> Interaction | None:
+    """Return the law to which a card belongs; refuse the card without one."""
+    if isinstance(reading.current, Interaction):
+        return reading.current
+    reading.told.refuse(card, "it stands below no *SURFACE INTERACTION; put it there.")
+    return None
+
+
+def read_behavior(reading: Reading, card: Card, space: Space) -> None:
+    """Read the pressure over the overclosure."""
+    interaction = _interaction_of(reading, card)
+    behavior = card.get("PRESSURE-OVERCLOSURE").upper() or "HARD"
+    numbers = numbers_in(card)
+    if interaction is None:
+        return
+    if behavior not in ("HARD", "LINEAR", "EXPONENTIAL", "TIED"):
+        reading.told.refuse(
+            card,
+            f"PRESSURE-OVERCLOSURE={behavior}: HARD, LINEAR, EXPONENTIAL and TIED are read.",
+        )
+        return
+    interaction.behavior = behavior
+    if behavior == "LINEAR" and numbers:
+        interaction.stiffness = numbers[0]
+    if behavior == "EXPONENTIAL" and len(numbers) > 1:
+        # p = p0 exp(log(100) overclosure/c0): its slope at p = p0.
+        interaction.stiffness = LOG_100 * numbers[1] / numbers[0]
+    if behavior in ("LINEAR", "EXPONENTIAL") and reading.penalty == "hard":
+        reading.told.assume(
+            card,
+            f"{behavior}: a penalty for hard contact, taken as hard; penalty='kept' keeps its "
+            "slope as a layer that gives way",
+        )
+
+
+def read_friction(reading: Reading, card: Card, space: Space) -> None:
+    """Read the coefficient of Coulomb's friction."""
+    interaction = _interaction_of(reading, card)
+    if any(card.has(name) for name in ("USER", "ANISOTROPIC", "ROUGH")):
+        reading.told.refuse(card, f"{', '.join(card.parameters)}: one coefficient alone is read.")
+    elif interaction:
+        numbers = [*numbers_in(card), 0.0, 0.0]
+        interaction.friction = numbers[0]
+        if len(card.lines) and numbers[1] > 0:
+            interaction.stick = numbers[1]
+            if reading.penalty == "hard":
+                reading.told.assume(card, "its stick slope is a penalty: what sticks does not slip")
+
+
+def _pairs_of(reading: Reading, card: Card, interaction: str, *, tied: bool) -> None:
+    """Read lines of a dependent and an independent surface."""
+    adjust: float | None = None
+    if card.has("ADJUST") and card.get("ADJUST").upper() != "NO":
+        word = card.get("ADJUST")
+        adjust = np.inf
+        if word and word[0] in "0123456789.+-":
+            adjust = number_of(card, word)
+    for row in card.rows:
+        if len(row) < 2:
+            reading.told.refuse(card, "a line has two surfaces, the slave first.")
+            return
+        reading.facings.append(Facing(row[0], row[1], interaction, adjust, tied, card))
+
+
+def read_contact_pair(reading: Reading, card: Card, space: Space) -> None:
+    """Read pairs of surfaces in contact."""
+    interaction = card.get("INTERACTION").upper()
+    if not interaction:
+        reading.told.refuse(card, "it names no INTERACTION.")
+        return
+    _pairs_of(reading, card, interaction, tied=False)
+
+
+def read_tie(reading: Reading, card: Card, space: Space) -> None:
+    """Read pairs of surfaces that are glued."""
+    if card.has("CYCLICSYMMETRY") or card.has("MULTISTAGE"):
+        reading.told.refuse(card, "cyclic symmetry is not read; take the whole body.")
+        return
+    _pairs_of(reading, card, "", tied=True)
+
+
+def read_clearance(reading: Reading, card: Card, space: Space) -> None:
+    """Read the distance of a pair that counts in place of the drawn distance."""
+    sides = (card.get("SLAVE").upper(), card.get("MASTER").upper())
+    reading.clearances[sides] = number_of(card, card.get("VALUE"))
+
+
+def read_pretension(reading: Reading, card: Card, space: Space) -> None:
+    """Read the cut through a bolt and the node of its force."""
+    node = card.get("NODE")
+    if not card.get("SURFACE") or not node.isdigit():
+        reading.told.refuse(card, "SURFACE= and NODE= of a cut through solids are read.")
+        return
+    if card.lines:
+        reading.told.assume(card, "the force acts along the mean normal of the cut")
+    reading.pretensions.append(Pretension(card.get("SURFACE"), int(node), card))
+
+
+def read_rigid_body(reading: Reading, card: Card, space: Space) -> None:
+    """Read nodes or elements that move as a rigid body."""
+    rotation = card.get("ROTNODE")
+    name = card.get("NSET") or card.get("ELSET")
+    if card.get("NSET"):
+        nodes = reading.mesh.nodes(name, space)
+    else:
+        cells = reading.mesh.cells(name, space)
+        nodes = reading.mesh.nodes_of_cells(cells)
+    reading.grips.append(
+        Grip(
+            name,
+            nodes,
+            "",
+            int(card.get("REFNODE") or 0),
+            int(rotation) if rotation else None,
+            True,
+            (1, 2, 3, 4, 5, 6),
+            card,
+        )
+    )
+
+
+def read_coupling(reading: Reading, card: Card, space: Space) -> None:
+    """Read a surface that a node moves or loads; the next card says which."""
+    reading.current = Grip(
+        card.get("SURFACE"),
+        np.empty(0, dtype=np.int64),
+        card.get("SURFACE"),
+        int(card.get("REFNODE") or 0),
+        None,
+        True,
+        (),
+        card,
+    )
+
+
+def read_kinematic(reading: Reading, card: Card, space: Space) -> None:
+    """Read which components of a coupled surface move with its node."""
+    _finish_coupling(reading, card, rigid=True)
+
+
+def read_distributing(reading: Reading, card: Card, space: Space) -> None:
+    """Read that a coupled surface shares the forces on its node."""
+    _finish_coupling(reading, card, rigid=False)
+
+
+def _finish_coupling(reading: Reading, card: Card, *, rigid: bool) -> None:
+    """Complete the coupling to which a card belongs."""
+    coupling = reading.current
+    if not isinstance(coupling, Grip):
+        reading.told.refuse(card, "it stands below no *COUPLING; put it there.")
+        return
+    components: list[int] = []
+    for line in range(len(card.lines)):
+        numbers = [int(number) for number in numbers_in(card, line)]
+        if numbers:
+            components += range(numbers[0], numbers[-1] + 1)
+    reading.grips.append(
+        Grip(
+            coupling.name,
+            coupling.nodes,
+            coupling.surface,
+            coupling.reference,
+            None,
+            rigid,
+            tuple(components) or (1, 2, 3, 4, 5, 6),
+            card,
+        )
+    )

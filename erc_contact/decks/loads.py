@@ -1,0 +1,275 @@
+"""Put the loads of a deck on faces and regions of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
+from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spin
+from erc_contact.decks.histories import Entry
+from erc_contact.decks.plan import Heat, Volume
+from erc_contact.decks.reading import MaterialCards, Reading
+from erc_contact.decks.supports import HeldFaces
+from namedmesh.deck_mesh import components
+
+
+@dataclass
+class LoadedFaces:
+    """Hold faces with a pressure or a traction.
+
+    Attributes:
+        name: Name of their set.
+        faces: The faces.
+        pressure: The pressure [force/area], or None.
+        traction: The force per area, d values, without a pressure.
+        entry: Its entry, with its history.
+    """
+
+    name: str
+    faces: np.ndarray
+    pressure: Affine | None
+    traction: tuple[Affine, ...]
+    entry: Entry
+
+
+def loaded_faces(
+    reading: Reading, held: list[HeldFaces], sides: np.ndarray, *, ring: bool, thickness: float
+) -> list[LoadedFaces]:
+    """Return the faces that the deck loads.
+
+    Args:
+        reading: The deck.
+        held: Faces that it holds.
+        sides: Faces of contacts and ties, which take no forces of nodes.
+        ring: Whether the body is axisymmetric.
+        thickness: Thickness of a plane body [length].
+    """
+    result = []
+    names: dict[Any, str] = {}
+    for entry in reading.steps.entries.get("pressure", []):
+        load = entry.what
+        name = load.name
+        if not name:
+            name = names.setdefault(load.faces.tobytes(), f"load {len(names) + 1}")
+        faces = load.faces[reading.mesh.outer[load.faces]]
+        if len(faces) < len(load.faces):
+            reading.told.refuse(load.card, f"{name!r} has faces inside the body.")
+        elif isinstance(load, FaceTraction):
+            traction = tuple(constant(value, reading.mesh.d) for value in load.value)
+            result.append(LoadedFaces(name, faces, None, traction, entry))
+        else:
+            pressure = fitted(reading.mesh.centres(faces), load.values)
+            if pressure is None:
+                reading.told.refuse(
+                    load.card, f"the pressures of {name!r} are not linear in the position."
+                )
+                continue
+            result.append(LoadedFaces(name, faces, pressure, (), entry))
+    for entry in reading.steps.entries.get("forces", []):
+        result += _of_nodes(reading, entry, held, sides, names, ring=ring, thickness=thickness)
+    return result
+
+
+def _of_nodes(
+    reading: Reading,
+    entry: Entry,
+    held: list[HeldFaces],
+    sides: np.ndarray,
+    names: dict[Any, str],
+    *,
+    ring: bool,
+    thickness: float,
+) -> list[LoadedFaces]:
+    """Return faces with the tractions that have the resultants of forces on nodes."""
+    mesh = reading.mesh
+    load: NodalForces = entry.what
+    acting = abs(load.forces[:, : mesh.d]).max(axis=1) > 0
+    nodes = load.nodes[acting]
+    forces = load.forces[acting, : mesh.d] / thickness
+    if not len(nodes):
+        return []
+    used = mesh.node_is_used[nodes]
+    if not used.all():
+        number = mesh.number_of(int(nodes[~used][0]))
+        reading.told.refuse(load.card, f"node {number} belongs to no solid element.")
+        return []
+    free = np.setdiff1d(mesh.within(_with_middles(reading, nodes)), sides)
+    free = free[[_is_free(held, face, forces) for face in free]] if len(free) else free
+    result = []
+    left = np.ones(len(nodes), dtype=bool)
+    for faces in _connected(reading, free):
+        on = np.isin(nodes, mesh.nodes_of_faces(faces)) & left
+        left &= ~on
+        if on.any():
+            result.append((faces, on))
+    for i in np.flatnonzero(left):
+        around = np.setdiff1d(mesh.around(mesh.corners_near(nodes[i : i + 1])), sides)
+        if len(around):
+            around = around[[_is_free(held, face, forces[i : i + 1]) for face in around]]
+        if not len(around):
+            reading.told.refuse(
+                load.card,
+                f"the force at node {mesh.number_of(int(nodes[i]))} has no free face beside it.",
+            )
+            continue
+        on = np.zeros(len(nodes), dtype=bool)
+        on[i] = True
+        area = mesh.measures(around).sum()
+        reading.told.assume(
+            load.card, f"a force at a node acts on the faces around it, of area {area:.4g}"
+        )
+        result.append((around, on))
+    loads = []
+    for faces, on in result:
+        traction = _traction(reading, faces, nodes[on], forces[on], ring=ring)
+        key = (load.name, faces.tobytes())
+        name = load.name or names.setdefault(key, f"load {len(names) + 1}")
+        loads.append(LoadedFaces(name, faces, None, traction, entry))
+    reading.told.assume(
+        load.card, "forces on nodes are a traction, linear on the face, of their force and moment"
+    )
+    return loads
+
+
+def _with_middles(reading: Reading, nodes: np.ndarray) -> np.ndarray:
+    """Return nodes with the corners between which they lie.
+
+    Consistent forces of elements of second order may leave corners out.
+    """
+    return np.union1d(nodes, reading.mesh.corners_near(nodes))
+
+
+def _is_free(held: list[HeldFaces], face: int, forces: np.ndarray) -> bool:
+    """Tell whether no support holds a face along forces."""
+    for support in held:
+        if face in support.faces:
+            if support.component < 0 or abs(forces[:, support.component]).max() > 0:
+                return False
+    return True
+
+
+def _connected(reading: Reading, faces: np.ndarray) -> list[np.ndarray]:
+    """Return faces in groups that are connected by common points."""
+    if not len(faces):
+        return []
+    corners = reading.mesh.corners(faces)
+    links = []
+    first_of: dict[int, int] = {}
+    for i, row in enumerate(corners):
+        for node in row.tolist():
+            links.append((first_of.setdefault(node, i), i))
+    group = components(len(faces), np.array(links))
+    return [faces[group == number] for number in np.unique(group)]
+
+
+def _traction(
+    reading: Reading, faces: np.ndarray, nodes: np.ndarray, forces: np.ndarray, *, ring: bool
+) -> tuple[Affine, ...]:
+    """Return the traction with the force and the moment of forces on nodes."""
+    mesh = reading.mesh
+    x = mesh.mesh.points[nodes, : mesh.d]
+    points = mesh.x[mesh.simplices(faces)]
+    measures = mesh.measures(faces)
+    force = forces.sum(axis=0)
+    if ring:
+        around = 2 * np.pi * points[:, :, 0].mean(axis=1)
+        area = float((around * measures).sum())
+        return tuple(constant(value / area, mesh.d) for value in force)
+    if mesh.d == 2:
+        moment = np.array([np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])])
+    else:
+        moment = np.cross(x, forces).sum(axis=0)
+    return tuple(linear_traction(force, moment, points, measures))
+
+
+# --- loads in the body
+
+
+def volumes_of(
+    reading: Reading,
+    regions: Mapping[str, np.ndarray],
+    materials: Mapping[str, MaterialCards],
+) -> list[Entry]:
+    """Return the forces per volume."""
+    result = []
+    for entry in reading.steps.entries.get("body", []):
+        load = entry.what
+        values = {}
+        for region, cells in regions.items():
+            inside = np.isin(cells, load.cells)
+            density = materials[region].density
+            if inside.all() and density is None:
+                reading.told.refuse(load.card, f"{materials[region].name!r} has no *DENSITY.")
+                return []
+            if inside.any() and not inside.all():
+                reading.told.refuse(load.card, f"it acts on a part of the region {region!r}.")
+                return []
+            values[region] = (density or 0.0) * float(inside.all())
+        if len(set(values.values())) > 1:
+            reading.told.refuse(
+                load.card,
+                "the force per volume differs between regions: one density for all regions is "
+                "read.",
+            )
+            return []
+        density = next(iter(values.values()))
+        force = _force_per_mass(load, reading.mesh.d)
+        value = tuple(component.times(density) for component in force)
+        result.append(replace(entry, what=Volume(value)))
+    return result
+
+
+def _force_per_mass(load: Gravity | Spin, d: int) -> tuple[Affine, ...]:
+    """Return the force per mass of gravity or of a rotation."""
+    if isinstance(load, Gravity):
+        return tuple(constant(value, d) for value in load.acceleration)
+    direction = np.array(load.direction)
+    length = np.linalg.norm(direction)
+    direction = direction / (length if length else 1.0)
+    across = np.eye(3) - np.outer(direction, direction)
+    slopes = load.square * across
+    origin = -slopes @ np.array(load.point)
+    result = []
+    for i in range(d):
+        result.append(Affine(float(origin[i]), tuple(float(value) for value in slopes[i, :d])))
+    return tuple(result)
+
+
+def heat_of(reading: Reading) -> list[Entry]:
+    """Return the changes of temperature, as values in the whole body."""
+    mesh = reading.mesh
+    every = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.body.cells]))
+    result = []
+    for entry in reading.steps.entries.get("warmth", []):
+        warmth = entry.what
+        temperature = np.full(len(mesh.mesh.points), np.nan)
+        temperature[warmth.nodes] = warmth.values
+        initial = np.array([reading.initial.get(int(node), 0.0) for node in every])
+        change = temperature[every] - initial
+        if np.isnan(change).any():
+            reading.told.refuse(warmth.card, "it leaves nodes without a temperature; give all.")
+            return []
+        value = fitted(mesh.x[every], change)
+        if value is None:
+            reading.told.refuse(
+                warmth.card,
+                "the change of the temperature is not linear in the position: give "
+                "`ec.ThermalStrain(alpha, T)` with a callable of x.",
+            )
+            return []
+        result.append(replace(entry, what=Heat(value)))
+    return result
+
+
+def temperature_of(reading: Reading) -> float | None:
+    """Return the temperature at the end of the deck; None if it is not one number."""
+    values = set()
+    for entry in reading.steps.entries.get("warmth", [])[-1:]:
+        values |= set(entry.what.values.tolist())
+    if not values:
+        values = set(reading.initial.values())
+    return values.pop() if len(values) == 1 else None

@@ -1,0 +1,212 @@
+"""Read materials and sections, and make the material of a scene of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from erc_contact.decks.reading import MaterialCards, Reading, Section
+from erc_contact.decks.told import numbers_in
+from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
+from erc_contact.scene.plastic import Plastic
+from namedmesh.deck_mesh import Card, Space
+
+HYPOTHESES = {"CPS": PLANE_STRESS, "CPE": PLANE_STRAIN, "CAX": AXISYMMETRIC}
+"""Beginnings of the types of plane elements, and what they stand for."""
+LEAST_HARDENING = 0.01
+"""Hardening of a plastic law that has none, as a share of Young's modulus [-]."""
+ISOTROPIC = ("", "ISO", "ISOTROPIC")
+"""Values of TYPE of isotropic data."""
+
+
+def read_material(reading: Reading, card: Card, space: Space) -> None:
+    """Begin a material."""
+    name = card.get("NAME")
+    material = MaterialCards(name, card)
+    reading.materials[name.upper()] = material
+    reading.current = material
+
+
+def _material_of(reading: Reading, card: Card) -> MaterialCards | None:
+    """Return the material to which a card belongs; refuse the card without one."""
+    if isinstance(reading.current, MaterialCards):
+        return reading.current
+    reading.told.refuse(card, "it stands below no *MATERIAL; put it there.")
+    return None
+
+
+def read_elastic(reading: Reading, card: Card, space: Space) -> None:
+    """Read isotropic moduli, by temperature."""
+    material = _material_of(reading, card)
+    if card.get("TYPE").upper() not in ISOTROPIC:
+        reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic elasticity alone is read.")
+    elif material:
+        material.elastic = [numbers_in(card, line) for line in range(len(card.lines))]
+
+
+def read_expansion(reading: Reading, card: Card, space: Space) -> None:
+    """Read coefficients of thermal expansion, by temperature."""
+    material = _material_of(reading, card)
+    if card.get("TYPE").upper() not in ISOTROPIC:
+        reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic expansion alone is read.")
+    elif material:
+        material.expansion = [numbers_in(card, line) for line in range(len(card.lines))]
+
+
+def read_density(reading: Reading, card: Card, space: Space) -> None:
+    """Read the mass per volume."""
+    material = _material_of(reading, card)
+    numbers = numbers_in(card)
+    if material and numbers:
+        material.density = numbers[0]
+
+
+def read_plastic(reading: Reading, card: Card, space: Space) -> None:
+    """Read von Mises plasticity with linear hardening: one or two lines."""
+    material = _material_of(reading, card)
+    rows = [numbers_in(card, line) for line in range(len(card.lines))]
+    hardening = card.get("HARDENING").upper()
+    if hardening not in ("", "ISOTROPIC", "KINEMATIC"):
+        reading.told.refuse(card, f"HARDENING={hardening}: ISOTROPIC and KINEMATIC are read.")
+    elif any(len(row) > 2 and row[2] != rows[0][2] for row in rows):
+        reading.told.refuse(card, "it depends on temperature; keep the lines of one temperature.")
+    elif not 1 <= len(rows) <= 2:
+        reading.told.refuse(
+            card,
+            f"a curve of {len(rows)} lines: hardening is linear; keep two lines that are near it "
+            "for the strains that are expected.",
+        )
+    elif material:
+        material.plastic = rows
+        material.kinematic = hardening == "KINEMATIC"
+
+
+def read_section(reading: Reading, card: Card, space: Space) -> None:
+    """Give elements their material, and plane elements their thickness."""
+    elset = card.get("ELSET")
+    cells = reading.mesh.cells(elset, space)
+    thickness = (numbers_in(card) or [1.0])[0] or 1.0
+    if not len(cells):
+        reading.told.leave_out(card, f"ELSET={elset} has no solid element")
+        return
+    if not card.get("MATERIAL"):
+        reading.told.refuse(card, "it names no MATERIAL.")
+        return
+    if card.has("COMPOSITE"):
+        reading.told.refuse(card, "COMPOSITE layers are not read.")
+        return
+    section = Section(elset, cells, card.get("MATERIAL").upper(), thickness, card)
+    reading.sections.append(section)
+
+
+def hypothesis_of(reading: Reading) -> str:
+    """Return the hypothesis of a plane body by the types of its elements."""
+    found = {}
+    for part in reading.mesh.blocks:
+        if part.solid and part.block.dim == 2 and reading.mesh.d == 2:
+            found[HYPOTHESES.get(part.kind[:3], part.kind)] = part.kind
+    element_card = next(
+        card for space in reading.mesh.spaces for card in space.cards if card.keyword == "ELEMENT"
+    )
+    unknown = [kind for hypothesis, kind in found.items() if hypothesis == kind]
+    if unknown:
+        reading.told.refuse(
+            element_card, f"elements of type {unknown[0]}: CPS, CPE and CAX are read."
+        )
+    elif len(found) > 1:
+        kinds = ", ".join(found.values())
+        reading.told.refuse(element_card, f"it mixes elements of types {kinds}; keep one kind.")
+    return next(iter(found), PLANE_STRAIN)
+
+
+def thickness_of(reading: Reading, hypothesis: str) -> float:
+    """Return the thickness of a plane body [length]; 1 of another one."""
+    if reading.mesh.d == 3 or hypothesis == AXISYMMETRIC:
+        return 1.0
+    values = {section.thickness: section.card for section in reading.sections}
+    if len(values) > 1:
+        numbers = ", ".join(f"{value:g}" for value in values)
+        card = list(values.values())[-1]
+        reading.told.refuse(card, f"thicknesses {numbers}: a plane body has one thickness.")
+    thickness, card = next(iter(values.items()), (1.0, None))
+    if card is not None and thickness != 1.0:
+        reading.told.assume(
+            card,
+            f"forces and energies are per unit of thickness: times {thickness:g} they are of the "
+            "body",
+        )
+    return thickness
+
+
+def at_temperature(rows: list[list[float]], column: int, temperature: float | None) -> list[float]:
+    """Return the values of a table by temperature, in its first columns.
+
+    Args:
+        rows: Values, then the temperature.
+        column: Number of the column of the temperature.
+        temperature: The temperature; None takes the first row.
+    """
+    if len(rows) == 1 or temperature is None:
+        return rows[0][:column]
+    temperatures = [row[column] if len(row) > column else 0.0 for row in rows]
+    return [
+        float(np.interp(temperature, temperatures, [row[i] for row in rows])) for i in range(column)
+    ]
+
+
+def material_of(
+    reading: Reading, material: MaterialCards, hypothesis: str, temperature: float | None
+) -> Any:
+    """Return a material of a scene; None if it is refused."""
+    told = reading.told
+    if not material.elastic or not material.elastic[0]:
+        told.refuse(material.card, f"{material.name!r} has no *ELASTIC; give E and nu.")
+        return None
+    if len(material.elastic) > 1:
+        at = "the first temperature" if temperature is None else f"T = {temperature:g}"
+        told.assume(material.card, f"{material.name!r}: moduli are taken at {at}")
+    E, nu, *_ = [*at_temperature(material.elastic, 2, temperature), 0.0]
+    if not material.plastic:
+        return Elastic(E, nu, hypothesis=hypothesis)
+    if hypothesis == PLANE_STRESS:
+        told.refuse(material.card, f"{material.name!r}: *PLASTIC does not exist in plane stress.")
+        return None
+    return _plastic_of(reading, material, E, nu, hypothesis)
+
+
+def _plastic_of(
+    reading: Reading, material: MaterialCards, E: float, nu: float, hypothesis: str
+) -> Plastic:
+    """Return the plastic law of a material."""
+    rows = material.plastic
+    slope = 0.0
+    if len(rows) == 2:
+        slope = (rows[1][0] - rows[0][0]) / (rows[1][1] - rows[0][1])
+        reading.told.assume(
+            material.card, f"{material.name!r} hardens linearly, also beyond its last line"
+        )
+    if slope <= 0.0:
+        slope = LEAST_HARDENING * E
+        reading.told.assume(
+            material.card,
+            f"{material.name!r} has no hardening: it hardens by {slope:g}, 1% of E, as no error is "
+            "certified without",
+        )
+    hardening, kinematic = (0.0, slope) if material.kinematic else (slope, 0.0)
+    return Plastic(E, nu, rows[0][0], hardening, kinematic, hypothesis=hypothesis)
+
+
+def expansions_of(
+    reading: Reading, materials: Mapping[str, MaterialCards], temperature: float | None
+) -> dict[str, float]:
+    """Return the coefficient of expansion of each region [1/temperature]."""
+    result = {}
+    for region, material in materials.items():
+        rows = material.expansion
+        if len(rows) > 1:
+            at = "the first temperature" if temperature is None else f"T = {temperature:g}"
+            reading.told.assume(material.card, f"{material.name!r}: expansion is taken at {at}")
+        result[region] = at_temperature(rows, 1, temperature)[0] if rows else 0.0
+    return result

@@ -1,0 +1,129 @@
+"""Make the plan of a deck: put what it says on parts of the boundary and on regions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from erc_contact.decks.claims import Claims
+from erc_contact.decks.grips import (
+    claim_cuts,
+    gripped_faces,
+    plan_cuts,
+    plan_grips,
+    shared_forces,
+)
+from erc_contact.decks.loads import (
+    LoadedFaces,
+    heat_of,
+    loaded_faces,
+    temperature_of,
+    volumes_of,
+)
+from erc_contact.decks.materials import expansions_of, hypothesis_of, material_of, thickness_of
+from erc_contact.decks.pairs import adjusted
+from erc_contact.decks.plan import HeldParts, Plan, PushedParts, Radial
+from erc_contact.decks.reading import MaterialCards, Reading
+from erc_contact.decks.regions import regions_of
+from erc_contact.decks.sides import (
+    claim_sides,
+    faces_of_pairs,
+    free_of_loads,
+    free_of_supports,
+    pairs_of,
+    plan_pairs,
+)
+from erc_contact.decks.supports import RADIAL, SYMMETRY, HeldFaces, held_faces
+from erc_contact.scene.material import AXISYMMETRIC
+
+Members = dict[str, np.ndarray]
+"""Name of each part -> its faces, or of each region -> its cells."""
+
+
+def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
+    """Make the plan of a deck; what cannot be taken is told as refused.
+
+    Returns:
+        The plan, the cells of each region, and the faces of each part.
+    """
+    told = reading.told
+    reading.mesh = adjusted(reading)
+    hypothesis = hypothesis_of(reading)
+    thickness = thickness_of(reading, hypothesis)
+    temperature = temperature_of(reading)
+    regions, cards = regions_of(reading)
+    plan = Plan(reading.mesh.d, _materials(reading, cards, hypothesis, temperature), thickness)
+    plan.alphas = expansions_of(reading, cards, temperature)
+    plan.times = list(reading.steps.times)
+    if told.refused:
+        return plan, {}, {}
+    pairs = pairs_of(reading)
+    held = held_faces(reading)
+    grips = gripped_faces(reading)
+    free_of_supports(reading, pairs, held)
+    is_ring = hypothesis == AXISYMMETRIC
+    sides = faces_of_pairs(pairs)
+    loads = loaded_faces(reading, held, sides, ring=is_ring, thickness=thickness)
+    loads += shared_forces(reading, grips, thickness)
+    free_of_loads(reading, pairs, loads)
+    if told.refused:
+        return plan, {}, {}
+    claims = Claims()
+    of_held = [claims.add(support.name, support.faces) for support in held]
+    of_loads = [claims.add(load.name, load.faces) for load in loads]
+    of_grips = [claims.add(grip.name, faces) for grip, faces in grips]
+    of_cuts = claim_cuts(reading, claims)
+    claim_sides(claims, pairs)
+    parts, names = claims.parts()
+    _plan_supports(plan, held, [names[i] for i in of_held])
+    _plan_loads(plan, loads, [names[i] for i in of_loads])
+    plan_grips(plan, reading, grips, [names[i] for i in of_grips])
+    plan_cuts(plan, reading, regions, [names[i] for i in of_cuts])
+    plan_pairs(plan, reading, pairs, parts, names)
+    plan.entries["volume"] = volumes_of(reading, regions, cards)
+    if any(plan.alphas.values()):
+        plan.entries["heat"] = heat_of(reading)
+    return plan, regions, parts
+
+
+def _materials(
+    reading: Reading,
+    cards: dict[str, MaterialCards],
+    hypothesis: str,
+    temperature: float | None,
+) -> dict[str, Any]:
+    """Return the material of each region; regions of one material share it."""
+    made: dict[int, Any] = {}
+    result = {}
+    for region, material in cards.items():
+        if id(material) not in made:
+            made[id(material)] = material_of(reading, material, hypothesis, temperature)
+        result[region] = made[id(material)]
+    return result
+
+
+def _plan_supports(plan: Plan, held: list[HeldFaces], names: list[tuple[str, ...]]) -> None:
+    """Add supports on parts to a plan."""
+    entries = []
+    for support, parts in zip(held, names, strict=True):
+        if support.component == SYMMETRY:
+            plan.symmetries += [part for part in parts if part not in plan.symmetries]
+        elif support.component == RADIAL and support.axes is not None:
+            origin = tuple(map(float, support.axes.origin[: plan.d]))
+            axis = tuple(map(float, support.axes.axes[2, : plan.d]))
+            plan.radials += [Radial(part, origin, axis) for part in parts]
+        else:
+            what = HeldParts(parts, support.component, support.value)
+            entries.append(replace(support.entry, what=what))
+    plan.entries["held"] = entries
+
+
+def _plan_loads(plan: Plan, loads: list[LoadedFaces], names: list[tuple[str, ...]]) -> None:
+    """Add loads on parts to a plan."""
+    entries = []
+    for load, parts in zip(loads, names, strict=True):
+        what = PushedParts(parts, load.pressure, load.traction)
+        entries.append(replace(load.entry, what=what))
+    plan.entries["pushed"] = entries

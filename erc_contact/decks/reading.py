@@ -1,0 +1,203 @@
+"""Collect what the cards of a deck declare, before it is put on faces and regions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from erc_contact.decks.histories import Amplitude, Steps
+from erc_contact.decks.told import Told
+from namedmesh.deck_mesh import Card, DeckMesh, Space
+
+
+@dataclass
+class MaterialCards:
+    """Hold a material as its cards say it.
+
+    Attributes:
+        name: Its name.
+        card: The card *MATERIAL.
+        elastic: Rows E, nu and temperature.
+        expansion: Rows alpha and temperature.
+        density: Mass per volume; None if it has none.
+        plastic: Rows yield stress, plastic strain and temperature.
+        kinematic: Whether the hardening is kinematic.
+    """
+
+    name: str
+    card: Card
+    elastic: list[list[float]] = field(default_factory=list)
+    expansion: list[list[float]] = field(default_factory=list)
+    density: float | None = None
+    plastic: list[list[float]] = field(default_factory=list)
+    kinematic: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """Hold a *SOLID SECTION.
+
+    Attributes:
+        elset: Name of the set of elements.
+        cells: Its cells.
+        material: Name of the material in capitals.
+        thickness: Thickness of plane elements [length].
+        card: The card.
+    """
+
+    elset: str
+    cells: np.ndarray
+    material: str
+    thickness: float
+    card: Card
+
+
+@dataclass
+class Interaction:
+    """Hold a *SURFACE INTERACTION.
+
+    Attributes:
+        card: The card.
+        behavior: Value of PRESSURE-OVERCLOSURE, "HARD" without it.
+        stiffness: Slope of the pressure over the overclosure [force/length^3].
+        friction: Coulomb's coefficient [-].
+        stick: Slope of the shear over the slip before it [force/length^3].
+    """
+
+    card: Card
+    behavior: str = "HARD"
+    stiffness: float | None = None
+    friction: float = 0.0
+    stick: float | None = None
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Hold two surfaces that a *CONTACT PAIR or a *TIE relates.
+
+    Attributes:
+        slave: Name of the dependent surface.
+        master: Name of the independent surface.
+        interaction: Name of the interaction in capitals; "" of a tie.
+        adjust: Distance up to which slave nodes are moved to the master surface
+            [length]; None if they are not.
+        tied: Whether it is a tie.
+        card: The card.
+    """
+
+    slave: str
+    master: str
+    interaction: str
+    adjust: float | None
+    tied: bool
+    card: Card
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Hold nodes that move as a rigid body, or that share a force, with a node.
+
+    Attributes:
+        name: Name of the surface or set.
+        nodes: Their points; empty if a surface is meant.
+        surface: Name of the surface, "" if nodes are meant.
+        reference: Number of the reference node.
+        rotation: Number of the node whose displacements are rotations; None if the
+            reference node has degrees of freedom 4 to 6.
+        rigid: Whether the nodes move rigidly, else they share forces.
+        components: Degrees of freedom of the coupling.
+        card: The card.
+    """
+
+    name: str
+    nodes: np.ndarray
+    surface: str
+    reference: int
+    rotation: int | None
+    rigid: bool
+    components: tuple[int, ...]
+    card: Card
+
+
+@dataclass(frozen=True)
+class Pretension:
+    """Hold a *PRE-TENSION SECTION: the cut and the node of its force."""
+
+    surface: str
+    node: int
+    card: Card
+
+
+@dataclass(frozen=True)
+class Axes:
+    """Hold a *TRANSFORM: local axes of nodes.
+
+    Attributes:
+        nodes: The points.
+        origin: A point of the axis, of cylindrical coordinates [length], shape (3,).
+        axes: Local axes as rows; of cylindrical coordinates the axis is the last.
+        cylindrical: Whether they are cylindrical.
+        card: The card.
+    """
+
+    nodes: np.ndarray
+    origin: np.ndarray
+    axes: np.ndarray
+    cylindrical: bool
+    card: Card
+
+
+@dataclass
+class Reading:
+    """Hold what has been read of a deck.
+
+    Attributes:
+        mesh: Its mesh.
+        told: What became of its cards.
+        penalty: "hard" or "kept": what a pressure over an overclosure is.
+        steps: Its steps, with what they prescribe.
+        current: What the cards belong to that come next: a material, an interaction, a
+            coupling.
+    """
+
+    mesh: DeckMesh
+    told: Told
+    penalty: str
+    steps: Steps = field(default_factory=Steps)
+    current: Any = None
+    materials: dict[str, MaterialCards] = field(default_factory=dict)
+    sections: list[Section] = field(default_factory=list)
+    amplitudes: dict[str, Amplitude] = field(default_factory=dict)
+    interactions: dict[str, Interaction] = field(default_factory=dict)
+    facings: list[Facing] = field(default_factory=list)
+    clearances: dict[tuple[str, str], float] = field(default_factory=dict)
+    grips: list[Grip] = field(default_factory=list)
+    pretensions: list[Pretension] = field(default_factory=list)
+    transforms: list[Axes] = field(default_factory=list)
+    initial: dict[int, float] = field(default_factory=dict)
+
+    def amplitude(self, card: Card) -> Amplitude | None:
+        """Return the amplitude that a card names, None without one."""
+        name = card.get("AMPLITUDE")
+        if not name:
+            return None
+        found = self.amplitudes.get(name.upper())
+        if found is None:
+            self.told.refuse(card, f"no *AMPLITUDE is called {name!r}; mend the name.")
+        return found
+
+    def references(self) -> set[int]:
+        """Return the numbers of nodes that stand for faces or cuts."""
+        numbers: set[int] = set()
+        for grip in self.grips:
+            numbers |= {grip.reference}
+            if grip.rotation is not None:
+                numbers |= {grip.rotation}
+        return numbers | {pretension.node for pretension in self.pretensions}
+
+
+def points_of(reading: Reading, word: str, space: Space) -> np.ndarray:
+    """Return the points that a number or a set of nodes means."""
+    return reading.mesh.nodes(word, space)

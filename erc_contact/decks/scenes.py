@@ -1,0 +1,195 @@
+"""Make the scene of a deck at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import ufl
+
+from erc_contact.decks.affine import Affine, constant
+from erc_contact.decks.plan import Joint, Plan, Radial, RigidPart
+from erc_contact.scene.contact import Contact, Foundation, Symmetry
+from erc_contact.scene.load import BodyForce, Traction
+from erc_contact.scene.scene import Scene
+from erc_contact.scene.strain import ThermalStrain
+from erc_contact.scene.support import Displacement, Rigid
+from erc_contact.scene.tied import Preload, Tied
+
+
+def scene_of(plan: Plan, t: float) -> Scene:
+    """Return the scene of a deck at a time.
+
+    Raises:
+        InputError: If the scene refuses what the deck says.
+    """
+    materials = dict(plan.material)
+    # A body of one material needs no regions.
+    first = next(iter(materials.values()))
+    is_one = all(material == first for material in materials.values())
+    supports: list[Any] = [*_displacements(plan, t)]
+    supports += [_rigid(plan, rigid, t) for rigid in plan.rigids]
+    supports += [Symmetry(part) for part in plan.symmetries]
+    contacts = [_contact(joint) for joint in plan.joints if joint.kind == "contact"]
+    contacts += [_radial_support(radial) for radial in plan.radials]
+    ties = [_tie(plan, joint, t) for joint in plan.joints if joint.kind != "contact"]
+    return Scene(
+        first if is_one else materials,
+        supports,
+        _loads(plan, t),
+        contacts,
+        _strains(plan, t),
+        ties=ties,
+    )
+
+
+def _displacements(plan: Plan, t: float) -> list[Displacement]:
+    """Return the prescribed displacements at a time."""
+    found: dict[tuple[str, int], dict[Hashable, Affine]] = {}
+    for entry in plan.at("held", t):
+        value = entry.what.value.times(entry.factor(t))
+        for part in entry.what.parts:
+            by_key = found.setdefault((part, entry.what.component), {})
+            before = by_key.pop(entry.key, None)
+            # The key that is said last counts.
+            by_key[entry.key] = value if before is None else before.plus(value)
+    vectors: dict[str, list[Any]] = {}
+    for (part, component), by_key in found.items():
+        vector = vectors.setdefault(part, [None] * plan.d)
+        *_, value = by_key.values()
+        vector[component] = value.value
+    return [Displacement(part, vector) for part, vector in vectors.items()]
+
+
+def _loads(plan: Plan, t: float) -> list[Any]:
+    """Return the loads at a time, without those that are zero."""
+    loads: list[Any] = []
+    tractions: dict[str, list[Affine]] = {}
+    pressures: dict[str, Affine] = {}
+    zero = constant(0.0, plan.d)
+    for entry in plan.at("pushed", t):
+        factor = entry.factor(t)
+        for part in entry.what.parts:
+            if entry.what.pressure is not None:
+                pressure = entry.what.pressure.times(factor)
+                pressures[part] = pressures.get(part, zero).plus(pressure)
+            else:
+                known = tractions.get(part, [zero] * plan.d)
+                new = [value.times(factor) for value in entry.what.traction]
+                tractions[part] = [a.plus(b) for a, b in zip(known, new, strict=True)]
+    for part, pressure in pressures.items():
+        if pressure != zero:
+            loads.append(Traction(part, pressure=pressure.value))
+    for part, traction in tractions.items():
+        if any(value != zero for value in traction):
+            loads.append(Traction(part, tuple(value.value for value in traction)))
+    volume = [zero] * plan.d
+    for entry in plan.at("volume", t):
+        new = [value.times(entry.factor(t)) for value in entry.what.value]
+        volume = [a.plus(b) for a, b in zip(volume, new, strict=True)]
+    if any(value != zero for value in volume):
+        loads.append(BodyForce(tuple(value.value for value in volume)))
+    return loads
+
+
+def _strains(plan: Plan, t: float) -> list[ThermalStrain]:
+    """Return the strain of heat at a time."""
+    change = constant(0.0, plan.d)
+    for entry in plan.at("heat", t):
+        change = change.plus(entry.what.change.times(entry.factor(t)))
+    if change == constant(0.0, plan.d) or not any(plan.alphas.values()):
+        return []
+    values = set(plan.alphas.values())
+    alpha: Any = values.pop() if len(values) == 1 else dict(plan.alphas)
+    return [ThermalStrain(alpha, change.value)]
+
+
+def _contact(joint: Joint) -> Contact:
+    """Return a contact of two parts."""
+    foundation = None
+    tangential = joint.tangential if joint.friction else None
+    if joint.normal is not None or tangential is not None:
+        foundation = Foundation(joint.normal, tangential)
+    return Contact(
+        joint.here,
+        against=joint.there,
+        friction=joint.friction,
+        gap=joint.gap,
+        foundation=foundation,
+    )
+
+
+def _tie(plan: Plan, joint: Joint, t: float) -> Tied:
+    """Return a tied joint, or a preload with its force or shortening at a time."""
+    if joint.kind == "tied":
+        return Tied(joint.here, joint.there)
+    values = {"force": 0.0, "shortening": 0.0}
+    given = set()
+    for kind, name in (("grip force", "force"), ("grip", "shortening")):
+        for entry in plan.at(kind, t):
+            number, component = entry.key
+            if (number, component) == (joint.node, 1):
+                values[name] += entry.what * entry.factor(t)
+                given.add(name)
+    if "shortening" in given:
+        return Preload(joint.here, joint.there, shortening=values["shortening"])
+    return Preload(joint.here, joint.there, force=values["force"] / plan.thickness)
+
+
+class _RadialNormal:
+    """Point outward from the axis of a cylinder."""
+
+    def __init__(self, radial: Radial) -> None:
+        self.radial = radial
+
+    def __call__(self, x: Any) -> Any:
+        """Return the direction of the radius at a position, UFL."""
+        origin = ufl.as_vector(self.radial.origin)
+        axis = ufl.as_vector(self.radial.axis)
+        arm = x - origin
+        across = arm - ufl.dot(arm, axis) * axis
+        return across / ufl.sqrt(ufl.dot(across, across))
+
+
+def _radial_support(radial: Radial) -> Contact:
+    """Return a support along the radius of a cylinder."""
+    return Contact(radial.part, normal=_RadialNormal(radial), bilateral=True)
+
+
+def _rigid(plan: Plan, rigid: RigidPart, t: float) -> Rigid:
+    """Return a rigid face with the motion and the force of its node at a time."""
+    d = plan.d
+    count = 6 if d == 3 else 3
+    motions: list[float | None] = [None] * count
+    resultants = [0.0] * count
+    for kind in ("grip", "grip force"):
+        for entry in plan.at(kind, t):
+            number, component = entry.key
+            freedom = _freedom(rigid, number, component, d)
+            if freedom is None:
+                continue
+            value = entry.what * entry.factor(t)
+            if kind == "grip":
+                motions[freedom] = (motions[freedom] or 0.0) + value
+            else:
+                resultants[freedom] += value / plan.thickness
+    forces = [None if motion is not None else resultants[i] for i, motion in enumerate(motions)]
+    rotation: Any = motions[d:]
+    moment: Any = forces[d:]
+    if d == 2:
+        rotation, moment = rotation[0], moment[0]
+    return Rigid(rigid.part, motions[:d], rotation, forces[:d], moment, rigid.about)
+
+
+def _freedom(rigid: RigidPart, number: int, component: int, d: int) -> int | None:
+    """Return the number of a freedom of a rigid face; None if it is not of the face."""
+    if number == rigid.reference and component <= d:
+        return component - 1
+    turn = component - 3 if number == rigid.reference else None
+    if number == rigid.rotation:
+        turn = component
+    if turn is None or not 1 <= turn <= 3:
+        return None
+    if d == 2:
+        return 2 if turn == 3 else None
+    return 2 + turn

@@ -1,0 +1,246 @@
+"""Put the prescribed displacements of a deck on faces of the body.
+
+A set of nodes holds the faces all of whose corners it has. Nodes without such a face
+are points: in a continuum they stop nothing but rigid motions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+import numpy as np
+
+from erc_contact.decks.affine import Affine, fitted
+from erc_contact.decks.conditions import Held
+from erc_contact.decks.histories import Entry
+from erc_contact.decks.reading import Axes, Reading
+
+FLAT = 1e-6
+"""Sine of an angle that is none [-]."""
+RANK = 1e-9
+"""Singular value that is none, as a share of the greatest [-]."""
+
+
+@dataclass
+class HeldFaces:
+    """Hold faces of which a component is prescribed.
+
+    Attributes:
+        name: Name of their set.
+        faces: The faces.
+        component: The component, from 0; -1 is a plane of symmetry, -2 the radius of a
+            cylinder.
+        value: The displacement [length].
+        entry: Its entry, with its history.
+        axes: Local axes, of a cylinder.
+    """
+
+    name: str
+    faces: np.ndarray
+    component: int
+    value: Affine
+    entry: Entry
+    axes: Axes | None = None
+
+
+SYMMETRY, RADIAL = -1, -2
+"""Components that are no component of the coordinates."""
+
+
+def held_faces(reading: Reading) -> list[HeldFaces]:
+    """Return the faces that the deck holds; tell of nodes that are points."""
+    mesh = reading.mesh
+    result: list[HeldFaces] = []
+    points: list[tuple[Entry, np.ndarray, int]] = []
+    names: dict[Hashable, str] = {}
+    for entry in reading.steps.entries.get("held", []):
+        held: Held = entry.what
+        if not 1 <= held.component <= mesh.d:
+            _other_component(reading, held)
+            continue
+        faces = mesh.within(held.nodes)
+        name = held.name
+        if not name:
+            # Components of the same nodes are one part.
+            name = names.setdefault(held.nodes.tobytes(), f"support {len(names) + 1}")
+        axes = _axes_of(reading, held)
+        is_corner = mesh.corner_count[held.nodes] > 0
+        nodes = held.nodes[is_corner]
+        value = None
+        if len(nodes):
+            value = fitted(mesh.x[nodes], held.values[is_corner])
+        if not len(nodes):
+            continue
+        if value is None:
+            reading.told.refuse(
+                held.card, f"the values of {name!r} are not linear in the position."
+            )
+            continue
+        on_faces = np.isin(nodes, mesh.corners(faces))
+        if axes is not None:
+            found = _in_axes(reading, entry, held, faces, name, axes)
+            if found is not None:
+                result.append(found)
+            continue
+        if len(faces):
+            result.append(HeldFaces(name, faces, held.component - 1, value, entry))
+        if not on_faces.all():
+            points.append((entry, nodes[~on_faces], held.component - 1))
+    _check_points(reading, result, points)
+    return result
+
+
+def _other_component(reading: Reading, held: Held) -> None:
+    """Tell of a component that the points of a solid do not have."""
+    if held.component == 11:
+        reading.told.refuse(held.card, "component 11, a temperature: give *TEMPERATURE.")
+    else:
+        reading.told.leave_out(
+            held.card, f"component {held.component}, which points of this body do not have"
+        )
+
+
+def _axes_of(reading: Reading, held: Held) -> Axes | None:
+    """Return the local axes of nodes, None where they are of the coordinates."""
+    for axes in reading.transforms:
+        if np.isin(held.nodes, axes.nodes).any():
+            return axes
+    return None
+
+
+def _in_axes(
+    reading: Reading, entry: Entry, held: Held, faces: np.ndarray, name: str, axes: Axes
+) -> HeldFaces | None:
+    """Return faces that are held along a local axis."""
+    mesh = reading.mesh
+    d = mesh.d
+    every = [
+        other.what
+        for other in reading.steps.entries["held"]
+        if np.array_equal(other.what.nodes, held.nodes)
+    ]
+    components = {other.component for other in every if not other.values.any()}
+    if components >= set(range(1, d + 1)) and len(faces):
+        # What does not move at all does not move along any axis.
+        return HeldFaces(name, faces, held.component - 1, Affine(0.0, (0.0,) * d), entry)
+    number = held.component - 1
+    if not held.values.any() and len(faces):
+        if axes.cylindrical and number == 0:
+            return HeldFaces(name, faces, RADIAL, Affine(0.0, (0.0,) * d), entry, axes)
+        direction = axes.axes[number, :d]
+        along = np.flatnonzero(abs(direction) > 1 - FLAT)
+        if len(along):
+            return HeldFaces(name, faces, int(along[0]), Affine(0.0, (0.0,) * d), entry)
+        normals = mesh.normals(faces)
+        if (abs(normals @ direction) > 1 - FLAT).all():
+            return HeldFaces(name, faces, SYMMETRY, Affine(0.0, (0.0,) * d), entry)
+    reading.told.refuse(
+        held.card,
+        f"{name!r} is held along local axes of {axes.card.place}: planes across such an axis, "
+        "cylinders along their radius, and sets that are held in all components are read.",
+    )
+    return None
+
+
+def _check_points(
+    reading: Reading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
+) -> None:
+    """Leave points out that faces hold, or that stop rigid motions alone."""
+    mesh = reading.mesh
+    left: list[tuple[Entry, np.ndarray, int]] = []
+    for entry, nodes, component in points:
+        on_faces = [
+            mesh.corners(held.faces).ravel() for held in result if held.component == component
+        ]
+        covered = np.isin(nodes, np.concatenate([np.empty(0, dtype=np.int64), *on_faces]))
+        free = nodes[~covered]
+        inside = np.setdiff1d(free, mesh.corners(np.flatnonzero(mesh.outer)))
+        if len(inside) and covered.any():
+            reading.told.assume(
+                entry.what.card,
+                f"{entry.what.name!r} is held on its faces, not at its nodes inside the body",
+            )
+        free = np.setdiff1d(free, inside)
+        if len(free):
+            left.append((entry, free, component))
+    if not left:
+        return
+    first: Held = left[0][0].what
+    numbers = sorted({mesh.number_of(int(node)) for _, nodes, _ in left for node in nodes[:4]})
+    shown = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
+    moved = any(entry.what.values.any() for entry, _, _ in left)
+    if moved or not _stop_rigid_motions_alone(reading, result, left):
+        reading.told.refuse(
+            first.card,
+            f"nodes {shown} are held as points, which carry no force in a continuum: hold a set "
+            "of nodes that has whole faces.",
+        )
+        return
+    reading.told.assume(
+        first.card,
+        f"nodes {shown} stop rigid motions alone: they are left out, and their reactions are zero",
+    )
+
+
+def _stop_rigid_motions_alone(
+    reading: Reading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
+) -> bool:
+    """Tell whether points hold each rigid motion once that faces leave free.
+
+    Only then loads in balance cause no reactions there.
+    """
+    mesh = reading.mesh
+    bodies = mesh.bodies
+    body_of_node = np.full(len(mesh.x), -1)
+    for block, numbers in zip(mesh.body.cells, mesh.body.numbers, strict=True):
+        body_of_node[block.nodes] = bodies[numbers][:, None]
+    for body in np.unique(bodies):
+        rows_of_faces = []
+        for held in result:
+            nodes = np.unique(mesh.corners(held.faces))
+            nodes = nodes[body_of_node[nodes] == body]
+            if held.component >= 0:
+                rows_of_faces.append(_rigid_rows(mesh.x[nodes], held.component))
+        rows_of_points = []
+        for _, nodes, component in left:
+            nodes = nodes[body_of_node[nodes] == body]
+            rows_of_points.append(_rigid_rows(mesh.x[nodes], component))
+        count = 3 if mesh.d == 2 else 6
+        of_faces = np.concatenate([np.empty((0, count)), *rows_of_faces])
+        of_points = np.concatenate([np.empty((0, count)), *rows_of_points])
+        free = _null_space(of_faces, count)
+        acting = of_points @ free
+        scale = abs(of_points).max(initial=0.0)
+        acting = acting[abs(acting).max(axis=1, initial=0.0) > RANK * scale]
+        # Points on a line across a plane problem say the same.
+        directions = acting / np.linalg.norm(acting, axis=1)[:, None]
+        distinct = np.unique(np.round(directions, 6), axis=0)
+        if len(distinct) > np.linalg.matrix_rank(distinct, tol=1e-5) if len(distinct) else False:
+            return False
+    return True
+
+
+def _rigid_rows(x: np.ndarray, component: int) -> np.ndarray:
+    """Return a component of all rigid motions at points, shape (n, 3 or 6)."""
+    n, d = x.shape
+    shifts = np.zeros((n, d))
+    shifts[:, component] = 1.0
+    if d == 2:
+        turn = -x[:, 1] if component == 0 else x[:, 0]
+        return np.column_stack([shifts, turn])
+    turns = np.zeros((n, 3))
+    for axis in range(3):
+        spin = np.zeros(3)
+        spin[axis] = 1.0
+        turns[:, axis] = np.cross(spin, x)[:, component]
+    return np.column_stack([shifts, turns])
+
+
+def _null_space(rows: np.ndarray, count: int) -> np.ndarray:
+    """Return an orthonormal basis of the motions that rows do not stop, as columns."""
+    if not len(rows):
+        return np.eye(count)
+    _, values, vectors = np.linalg.svd(rows, full_matrices=True)
+    rank = int((values > RANK * values.max()).sum())
+    return vectors[rank:].T
