@@ -10,13 +10,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+NAMELESS = "part"
+"""Name of faces that the deck calls by their numbers."""
+
 
 @dataclass
 class Claims:
     """Collect faces that cards speak of, by names.
 
     Attributes:
-        names: Name of each claim.
+        names: Name of each claim, "" of single nodes or faces.
         faces: Faces of each claim.
     """
 
@@ -44,7 +47,8 @@ class Claims:
         names = []
         for number, pattern in enumerate(patterns):
             words = dict.fromkeys(self.names[i] for i in np.flatnonzero(pattern))
-            name = self._free_name(" & ".join(words), parts)
+            words.pop("", None)
+            name = self._free_name(" & ".join(words) or NAMELESS, parts)
             parts[name] = every[which.ravel() == number]
             names.append(name)
         of_claim = []

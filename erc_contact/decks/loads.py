@@ -35,6 +35,11 @@ class LoadedFaces:
     traction: tuple[Affine, ...]
     entry: Entry
 
+    @property
+    def set_name(self) -> str:
+        """Return the name of their set in the deck, "" where it has none."""
+        return self.entry.what.name
+
 
 def loaded_faces(
     reading: Reading, held: list[HeldFaces], sides: np.ndarray, *, ring: bool, thickness: float

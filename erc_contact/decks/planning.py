@@ -71,8 +71,8 @@ def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
     if told.refused:
         return plan, {}, {}
     claims = Claims()
-    of_held = [claims.add(support.name, support.faces) for support in held]
-    of_loads = [claims.add(load.name, load.faces) for load in loads]
+    of_held = [claims.add(support.entry.what.name, support.faces) for support in held]
+    of_loads = [claims.add(load.set_name, load.faces) for load in loads]
     of_grips = [claims.add(grip.name, faces) for grip, faces in grips]
     of_cuts = claim_cuts(reading, claims)
     claim_sides(claims, pairs)
