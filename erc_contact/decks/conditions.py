@@ -408,7 +408,7 @@ def _nodal_values(
             raise InputError(
                 f"*{card.keyword} ({card.place}): there is no node or set {row[0]!r}; mend it."
             )
-        value = number_of(card, row[1])
+        value = number_of(card, row[1] if len(row) > 1 else "")
         if row[0].isdigit():
             singles[int(nodes[0])] = value
         else:

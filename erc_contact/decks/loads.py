@@ -247,21 +247,23 @@ def _force_per_mass(load: Gravity | Spin, d: int) -> tuple[Affine, ...]:
 def heat_of(reading: Reading) -> list[Entry]:
     """Return the changes of temperature, as values in the whole body."""
     mesh = reading.mesh
-    every = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.body.cells]))
-    result = []
+    every = np.flatnonzero(mesh.corner_count)
+    initial = np.array([reading.initial.get(int(node), 0.0) for node in every])
+    together: dict[Any, tuple[Entry, np.ndarray]] = {}
     for entry in reading.steps.entries.get("warmth", []):
-        warmth = entry.what
-        temperature = np.full(len(mesh.mesh.points), np.nan)
-        temperature[warmth.nodes] = warmth.values
-        initial = np.array([reading.initial.get(int(node), 0.0) for node in every])
-        change = temperature[every] - initial
-        if np.isnan(change).any():
-            reading.told.refuse(warmth.card, "it leaves nodes without a temperature; give all.")
-            return []
+        # Sets of nodes that warm up together are one field.
+        history = (tuple(entry.times), tuple(entry.factors))
+        _, change = together.setdefault(history, (entry, np.zeros(len(every))))
+        temperature = np.full(len(mesh.x), np.nan)
+        temperature[entry.what.nodes] = entry.what.values
+        is_given = ~np.isnan(temperature[every])
+        change[is_given] = temperature[every][is_given] - initial[is_given]
+    result = []
+    for entry, change in together.values():
         value = fitted(mesh.x[every], change)
         if value is None:
             reading.told.refuse(
-                warmth.card,
+                entry.what.card,
                 "the change of the temperature is not linear in the position: give "
                 "`ec.ThermalStrain(alpha, T)` with a callable of x.",
             )

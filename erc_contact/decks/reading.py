@@ -11,6 +11,9 @@ from erc_contact.decks.histories import Amplitude, Steps
 from erc_contact.decks.told import Told
 from namedmesh.deck_mesh import Card, DeckMesh, Space
 
+TINY = 1e-300
+"""Radius of a point on the axis [length]."""
+
 
 @dataclass
 class MaterialCards:
@@ -147,6 +150,21 @@ class Axes:
     axes: np.ndarray
     cylindrical: bool
     card: Card
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Return the local axes at points (n, d), shape (n, 3, d)."""
+        n, d = x.shape
+        if not self.cylindrical:
+            return np.broadcast_to(self.axes[:, :d], (n, 3, d))
+        axis = self.axes[2]
+        places = np.zeros((n, 3))
+        places[:, :d] = x
+        arms = places - self.origin
+        radii = arms - np.outer(arms @ axis, axis)
+        radii /= np.maximum(np.linalg.norm(radii, axis=1), TINY)[:, None]
+        around = np.cross(axis, radii)
+        along = np.broadcast_to(axis, (n, 3))
+        return np.stack([radii, around, along], axis=1)[:, :, :d]
 
 
 @dataclass

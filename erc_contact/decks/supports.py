@@ -59,7 +59,7 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
         if not 1 <= held.component <= mesh.d:
             _other_component(reading, held)
             continue
-        faces = mesh.within(held.nodes)
+        faces = _needed(reading, held, mesh.within(held.nodes))
         name = held.name
         if not name:
             # Components of the same nodes are one part.
@@ -79,7 +79,7 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
             continue
         on_faces = np.isin(nodes, mesh.corners(faces))
         if axes is not None:
-            found = _in_axes(reading, entry, held, faces, name, axes)
+            found = _in_axes(reading, entry, held, faces, name, axes, value)
             if found is not None:
                 result.append(found)
             continue
@@ -89,6 +89,28 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
             points.append((entry, nodes[~on_faces], held.component - 1))
     _check_points(reading, result, points)
     return result
+
+
+def _needed(reading: Reading, held: Held, faces: np.ndarray) -> np.ndarray:
+    """Return the faces of a whole body that are across the component that is held.
+
+    All nodes of a plane problem that is meshed in space are held along its normal: the
+    two planes across it are enough.
+    """
+    mesh = reading.mesh
+    bodies = np.unique(mesh.bodies[mesh.cell_of_face[faces]])
+    every = np.flatnonzero(mesh.outer)
+    every = every[np.isin(mesh.bodies[mesh.cell_of_face[every]], bodies)]
+    if len(faces) < len(every) or not len(faces):
+        return faces
+    axes = _axes_of(reading, held)
+    directions = np.zeros((len(faces), mesh.d))
+    directions[:, held.component - 1] = 1.0
+    if axes is not None:
+        directions = axes.at(mesh.centres(faces))[:, held.component - 1]
+    across = abs(np.einsum("fi,fi->f", mesh.normals(faces), directions)) > 1 - FLAT
+    covered = np.isin(mesh.corners(faces), mesh.corners(faces[across])).all()
+    return faces[across] if covered else faces
 
 
 def _other_component(reading: Reading, held: Held) -> None:
@@ -110,7 +132,13 @@ def _axes_of(reading: Reading, held: Held) -> Axes | None:
 
 
 def _in_axes(
-    reading: Reading, entry: Entry, held: Held, faces: np.ndarray, name: str, axes: Axes
+    reading: Reading,
+    entry: Entry,
+    held: Held,
+    faces: np.ndarray,
+    name: str,
+    axes: Axes,
+    value: Affine,
 ) -> HeldFaces | None:
     """Return faces that are held along a local axis."""
     mesh = reading.mesh
@@ -125,16 +153,19 @@ def _in_axes(
         # What does not move at all does not move along any axis.
         return HeldFaces(name, faces, held.component - 1, Affine(0.0, (0.0,) * d), entry)
     number = held.component - 1
-    if not held.values.any() and len(faces):
-        if axes.cylindrical and number == 0:
-            return HeldFaces(name, faces, RADIAL, Affine(0.0, (0.0,) * d), entry, axes)
-        direction = axes.axes[number, :d]
-        along = np.flatnonzero(abs(direction) > 1 - FLAT)
+    zero = Affine(0.0, (0.0,) * d)
+    if len(faces):
+        directions = axes.at(mesh.centres(faces))[:, number]
+        along = np.flatnonzero((abs(directions) > 1 - FLAT).all(axis=0))
         if len(along):
-            return HeldFaces(name, faces, int(along[0]), Affine(0.0, (0.0,) * d), entry)
-        normals = mesh.normals(faces)
-        if (abs(normals @ direction) > 1 - FLAT).all():
-            return HeldFaces(name, faces, SYMMETRY, Affine(0.0, (0.0,) * d), entry)
+            # A local axis that is an axis of coordinates, perhaps the other way round.
+            sign = float(np.sign(directions[0, along[0]]))
+            return HeldFaces(name, faces, int(along[0]), value.times(sign), entry)
+        cosines = np.einsum("fi,fi->f", mesh.normals(faces), directions)
+        if not held.values.any() and (abs(cosines) > 1 - FLAT).all():
+            return HeldFaces(name, faces, SYMMETRY, zero, entry)
+        if not held.values.any() and axes.cylindrical and number == 0:
+            return HeldFaces(name, faces, RADIAL, zero, entry, axes)
     reading.told.refuse(
         held.card,
         f"{name!r} is held along local axes of {axes.card.place}: planes across such an axis, "
