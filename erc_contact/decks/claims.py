@@ -6,12 +6,15 @@ faces that the same claims have, and the names of these.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
 
 NAMELESS = "part"
 """Name of faces that the deck calls by their numbers."""
+INNER = re.compile(r"_|internal", re.IGNORECASE)
+"""Beginning of names of sets that programs make for their own use."""
 
 
 @dataclass
@@ -19,18 +22,23 @@ class Claims:
     """Collect faces that cards speak of, by names.
 
     Attributes:
+        known: Surfaces and sets of the deck by their faces, as bytes: their names stand
+            for faces that cards call by numbers or by sets of programs.
         names: Name of each claim, "" of single nodes or faces.
         faces: Faces of each claim.
     """
 
+    known: dict[bytes, str]
     names: list[str] = field(default_factory=list)
     faces: list[np.ndarray] = field(default_factory=list)
 
     def add(self, name: str, faces: np.ndarray) -> int:
         """Add a claim and return its number; equal claims are one."""
         faces = np.unique(faces)
-        for number, known in enumerate(self.names):
-            if known == name and np.array_equal(self.faces[number], faces):
+        if not name or INNER.match(name):
+            name = self.known.get(faces.tobytes(), name)
+        for number, claimed in enumerate(self.names):
+            if claimed == name and np.array_equal(self.faces[number], faces):
                 return number
         self.names.append(name)
         self.faces.append(faces)

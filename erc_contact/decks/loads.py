@@ -92,9 +92,10 @@ def _of_nodes(
     """Return faces with the tractions that have the resultants of forces on nodes."""
     mesh = reading.mesh
     load: NodalForces = entry.what
-    acting = abs(load.forces[:, : mesh.d]).max(axis=1) > 0
+    every = _in_coordinates(reading, load)
+    acting = abs(every).max(axis=1) > 0
     nodes = load.nodes[acting]
-    forces = load.forces[acting, : mesh.d] / thickness
+    forces = every[acting] / thickness
     if not len(nodes):
         return []
     used = mesh.node_is_used[nodes]
@@ -138,6 +139,17 @@ def _of_nodes(
         load.card, "forces on nodes are a traction, linear on the face, of their force and moment"
     )
     return loads
+
+
+def _in_coordinates(reading: Reading, load: NodalForces) -> np.ndarray:
+    """Return forces on nodes by components of the coordinates, shape (n, d)."""
+    d = reading.mesh.d
+    forces = load.forces[:, :d].copy()
+    for axes in reading.transforms:
+        rows = np.isin(load.nodes, axes.nodes)
+        local = axes.at(reading.mesh.mesh.points[load.nodes[rows], :d])
+        forces[rows] = np.einsum("nk,nki->ni", load.forces[rows], local)
+    return forces
 
 
 def _with_middles(reading: Reading, nodes: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.claims import Claims
+from erc_contact.decks.claims import INNER, Claims
 from erc_contact.decks.grips import (
     claim_cuts,
     gripped_faces,
@@ -70,13 +70,15 @@ def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
     free_of_loads(reading, pairs, loads)
     if told.refused:
         return plan, {}, {}
-    claims = Claims()
+    known = _known_sets(reading)
+    claims = Claims({faces.tobytes(): name for name, faces in known.items()})
     of_held = [claims.add(support.entry.what.name, support.faces) for support in held]
     of_loads = [claims.add(load.set_name, load.faces) for load in loads]
     of_grips = [claims.add(grip.name, faces) for grip, faces in grips]
     of_cuts = claim_cuts(reading, claims)
     claim_sides(claims, pairs)
     parts, names = claims.parts()
+    _add_unclaimed(parts, known)
     _plan_supports(plan, held, [names[i] for i in of_held])
     _plan_loads(plan, loads, [names[i] for i in of_loads])
     plan_grips(plan, reading, grips, [names[i] for i in of_grips])
@@ -86,6 +88,31 @@ def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
     if any(plan.alphas.values()):
         plan.entries["heat"] = heat_of(reading)
     return plan, regions, parts
+
+
+def _known_sets(reading: Reading) -> Members:
+    """Return the faces of surfaces and sets of nodes of the deck, surfaces last."""
+    mesh = reading.mesh
+    result = {}
+    for space in mesh.spaces:
+        for key, rows in space.node_sets.items():
+            name = space.spelling.get(key, key)
+            if key in space.listed and not INNER.match(name):
+                result[name] = mesh.within(np.unique(np.asarray(rows, dtype=np.int64)))
+    for name in [*mesh.tables.surfaces, *mesh.tables.node_surfaces]:
+        faces = mesh.surface(name)
+        if faces is not None and not INNER.match(name):
+            result[name] = faces[mesh.outer[faces]]
+    whole = int(mesh.outer.sum())
+    return {name: faces for name, faces in result.items() if 0 < len(faces) < whole}
+
+
+def _add_unclaimed(parts: Members, known: Members) -> None:
+    """Add sets of faces of which no card speaks, as parts that results may name."""
+    for name, faces in reversed(known.items()):
+        taken = np.concatenate([np.empty(0, dtype=np.int64), *parts.values()])
+        if name not in parts and not np.isin(faces, taken).any():
+            parts[name] = faces
 
 
 def _materials(

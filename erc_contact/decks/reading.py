@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -204,7 +204,9 @@ class Reading:
         found = self.amplitudes.get(name.upper())
         if found is None:
             self.told.refuse(card, f"no *AMPLITUDE is called {name!r}; mend the name.")
-        return found
+            return None
+        delay = float(card.get("TIMEDELAY") or 0.0)
+        return replace(found, times=tuple(time + delay for time in found.times))
 
     def references(self) -> set[int]:
         """Return the numbers of nodes that stand for faces or cuts."""
@@ -214,8 +216,3 @@ class Reading:
             if grip.rotation is not None:
                 numbers |= {grip.rotation}
         return numbers | {pretension.node for pretension in self.pretensions}
-
-
-def points_of(reading: Reading, word: str, space: Space) -> np.ndarray:
-    """Return the points that a number or a set of nodes means."""
-    return reading.mesh.nodes(word, space)

@@ -75,7 +75,7 @@ def _names(reading: Reading, sections: list[int], members: list[np.ndarray]) -> 
     names: list[str] = []
     for section, cells in zip(sections, members, strict=True):
         elset = reading.sections[section].elset
-        several = sections.count(section) > 1
+        several = [reading.sections[i].elset for i in sections].count(elset) > 1
         candidates = [name for name in exact.get(cells.tobytes(), []) if name not in names]
         if not several and elset not in names:
             candidates = [elset]

@@ -18,6 +18,8 @@ from erc_contact.decks.reading import Axes, Reading
 
 FLAT = 1e-6
 """Sine of an angle that is none [-]."""
+DIGITS = 6
+"""Digits to which directions of motions are compared."""
 RANK = 1e-9
 """Singular value that is none, as a share of the greatest [-]."""
 
@@ -234,20 +236,20 @@ def _stop_rigid_motions_alone(
             if held.component >= 0:
                 rows_of_faces.append(_rigid_rows(mesh.x[nodes], held.component))
         rows_of_points = []
-        for _, nodes, component in left:
-            nodes = nodes[body_of_node[nodes] == body]
+        for _, points, component in left:
+            nodes = points[body_of_node[points] == body]
             rows_of_points.append(_rigid_rows(mesh.x[nodes], component))
         count = 3 if mesh.d == 2 else 6
         of_faces = np.concatenate([np.empty((0, count)), *rows_of_faces])
         of_points = np.concatenate([np.empty((0, count)), *rows_of_points])
         free = _null_space(of_faces, count)
         acting = of_points @ free
-        scale = abs(of_points).max(initial=0.0)
-        acting = acting[abs(acting).max(axis=1, initial=0.0) > RANK * scale]
+        size = np.linalg.norm(acting, axis=1)
+        if (size <= RANK * abs(of_points).max(initial=0.0)).any():
+            return False  # it resists a strain alone
         # Points on a line across a plane problem say the same.
-        directions = acting / np.linalg.norm(acting, axis=1)[:, None]
-        distinct = np.unique(np.round(directions, 6), axis=0)
-        if len(distinct) > np.linalg.matrix_rank(distinct, tol=1e-5) if len(distinct) else False:
+        distinct = np.unique(np.round(acting / size[:, None], DIGITS), axis=0)
+        if len(distinct) and len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
             return False
     return True
 
