@@ -42,30 +42,34 @@ class DeckMesh:
     """Hold the cells and faces of a body, and what a deck calls them.
 
     Attributes:
+        cards: All cards of the deck, in their order.
         tables: Points, elements, sets and surfaces of the deck.
         mesh: The mesh without sets.
         body: Its cells, corners alone.
         faces: Their faces.
     """
 
+    cards: list[Card]
     tables: Tables
     mesh: FileMesh
     body: Body
     faces: Faces
 
     @classmethod
-    def of(cls, tables: Tables) -> DeckMesh:
-        """Make the cells and faces of the tables of a deck.
+    def of(cls, cards: list[Card]) -> DeckMesh:
+        """Make the cells and faces of the cards of a deck.
 
         Raises:
-            InputError: If there is no body, or its cells cannot be worked with.
+            InputError: If there are no nodes and no body, or its cells cannot be worked
+                with.
         """
+        tables = tables_of(cards)
         _, blocks, left_out = blocks_of(tables)
         points = np.concatenate(tables.points)
         notes = tuple(tables.notes)
         mesh = FileMesh(points, tuple(blocks), left_out=left_out, notes=notes)
         body = body_of(mesh)
-        return cls(tables, mesh, body, faces_of(body.cells, body.x))
+        return cls(cards, tables, mesh, body, faces_of(body.cells, body.x))
 
     @property
     def d(self) -> int:
@@ -364,7 +368,7 @@ def read(path: Path) -> DeckMesh:
     Raises:
         InputError: If it has no nodes, or its cells cannot be worked with.
     """
-    return DeckMesh.of(tables_of(list(cards_of(path))))
+    return DeckMesh.of(list(cards_of(path)))
 
 
 def domain_of(comm: MPI.Comm, mesh: FileMesh | None, subject: str) -> Domain:

@@ -49,6 +49,7 @@ OF_THE_MESH = (
     *("PART", "END PART", "ASSEMBLY", "END ASSEMBLY", "INSTANCE", "END INSTANCE"),
 )
 """Keywords that the mesh has read."""
+_OF_PARTS = {"PART", "ENDPART", "INSTANCE", "ENDINSTANCE"}
 _READERS = {squeezed(name): reader for name, reader in READERS.items()}
 _OF_THE_MESH = {squeezed(name) for name in OF_THE_MESH}
 
@@ -63,6 +64,9 @@ def read_cards(mesh: DeckMesh, without: Sequence[str], penalty: str) -> Reading:
     """
     reading = Reading(mesh, Told(), penalty)
     wanted_out = [squeezed(words) for words in without]
+    for card in mesh.cards:
+        if squeezed(card.keyword) in _OF_PARTS:
+            reading.told.take(card)
     instances = mesh.spaces[1:]
     # What is said of instances is said before the rest needs it.
     for space in [*instances, mesh.spaces[0]]:
