@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from namedmesh.closest import closest
 from namedmesh.domain import Domain
-from namedmesh.files.abaqus_cards import Card, cards_of, numbers_of
+from namedmesh.files.abaqus_cards import Card, cards_of
 from namedmesh.files.abaqus_tables import Elements, Space, Tables, shape_of, tables_of
 from namedmesh.files.building import Built, build_simplices, faces_at, faces_within, spread_from
 from namedmesh.files.cleaning import Body, body_of
@@ -31,7 +31,17 @@ from namedmesh.files.of_abaqus import FACES, blocks_of
 from namedmesh.graphs import components
 from namedmesh.simplex import measures
 
-__all__ = ["Card", "DeckMesh", "Space", "closest", "components", "numbers_of", "read", "shape_of"]
+__all__ = [
+    "Card",
+    "DeckMesh",
+    "FileMesh",
+    "Space",
+    "closest",
+    "components",
+    "domain_of",
+    "read",
+    "shape_of",
+]
 
 LABEL = re.compile(r"[SP](\d)")
 """Pattern of the names of faces of elements, S1 or P1."""
@@ -136,13 +146,13 @@ class DeckMesh:
         """Return the points that a number or a set means, without repetition."""
         return np.unique(np.asarray(space.rows(word, nodes=True), dtype=np.int64))
 
-    def number_of(self, point: int) -> int:
-        """Return the number that the deck gives to a point."""
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """Return the number that the deck gives to each point, shape (n,)."""
+        numbers = np.zeros(len(self.x), dtype=np.int64)
         for space in self.spaces:
-            for number, row in space.node_rows.items():
-                if row == point:
-                    return number
-        return -1
+            numbers[list(space.node_rows.values())] = list(space.node_rows)
+        return numbers
 
     def cells(self, word: str, space: Space) -> np.ndarray:
         """Return the cells that a number or a set means; others are no cells."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 ROUND_OFF = 1e-6
 """Deviation from a linear function that numbers of a deck have, to their size [-]."""
@@ -75,9 +75,9 @@ def fitted(x: np.ndarray, values: np.ndarray) -> Affine | None:
 
 
 def linear_traction(
-    force: Sequence[float], moment: Sequence[float], points: np.ndarray, measures: np.ndarray
+    force: npt.ArrayLike, moment: npt.ArrayLike, points: np.ndarray, measures: np.ndarray
 ) -> list[Affine]:
-    """Return the traction ``F/A + w x (x - c)`` with a resultant, one value a component.
+    """Return the traction ``F/A + w x (x - c)`` with a resultant, by components.
 
     c is the centre of the area, and w is such that its moment is M about c.
 
@@ -98,7 +98,7 @@ def linear_traction(
     f = np.asarray(force, dtype=float)
     mean = f / area
     if d == 2:
-        about = float(moment[0]) - (centre[0] * f[1] - centre[1] * f[0])
+        about = np.asarray(moment).item() - (centre[0] * f[1] - centre[1] * f[0])
         turn = about / np.trace(second)
         spin = np.array([[0.0, -turn], [turn, 0.0]])
     else:

@@ -35,7 +35,7 @@ class Held:
 
     Attributes:
         name: Name of the set, or "" of single nodes.
-        nodes: Points, or numbers of reference nodes.
+        nodes: The points.
         component: Degree of freedom of the deck, from 1.
         values: Values at the nodes [length].
         card: The card.
@@ -185,23 +185,28 @@ def read_boundary(reading: Reading, card: Card, space: Space) -> None:
     amplitude = reading.amplitude(card)
     if card.get("OP").upper() == "NEW":
         reading.steps.renew("held")
+    references = reading.references()
     singles: dict[int, dict[int, float]] = {}
     for row in card.rows:
         word = row[0]
         first, last, value = _components(card, row)
+        nodes = reading.mesh.nodes(word, space)
+        if not len(nodes):
+            reading.told.refuse(card, f"there is no node or set {word!r}; mend the name.")
+            continue
         for component in range(first, last + 1):
-            if word.isdigit():
-                singles.setdefault(component, {})[int(word)] = value
-                continue
-            nodes = reading.mesh.nodes(word, space)
-            if not len(nodes):
-                reading.told.refuse(card, f"no set of nodes is called {word!r}; mend the name.")
-                break
-            values = np.full(len(nodes), value)
-            held = Held(word, nodes, component, values, card)
-            reading.steps.add("held", (word.upper(), component), held, amplitude)
-    for component, by_number in singles.items():
-        _hold_singles(reading, card, space, component, by_number, amplitude)
+            if references.issuperset(nodes.tolist()):
+                for node in nodes.tolist():
+                    reading.steps.add("grip", (node, component), value, amplitude)
+            elif word.isdigit():
+                singles.setdefault(component, {})[int(nodes[0])] = value
+            else:
+                held = Held(word, nodes, component, np.full(len(nodes), value), card)
+                reading.steps.add("held", (word.upper(), component), held, amplitude)
+    for component, values in singles.items():
+        points = np.array(list(values))
+        held = Held("", points, component, np.array(list(values.values())), card)
+        reading.steps.add("held", (tuple(sorted(values)), component), held, amplitude)
 
 
 def _components(card: Card, row: list[str]) -> tuple[int, int, float]:
@@ -212,36 +217,6 @@ def _components(card: Card, row: list[str]) -> tuple[int, int, float]:
     first = int(numbers[0]) if numbers else 1
     last = int(numbers[1]) if len(numbers) > 1 and numbers[1] else first
     return first, last, numbers[2] if len(numbers) > 2 else 0.0
-
-
-def _hold_singles(
-    reading: Reading,
-    card: Card,
-    space: Space,
-    component: int,
-    by_number: dict[int, float],
-    amplitude: Amplitude | None,
-) -> None:
-    """Hold single nodes: reference nodes each, and nodes of the body together."""
-    references = reading.references()
-    nodes = []
-    values = []
-    for number, value in by_number.items():
-        if number in references:
-            held = Held("", np.array([number]), component, np.array([value]), card)
-            reading.steps.add("grip", (number, component), held, amplitude)
-            continue
-        rows = reading.mesh.nodes(str(number), space)
-        if not len(rows):
-            reading.told.refuse(card, f"there is no node {number}; mend the number.")
-            return
-        nodes.append(rows[0])
-        values.append(value)
-    if nodes:
-        points = np.array(nodes)
-        held = Held("", points, component, np.array(values), card)
-        key = (tuple(sorted(nodes)), component)
-        reading.steps.add("held", key, held, amplitude)
 
 
 # --- loads
@@ -261,18 +236,18 @@ def read_cload(reading: Reading, card: Card, space: Space) -> None:
     for row in card.rows:
         component = int(row[1])
         value = number_of(card, row[2])
-        if row[0].isdigit() and int(row[0]) in references:
-            held = Held("", np.array([int(row[0])]), component, np.array([value]), card)
-            reading.steps.add("grip force", (int(row[0]), component), held, amplitude)
+        nodes = reading.mesh.nodes(row[0], space)
+        if not len(nodes):
+            reading.told.refuse(card, f"there is no node or set {row[0]!r}; mend the name.")
+            return
+        if references.issuperset(nodes.tolist()):
+            for node in nodes.tolist():
+                reading.steps.add("grip force", (node, component), value, amplitude)
             continue
         if component > 3:
             reading.told.refuse(
                 card, f"component {component}: a moment acts on no point of a body."
             )
-            return
-        nodes = reading.mesh.nodes(row[0], space)
-        if not len(nodes):
-            reading.told.refuse(card, f"there is no node or set {row[0]!r}; mend the name.")
             return
         for node in nodes:
             forces.setdefault(int(node), np.zeros(3))[component - 1] += value
@@ -340,8 +315,7 @@ def _read_body_load(
         acceleration = numbers[0] * direction / length
         what = Gravity(cells, tuple(float(value) for value in acceleration[:d]), card)
     else:
-        point, direction = tuple(numbers[1:4]), tuple(numbers[4:7])
-        what = Spin(cells, numbers[0], point, direction, card)
+        what = Spin(cells, numbers[0], tuple(numbers[1:4]), tuple(numbers[4:7]), card)
     reading.steps.add("body", (word.upper(), label), what, amplitude)
 
 

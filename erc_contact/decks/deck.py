@@ -19,7 +19,7 @@ from erc_contact.scene.words import in_words
 from namedmesh import Domain
 from namedmesh.base.exceptions import on_rank
 from namedmesh.base.html import table
-from namedmesh.deck_mesh import domain_of, read
+from namedmesh.deck_mesh import FileMesh, domain_of, read
 
 PENALTIES = ("hard", "kept")
 """What a pressure over an overclosure may become."""
@@ -145,7 +145,7 @@ def read_deck(
     Example:
         >>> deck = ec.read_deck("press.inp")
         >>> deck.domain
-        <Domain in 3D: ...>
+        <Domain in 2D: 16 cells, ...pairs Bottom/Top of 2 facets>
     """
     if not isinstance(path, str | Path):
         raise InputError(f"read_deck: the path is {path!r}; give the name of a file.")
@@ -165,8 +165,14 @@ def read_deck(
     return Deck(path, domain, replace(plan, joints=joints), told)
 
 
-def _read(path, wanted, penalty, subject):  # type: ignore[no-untyped-def]
-    """Read a deck on this rank."""
+def _read(
+    path: Path, wanted: Sequence[str], penalty: str, subject: str
+) -> tuple[Plan, Told, FileMesh]:
+    """Read a deck on this rank.
+
+    Raises:
+        InputError: If the file is missing, or has cards that cannot be taken.
+    """
     if not path.is_file():
         raise InputError(f"{subject} does not exist; look at the path and the working folder.")
     mesh = read(path)
@@ -182,9 +188,10 @@ def _joined(domain: Domain, joint: Joint) -> tuple[Domain, Joint]:
     if joint.kind == "preload":
         sides = dict(zip((joint.here, joint.there), joint.regions, strict=True))
         return domain.split(sides, on=joint.on), joint
-    sides = [_remaining(domain, name) for name in (joint.here, joint.there)]
-    joined = replace(joint, here=sides[0], there=sides[1])
-    return domain.joined(*sides, apart=joint.apart), joined
+    here = _remaining(domain, joint.here)
+    there = _remaining(domain, joint.there)
+    joined = domain.joined(here, there, apart=joint.apart)
+    return joined, replace(joint, here=here, there=there)
 
 
 def _remaining(domain: Domain, name: str) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from erc_contact.decks.affine import linear_traction
@@ -24,8 +22,6 @@ def gripped_faces(reading: Reading) -> Gripped:
         faces = mesh.within(grip.nodes) if not grip.surface else mesh.surface(grip.surface)
         if faces is None or not len(faces):
             reading.told.refuse(grip.card, f"{grip.name!r} has no face of a solid.")
-        elif grip.reference not in mesh.spaces[0].node_rows:
-            reading.told.refuse(grip.card, f"there is no reference node {grip.reference}.")
         elif not set(range(1, mesh.d + 1)) <= set(grip.components):
             reading.told.refuse(
                 grip.card, "all displacements of the surface are coupled, or none: give 1, 3."
@@ -33,12 +29,6 @@ def gripped_faces(reading: Reading) -> Gripped:
         else:
             result.append((grip, faces))
     return result
-
-
-def place_of(reading: Reading, number: int) -> np.ndarray:
-    """Return the place of a node by its number [length], shape (d,)."""
-    row = reading.mesh.spaces[0].node_rows[number]
-    return reading.mesh.mesh.points[row, : reading.mesh.d]
 
 
 def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[LoadedFaces]:
@@ -51,7 +41,7 @@ def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[Lo
         for entry in reading.steps.entries.get("grip", []):
             if entry.key[0] == grip.reference:
                 reading.told.refuse(
-                    entry.what.card, "a node of *DISTRIBUTING moves as its surface: load it alone."
+                    grip.card, "a node of *DISTRIBUTING moves as its surface: load it alone."
                 )
         for entry in reading.steps.entries.get("grip force", []):
             number, component = entry.key
@@ -59,11 +49,11 @@ def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[Lo
                 continue
             force = np.zeros(3)
             moment = np.zeros(3)
-            value = float(entry.what.values[0]) / thickness
+            value = entry.what / thickness
             target = force if component <= 3 else moment
             target[(component - 1) % 3] = value
             place = np.zeros(3)
-            place[: mesh.d] = place_of(reading, number)
+            place[: mesh.d] = mesh.x[number]
             moment = moment + np.cross(place, force)
             about = moment if mesh.d == 3 else moment[2:]
             points = mesh.x[mesh.simplices(faces)]
@@ -88,11 +78,10 @@ def plan_grips(plan: Plan, reading: Reading, grips: Gripped, names: list[tuple[s
                 f"{', '.join(parts)}.",
             )
             continue
-        about = tuple(float(value) for value in place_of(reading, grip.reference))
+        about = tuple(float(value) for value in reading.mesh.x[grip.reference])
         plan.rigids.append(RigidPart(parts[0], grip.reference, grip.rotation, about))
     for kind in ("grip", "grip force"):
-        entries = reading.steps.entries.get(kind, [])
-        plan.entries[kind] = [replace(entry, what=float(entry.what.values[0])) for entry in entries]
+        plan.entries[kind] = reading.steps.entries.get(kind, [])
 
 
 def claim_cuts(reading: Reading, claims: Claims) -> list[int]:

@@ -6,7 +6,6 @@ value at the end of the step before, or jumps if the step says AMPLITUDE=STEP.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +15,9 @@ AT_ONCE = 1e-9
 """Part of a step in which a value jumps [-]."""
 FOREVER = float("inf")
 """End of what stays."""
+
+Key = tuple[Any, ...]
+"""What tells things that a deck prescribes from each other."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Entry:
     """
 
     what: Any
-    key: Hashable
+    key: Key
     times: list[float]
     factors: list[float]
     begin: float
@@ -81,7 +83,7 @@ class Steps:
     jumps: bool = False
     times: list[float] = field(default_factory=list)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
-    _renewed: dict[str, set[Hashable]] = field(default_factory=dict)
+    _renewed: dict[str, set[Key]] = field(default_factory=dict)
 
     def open(self, *, jumps: bool) -> None:
         """Begin a step, of period 1 until its procedure says so."""
@@ -112,7 +114,7 @@ class Steps:
         if self.is_inside:
             self._renewed.setdefault(kind, set())
 
-    def add(self, kind: str, key: Hashable, what: Any, amplitude: Amplitude | None) -> None:
+    def add(self, kind: str, key: Key, what: Any, amplitude: Amplitude | None) -> None:
         """Add something that is prescribed from here on."""
         entries = self.entries.setdefault(kind, [])
         if not self.is_inside:  # from the beginning

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from erc_contact.decks.reading import Facing, Grip, Interaction, Pretension, Reading
 from erc_contact.decks.told import number_of, numbers_in
 from namedmesh.deck_mesh import Card, Space
 
+ALL_COMPONENTS = (1, 2, 3, 4, 5, 6)
+"""Displacements and rotations of a node."""
 LOG_100 = float(np.log(100.0))
-"""Logarithm of the pressure at the overclosure 0 over the pressure at the distance c0."""
+"""Logarithm of the pressure at overclosure 0 over the pressure at the distance c0."""
 
 
 def read_interaction(reading: Reading, card: Card, space: Space) -> None:
@@ -108,50 +112,36 @@ def read_clearance(reading: Reading, card: Card, space: Space) -> None:
 
 def read_pretension(reading: Reading, card: Card, space: Space) -> None:
     """Read the cut through a bolt and the node of its force."""
-    node = card.get("NODE")
-    if not card.get("SURFACE") or not node.isdigit():
-        reading.told.refuse(card, "SURFACE= and NODE= of a cut through solids are read.")
+    if not card.get("SURFACE"):
+        reading.told.refuse(card, "a cut through solids is read: give SURFACE= and NODE=.")
         return
+    node = reading.point(card, "NODE", space)
     if card.lines:
         reading.told.assume(card, "the force acts along the mean normal of the cut")
-    reading.pretensions.append(Pretension(card.get("SURFACE"), int(node), card))
+    if node is not None:
+        reading.pretensions.append(Pretension(card.get("SURFACE"), node, card))
 
 
 def read_rigid_body(reading: Reading, card: Card, space: Space) -> None:
     """Read nodes or elements that move as a rigid body."""
-    rotation = card.get("ROTNODE")
     name = card.get("NSET") or card.get("ELSET")
-    if card.get("NSET"):
-        nodes = reading.mesh.nodes(name, space)
-    else:
-        cells = reading.mesh.cells(name, space)
-        nodes = reading.mesh.nodes_of_cells(cells)
-    reading.grips.append(
-        Grip(
-            name,
-            nodes,
-            "",
-            int(card.get("REFNODE") or 0),
-            int(rotation) if rotation else None,
-            True,
-            (1, 2, 3, 4, 5, 6),
-            card,
-        )
-    )
+    nodes = reading.mesh.nodes(name, space)
+    if not card.get("NSET"):
+        nodes = reading.mesh.nodes_of_cells(reading.mesh.cells(name, space))
+    reference = reading.point(card, "REFNODE", space)
+    rotation = reading.point(card, "ROTNODE", space) if card.has("ROTNODE") else None
+    if reference is not None:
+        grip = Grip(name, nodes, "", reference, rotation, True, ALL_COMPONENTS, card)
+        reading.grips.append(grip)
 
 
 def read_coupling(reading: Reading, card: Card, space: Space) -> None:
     """Read a surface that a node moves or loads; the next card says which."""
-    reading.current = Grip(
-        card.get("SURFACE"),
-        np.empty(0, dtype=np.int64),
-        card.get("SURFACE"),
-        int(card.get("REFNODE") or 0),
-        None,
-        True,
-        (),
-        card,
-    )
+    reference = reading.point(card, "REFNODE", space)
+    name = card.get("SURFACE")
+    if reference is not None:
+        nodes = np.empty(0, dtype=np.int64)
+        reading.current = Grip(name, nodes, name, reference, None, True, (), card)
 
 
 def read_kinematic(reading: Reading, card: Card, space: Space) -> None:
@@ -175,15 +165,5 @@ def _finish_coupling(reading: Reading, card: Card, *, rigid: bool) -> None:
         numbers = [int(number) for number in numbers_in(card, line)]
         if numbers:
             components += range(numbers[0], numbers[-1] + 1)
-    reading.grips.append(
-        Grip(
-            coupling.name,
-            coupling.nodes,
-            coupling.surface,
-            coupling.reference,
-            None,
-            rigid,
-            tuple(components) or (1, 2, 3, 4, 5, 6),
-            card,
-        )
-    )
+    named = tuple(components) or ALL_COMPONENTS
+    reading.grips.append(replace(coupling, rigid=rigid, components=named, card=card))

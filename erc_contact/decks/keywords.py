@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 TAKEN, HARMLESS, REFUSED = "taken", "harmless", "refused"
 """What becomes of a card."""
+FATES = (TAKEN, HARMLESS, REFUSED)
+"""All of them."""
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ def _of_nodes(
         return []
     used = mesh.node_is_used[nodes]
     if not used.all():
-        number = mesh.number_of(int(nodes[~used][0]))
+        number = mesh.numbers[nodes[~used][0]]
         reading.told.refuse(load.card, f"node {number} belongs to no solid element.")
         return []
     free = np.setdiff1d(mesh.within(_with_middles(reading, nodes)), sides)
@@ -119,7 +119,7 @@ def _of_nodes(
         if not len(around):
             reading.told.refuse(
                 load.card,
-                f"the force at node {mesh.number_of(int(nodes[i]))} has no free face beside it.",
+                f"the force at node {mesh.numbers[nodes[i]]} has no free face beside it.",
             )
             continue
         on = np.zeros(len(nodes), dtype=bool)
@@ -163,9 +163,9 @@ def _with_middles(reading: Reading, nodes: np.ndarray) -> np.ndarray:
 def _is_free(held: list[HeldFaces], face: int, forces: np.ndarray) -> bool:
     """Tell whether no support holds a face along forces."""
     for support in held:
-        if face in support.faces:
-            if support.component < 0 or abs(forces[:, support.component]).max() > 0:
-                return False
+        resists = support.component < 0 or abs(forces[:, support.component]).max() > 0
+        if resists and face in support.faces:
+            return False
     return True
 
 

@@ -130,10 +130,10 @@ def thickness_of(reading: Reading, hypothesis: str) -> float:
         numbers = ", ".join(f"{value:g}" for value in values)
         card = list(values.values())[-1]
         reading.told.refuse(card, f"thicknesses {numbers}: a plane body has one thickness.")
-    thickness, card = next(iter(values.items()), (1.0, None))
-    if card is not None and thickness != 1.0:
+    thickness = next(iter(values), 1.0)
+    if thickness != 1.0:
         reading.told.assume(
-            card,
+            values[thickness],
             f"forces and energies are per unit of thickness: times {thickness:g} they are of the "
             "body",
         )

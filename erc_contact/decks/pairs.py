@@ -1,4 +1,4 @@
-"""Find which faces of a pair of surfaces face each other, and how far they are apart."""
+"""Find which faces of two surfaces face each other, and how far they are apart."""
 
 from __future__ import annotations
 

@@ -106,9 +106,9 @@ class Grip:
         name: Name of the surface or set.
         nodes: Their points; empty if a surface is meant.
         surface: Name of the surface, "" if nodes are meant.
-        reference: Number of the reference node.
-        rotation: Number of the node whose displacements are rotations; None if the
-            reference node has degrees of freedom 4 to 6.
+        reference: The reference node, a point of the mesh.
+        rotation: The point whose displacements are rotations; None if the reference
+            node has degrees of freedom 4 to 6.
         rigid: Whether the nodes move rigidly, else they share forces.
         components: Degrees of freedom of the coupling.
         card: The card.
@@ -126,7 +126,7 @@ class Grip:
 
 @dataclass(frozen=True)
 class Pretension:
-    """Hold a *PRE-TENSION SECTION: the cut and the node of its force."""
+    """Hold a *PRE-TENSION SECTION: the cut and the point of its force."""
 
     surface: str
     node: int
@@ -209,10 +209,18 @@ class Reading:
         return replace(found, times=tuple(time + delay for time in found.times))
 
     def references(self) -> set[int]:
-        """Return the numbers of nodes that stand for faces or cuts."""
-        numbers: set[int] = set()
+        """Return the points that stand for faces or cuts."""
+        points: set[int] = set()
         for grip in self.grips:
-            numbers |= {grip.reference}
+            points |= {grip.reference}
             if grip.rotation is not None:
-                numbers |= {grip.rotation}
-        return numbers | {pretension.node for pretension in self.pretensions}
+                points |= {grip.rotation}
+        return points | {pretension.node for pretension in self.pretensions}
+
+    def point(self, card: Card, parameter: str, space: Space) -> int | None:
+        """Return the point that a parameter names by number or set; refuse others."""
+        points = self.mesh.nodes(card.get(parameter), space)
+        if len(points) == 1:
+            return int(points[0])
+        self.told.refuse(card, f"{parameter}={card.get(parameter)} is no node; mend it.")
+        return None

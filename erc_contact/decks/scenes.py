@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from typing import Any
 
 import ufl
 
 from erc_contact.decks.affine import Affine, constant
+from erc_contact.decks.histories import Key
 from erc_contact.decks.plan import Joint, Plan, Radial, RigidPart
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.load import BodyForce, Traction
@@ -23,10 +23,11 @@ def scene_of(plan: Plan, t: float) -> Scene:
     Raises:
         InputError: If the scene refuses what the deck says.
     """
-    materials = dict(plan.material)
+    materials: dict[str, Any] = dict(plan.material)
     # A body of one material needs no regions.
     first = next(iter(materials.values()))
-    is_one = all(material == first for material in materials.values())
+    is_one = all(of_region == first for of_region in materials.values())
+    material: Any = first if is_one else materials
     supports: list[Any] = [*_displacements(plan, t)]
     supports += [_rigid(plan, rigid, t) for rigid in plan.rigids]
     supports += [Symmetry(part) for part in plan.symmetries]
@@ -34,7 +35,7 @@ def scene_of(plan: Plan, t: float) -> Scene:
     contacts += [_radial_support(radial) for radial in plan.radials]
     ties = [_tie(plan, joint, t) for joint in plan.joints if joint.kind != "contact"]
     return Scene(
-        first if is_one else materials,
+        material,
         supports,
         _loads(plan, t),
         contacts,
@@ -45,7 +46,7 @@ def scene_of(plan: Plan, t: float) -> Scene:
 
 def _displacements(plan: Plan, t: float) -> list[Displacement]:
     """Return the prescribed displacements at a time."""
-    found: dict[tuple[str, int], dict[Hashable, Affine]] = {}
+    found: dict[tuple[str, int], dict[Key, Affine]] = {}
     for entry in plan.at("held", t):
         value = entry.what.value.times(entry.factor(t))
         for part in entry.what.parts:

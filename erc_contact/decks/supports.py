@@ -6,8 +6,8 @@ are points: in a continuum they stop nothing but rigid motions.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -55,7 +55,7 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
     mesh = reading.mesh
     result: list[HeldFaces] = []
     points: list[tuple[Entry, np.ndarray, int]] = []
-    names: dict[Hashable, str] = {}
+    names: dict[Any, str] = {}
     for entry in reading.steps.entries.get("held", []):
         held: Held = entry.what
         if not 1 <= held.component <= mesh.d:
@@ -200,7 +200,7 @@ def _check_points(
     if not left:
         return
     first: Held = left[0][0].what
-    numbers = sorted({mesh.number_of(int(node)) for _, nodes, _ in left for node in nodes[:4]})
+    numbers = sorted({int(mesh.numbers[node]) for _, nodes, _ in left for node in nodes[:4]})
     shown = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
     moved = any(entry.what.values.any() for entry, _, _ in left)
     if moved or not _stop_rigid_motions_alone(reading, result, left):

@@ -8,6 +8,7 @@ import doctest
 import inspect
 import logging
 import re
+import shutil
 
 import pytest
 from processes import ROOT
@@ -68,6 +69,7 @@ def square(tmp_path_factory):
     gmsh.model.mesh.generate(2)
     folder = tmp_path_factory.mktemp("examples")
     gmsh.write(str(folder / "square.msh"))
+    shutil.copy(ROOT / "tests" / "decks" / "abaqus_press.inp", folder / "press.inp")
     yield folder
     gmsh.finalize()
 
