@@ -9,7 +9,6 @@ Symbols: d dimension, n points, f faces, c cells.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,11 +21,11 @@ from namedmesh.closest import closest
 from namedmesh.domain import Domain
 from namedmesh.files.abaqus_cards import Card, cards_of
 from namedmesh.files.abaqus_tables import Elements, Space, Tables, shape_of, tables_of
-from namedmesh.files.building import Built, build_simplices, faces_at, faces_within, spread_from
+from namedmesh.files.building import Built, build_simplices, faces_within, spread_from
 from namedmesh.files.cleaning import Body, body_of
 from namedmesh.files.displacements import edge_nodes
 from namedmesh.files.faces import Faces, faces_of
-from namedmesh.files.file_mesh import ElementSet, FacetSet, FileMesh, pad
+from namedmesh.files.file_mesh import SHAPES, ElementSet, FacetSet, FileMesh
 from namedmesh.files.of_abaqus import FACES, blocks_of
 from namedmesh.graphs import components
 from namedmesh.simplex import measures
@@ -43,8 +42,8 @@ __all__ = [
     "shape_of",
 ]
 
-LABEL = re.compile(r"[SP](\d)")
-"""Pattern of the names of faces of elements, S1 or P1."""
+MOST_FACES = 6
+"""Greatest number of faces of an element."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,45 +234,55 @@ class DeckMesh:
         """Return the points at the corners of faces, shape (., 2 or 4)."""
         return self.faces.corners[self.row_of_face[faces]]
 
-    def face_of_element(self, word: str, label: str, space: Space) -> np.ndarray:
-        """Return the faces of elements that a label means, S1 or P1 for instance.
+    @cached_property
+    def _faces_of_element(self) -> np.ndarray:
+        """Return the faces S1, S2, ... of each element by its row, -1 for none."""
+        table = np.full((self.tables.element_count, MOST_FACES), -1)
+        entries = zip(
+            self.body.blocks,
+            self.body.numbers,
+            self.faces.first[:-1],
+            self.faces.first[1:],
+            strict=True,
+        )
+        before = 0
+        for number, cells, begin, end in entries:
+            part = self.tables.blocks[number]
+            sides = SHAPES[part.block.shape].faces
+            places = {frozenset(corners): place for place, corners in enumerate(sides)}
+            order = [places[frozenset(corners)] for corners in FACES[part.block.shape]]
+            faces = self.faces.number[begin:end].reshape(-1, len(sides))[:, order]
+            table[part.begin + cells - before, : len(order)] = faces
+            before += len(part.block.nodes)
+        return table
 
-        Without a label they are all faces on the boundary.
-        """
-        rows = np.unique(np.asarray(space.rows(word, nodes=False), dtype=np.int64))
-        return self._faces_of_rows(rows, label)
+    def face_of_element(self, word: str, label: str, space: Space) -> np.ndarray:
+        """Return the faces of elements that a label means, P1 for instance."""
+        rows = np.asarray(space.rows(word, nodes=False), dtype=np.int64)
+        return self._faces_at_label(rows, int(label[1:]) - 1)
 
     def surface(self, name: str) -> np.ndarray | None:
         """Return the faces of a surface by its name; None if it is not known."""
         for known, entries in self.tables.surfaces.items():
             if known.upper() == name.upper():
-                found = [np.empty(0, dtype=np.int64)]
-                for rows, face in entries:
-                    label = "" if face is None else f"S{face + 1}"
-                    found.append(self._faces_of_rows(rows, label))
-                return np.unique(np.concatenate(found))
+                found = [self._faces_at_label(rows, face) for rows, face in entries]
+                return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *found]))
         for known, nodes in self.tables.node_surfaces.items():
             if known.upper() == name.upper():
                 return self.within(np.asarray(nodes, dtype=np.int64))
         return None
 
-    def _faces_of_rows(self, rows: np.ndarray, label: str) -> np.ndarray:
-        """Return faces of elements by their rows; without a label on the boundary."""
-        match = LABEL.fullmatch(label.upper())
-        found = [np.empty(0, dtype=np.int64)]
-        for number in self.body.blocks:
-            part = self.tables.blocks[number]
-            inside = (rows >= part.begin) & (rows < part.begin + len(part.block.nodes))
-            nodes = part.block.nodes[rows[inside] - part.begin]
-            sides = FACES[part.block.shape]
-            chosen = range(len(sides)) if match is None else [int(match.group(1)) - 1]
-            for side in chosen:
-                if len(nodes) and side < len(sides):
-                    corners = pad(nodes[:, sides[side]])
-                    found.append(faces_at(self.body, self.faces, corners))
-        faces = np.unique(np.concatenate(found))
-        faces = faces[faces >= 0]
-        return faces if match else faces[self.outer[faces]]
+    def _faces_at_label(self, rows: np.ndarray, label: int | None) -> np.ndarray:
+        """Return faces of elements by their rows and the number of the face, from 0.
+
+        Without a number they are all faces on the boundary.
+        """
+        faces = self._faces_of_element[rows]
+        if label is None:
+            faces = faces[faces >= 0]
+            return faces[self.outer[faces]]
+        faces = faces[:, label] if label < MOST_FACES else faces[:0, 0]
+        return faces[faces >= 0]
 
     def within(self, nodes: np.ndarray) -> np.ndarray:
         """Return the faces of the boundary all of whose corners are in a set."""

@@ -53,11 +53,18 @@ def _file_mesh(mesh: Tables) -> FileMesh:
     """Return the mesh with all sets, whose rows are now numbers in blocks."""
     dim, blocks, left_out = blocks_of(mesh)
     begins = np.array([part.begin for part in mesh.blocks])
-    facet_sets = []
+    lines: dict[tuple[str, bool, int], list[np.ndarray]] = {}
     for name, faces in mesh.surfaces.items():
         for rows, face in faces:
             for block, elements in _members(begins, rows).items():
-                facet_sets += _facets(name, blocks[block], elements, face)
+                for corners in _facets(blocks[block], elements, face):
+                    key = (name, face is None, corners.shape[1])
+                    lines.setdefault(key, []).append(corners)
+    # A surface may have a line for each face.
+    facet_sets = []
+    for (name, is_outer, width), tables in lines.items():
+        if width == 2 * (dim - 1):
+            facet_sets.append(FacetSet(name, np.concatenate(tables), outer=is_outer))
     element_sets, node_sets = _sets(mesh, begins)
     passed = []
     for space in mesh.spaces:
@@ -76,7 +83,7 @@ def _file_mesh(mesh: Tables) -> FileMesh:
         np.concatenate(mesh.points),
         tuple(blocks),
         tuple(element_sets),
-        tuple(found for found in facet_sets if found.corners.shape[1] == 2 * (dim - 1)),
+        tuple(facet_sets),
         tuple(node_sets),
         left_out,
         notes=(*mesh.notes, *notes),
@@ -154,14 +161,12 @@ def _name_of(space: Space, name: str, several: set[str]) -> str:
     return f"{space.name}.{spelled}" if space.name and name in several else spelled
 
 
-def _facets(name: str, block: Block, elements: np.ndarray, face: int | None) -> list[FacetSet]:
-    """Return faces of elements by their number; None means all outer faces."""
+def _facets(block: Block, elements: np.ndarray, face: int | None) -> list[np.ndarray]:
+    """Return the corners of faces of elements by number; None means all their faces."""
     faces = FACES.get(block.shape, ())
-    if face is not None:
-        if face >= len(faces):
-            return []
-        return [FacetSet(name, pad(block.nodes[elements][:, faces[face]]))]
-    result = []
-    for corners in SHAPES[block.shape].faces:
-        result.append(FacetSet(name, pad(block.nodes[elements][:, corners]), outer=True))
-    return result
+    if face is None:
+        sides = SHAPES[block.shape].faces
+        return [pad(block.nodes[elements][:, corners]) for corners in sides]
+    if face >= len(faces):
+        return []
+    return [pad(block.nodes[elements][:, faces[face]])]
