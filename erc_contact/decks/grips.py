@@ -118,12 +118,18 @@ def plan_cuts(
                 pretension.card, "its cut is not between two pieces of one section each."
             )
             continue
+        given = np.array((*pretension.normal, 0.0, 0.0, 0.0))[: mesh.d]
+        outward = mesh.centres(faces) - mesh.middles[inner].mean(axis=0)
+        normals = mesh.normals(faces)
+        turned = np.sign(np.einsum("fi,fi->f", normals, outward))
+        along = float((turned[:, None] * normals).sum(axis=0) @ given)
         sides = (f"{pretension.surface} side 1", f"{pretension.surface} side 2")
         plan.joints.append(
             Joint(
                 *sides,
                 "preload",
                 node=pretension.node,
+                sign=-1 if along < 0 else 1,
                 on=parts[0],
                 regions=(called[int(here[0])], called[int(there[0])]),
             )

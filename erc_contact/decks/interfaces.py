@@ -119,7 +119,8 @@ def read_pretension(reading: Reading, card: Card, space: Space) -> None:
     if card.lines:
         reading.told.assume(card, "the force acts along the mean normal of the cut")
     if node is not None:
-        reading.pretensions.append(Pretension(card.get("SURFACE"), node, card))
+        normal = tuple(numbers_in(card))
+        reading.pretensions.append(Pretension(card.get("SURFACE"), node, normal, card))
 
 
 def read_rigid_body(reading: Reading, card: Card, space: Space) -> None:

@@ -46,6 +46,14 @@ class Heat:
 
 
 @dataclass(frozen=True)
+class Plane:
+    """Hold a part on a plane of symmetry, and its normal if it is not quite flat."""
+
+    part: str
+    normal: tuple[float, ...] | None
+
+
+@dataclass(frozen=True)
 class Radial:
     """Hold parts on a cylinder that do not move along its radius."""
 
@@ -68,6 +76,7 @@ class Joint:
         normal: Stiffness of a layer [force/length^3], or None.
         tangential: The same along it.
         node: Reference node of a preload.
+        sign: 1 if a positive force at this node draws both sides together, else -1.
         on: Name of the part inside that is the cut.
         regions: Names of the regions on both sides of a cut.
     """
@@ -81,6 +90,7 @@ class Joint:
     normal: float | None = None
     tangential: float | None = None
     node: int = 0
+    sign: int = 1
     on: str = ""
     regions: tuple[str, str] = ("", "")
 
@@ -104,7 +114,7 @@ class Plan:
         material: Material of each region.
         thickness: Thickness by which forces are divided [length].
         alphas: Coefficient of expansion of each region [1/temperature].
-        symmetries: Parts on planes of symmetry.
+        planes: Parts on planes of symmetry.
         radials: Parts held along the radius of a cylinder.
         joints: Contacts, tied joints and cuts.
         rigids: Rigid faces.
@@ -116,7 +126,7 @@ class Plan:
     material: Mapping[str, Any]
     thickness: float = 1.0
     alphas: Mapping[str, float] = field(default_factory=dict)
-    symmetries: list[str] = field(default_factory=list)
+    planes: list[Plane] = field(default_factory=list)
     radials: list[Radial] = field(default_factory=list)
     joints: list[Joint] = field(default_factory=list)
     rigids: list[RigidPart] = field(default_factory=list)

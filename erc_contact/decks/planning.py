@@ -24,7 +24,7 @@ from erc_contact.decks.loads import (
 )
 from erc_contact.decks.materials import expansions_of, hypothesis_of, material_of, thickness_of
 from erc_contact.decks.pairs import adjusted
-from erc_contact.decks.plan import HeldParts, Plan, PushedParts, Radial
+from erc_contact.decks.plan import HeldParts, Plan, Plane, PushedParts, Radial
 from erc_contact.decks.reading import MaterialCards, Reading
 from erc_contact.decks.regions import regions_of
 from erc_contact.decks.sides import (
@@ -40,6 +40,8 @@ from erc_contact.scene.material import AXISYMMETRIC
 
 Members = dict[str, np.ndarray]
 """Name of each part -> its faces, or of each region -> its cells."""
+EVEN = 1e-9
+"""Difference of unit normals that is none [-]."""
 
 
 def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
@@ -72,14 +74,14 @@ def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
         return plan, {}, {}
     known = _known_sets(reading)
     claims = Claims({faces.tobytes(): name for name, faces in known.items()})
-    of_held = [claims.add(support.entry.what.name, support.faces) for support in held]
+    of_held = [claims.add(support.set_name, support.faces) for support in held]
     of_loads = [claims.add(load.set_name, load.faces) for load in loads]
     of_grips = [claims.add(grip.name, faces) for grip, faces in grips]
     of_cuts = claim_cuts(reading, claims)
     claim_sides(claims, pairs)
     parts, names = claims.parts()
     _add_unclaimed(parts, known)
-    _plan_supports(plan, held, [names[i] for i in of_held])
+    _plan_supports(plan, reading, held, [names[i] for i in of_held], parts)
     _plan_loads(plan, loads, [names[i] for i in of_loads])
     plan_grips(plan, reading, grips, [names[i] for i in of_grips])
     plan_cuts(plan, reading, regions, [names[i] for i in of_cuts])
@@ -131,12 +133,18 @@ def _materials(
     return result
 
 
-def _plan_supports(plan: Plan, held: list[HeldFaces], names: list[tuple[str, ...]]) -> None:
+def _plan_supports(
+    plan: Plan,
+    reading: Reading,
+    held: list[HeldFaces],
+    names: list[tuple[str, ...]],
+    faces: Members,
+) -> None:
     """Add supports on parts to a plan."""
     entries = []
     for support, parts in zip(held, names, strict=True):
         if support.component == SYMMETRY:
-            plan.symmetries += [part for part in parts if part not in plan.symmetries]
+            plan.planes += [_plane(reading, part, faces[part]) for part in parts]
         elif support.component == RADIAL and support.axes is not None:
             origin = tuple(map(float, support.axes.origin[: plan.d]))
             axis = tuple(map(float, support.axes.axes[2, : plan.d]))
@@ -145,6 +153,16 @@ def _plan_supports(plan: Plan, held: list[HeldFaces], names: list[tuple[str, ...
             what = HeldParts(parts, support.component, support.value)
             entries.append(replace(support.entry, what=what))
     plan.entries["held"] = entries
+
+
+def _plane(reading: Reading, part: str, faces: np.ndarray) -> Plane:
+    """Return a part on a plane of symmetry; numbers of a deck may leave it uneven."""
+    normals = reading.mesh.normals(faces)
+    mean = normals.mean(axis=0)
+    mean /= np.linalg.norm(mean)
+    if abs(normals - mean).max() < EVEN:
+        return Plane(part, None)
+    return Plane(part, tuple(map(float, mean)))
 
 
 def _plan_loads(plan: Plan, loads: list[LoadedFaces], names: list[tuple[str, ...]]) -> None:

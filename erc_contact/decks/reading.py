@@ -126,10 +126,19 @@ class Grip:
 
 @dataclass(frozen=True)
 class Pretension:
-    """Hold a *PRE-TENSION SECTION: the cut and the point of its force."""
+    """Hold a *PRE-TENSION SECTION.
+
+    Attributes:
+        surface: Name of the surface that is the cut.
+        node: The point of its force.
+        normal: Direction along which the force acts; empty for the outward normal of
+            the elements of the surface.
+        card: The card.
+    """
 
     surface: str
     node: int
+    normal: tuple[float, ...]
     card: Card
 
 

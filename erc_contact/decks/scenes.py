@@ -8,7 +8,7 @@ import ufl
 
 from erc_contact.decks.affine import Affine, constant
 from erc_contact.decks.histories import Key
-from erc_contact.decks.plan import Joint, Plan, Radial, RigidPart
+from erc_contact.decks.plan import Joint, Plan, Plane, Radial, RigidPart
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.load import BodyForce, Traction
 from erc_contact.scene.scene import Scene
@@ -30,8 +30,8 @@ def scene_of(plan: Plan, t: float) -> Scene:
     material: Any = first if is_one else materials
     supports: list[Any] = [*_displacements(plan, t)]
     supports += [_rigid(plan, rigid, t) for rigid in plan.rigids]
-    supports += [Symmetry(part) for part in plan.symmetries]
     contacts = [_contact(joint) for joint in plan.joints if joint.kind == "contact"]
+    contacts += [_plane(plane) for plane in plan.planes]
     contacts += [_radial_support(radial) for radial in plan.radials]
     ties = [_tie(plan, joint, t) for joint in plan.joints if joint.kind != "contact"]
     return Scene(
@@ -130,11 +130,18 @@ def _tie(plan: Plan, joint: Joint, t: float) -> Tied:
         for entry in plan.at(kind, t):
             number, component = entry.key
             if (number, component) == (joint.node, 1):
-                values[name] += entry.what * entry.factor(t)
+                values[name] += joint.sign * entry.what * entry.factor(t)
                 given.add(name)
     if "shortening" in given:
         return Preload(joint.here, joint.there, shortening=values["shortening"])
     return Preload(joint.here, joint.there, force=values["force"] / plan.thickness)
+
+
+def _plane(plane: Plane) -> Contact:
+    """Return a plane of symmetry."""
+    if plane.normal is None:
+        return Symmetry(plane.part)
+    return Contact(plane.part, normal=plane.normal, bilateral=True)
 
 
 class _RadialNormal:

@@ -13,6 +13,9 @@ from erc_contact.decks.plan import Joint, Plan
 from erc_contact.decks.reading import Facing, Interaction, Reading
 from erc_contact.decks.supports import HeldFaces
 
+NEAR = 0.5
+"""Distance over the size of a face below which it may touch [-]."""
+
 
 @dataclass
 class Side:
@@ -102,15 +105,25 @@ def free_of_loads(reading: Reading, pairs: list[Pair], loads: list[LoadedFaces])
 
 
 def _leave(reading: Reading, pairs: list[Pair], name: str, faces: np.ndarray) -> None:
-    """Take faces out of pairs, and tell of those that face another surface."""
+    """Take faces out of pairs; refuse those that are near the other surface."""
+    mesh = reading.mesh
     for pair in pairs:
-        for side in pair.sides:
+        slave, master = pair.sides
+        for side, facing_side in ((slave, master), (master, slave)):
             both = np.intersect1d(side.acting, faces)
             if len(both):
-                reading.told.assume(
-                    pair.facing.card,
-                    f"{len(both)} faces of {side.name!r} are in {name!r}, too, and not in the pair",
+                away = distance_between(mesh, both, facing_side.faces).greatest
+                size = (
+                    np.sqrt(mesh.measures(both).max()) if mesh.d == 3 else mesh.measures(both).max()
                 )
+                words = f"{len(both)} faces of {side.name!r} are in {name!r}, too"
+                if away < NEAR * size:
+                    reading.told.refuse(
+                        pair.facing.card,
+                        f"{words}: a face that may touch can be in the pair alone.",
+                    )
+                else:
+                    reading.told.assume(pair.facing.card, f"{words}, and not in the pair")
             side.acting = np.setdiff1d(side.acting, faces)
             side.faces = np.setdiff1d(side.faces, faces)
 

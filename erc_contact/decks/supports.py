@@ -6,7 +6,7 @@ are points: in a continuum they stop nothing but rigid motions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,11 @@ class HeldFaces:
     entry: Entry
     axes: Axes | None = None
 
+    @property
+    def set_name(self) -> str:
+        """Return the name of their set in the deck, "" where it has none."""
+        return self.name if self.entry.what.name else ""
+
 
 SYMMETRY, RADIAL = -1, -2
 """Components that are no component of the coordinates."""
@@ -67,23 +72,23 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
             # Components of the same nodes are one part.
             name = names.setdefault(held.nodes.tobytes(), f"support {len(names) + 1}")
         axes = _axes_of(reading, held)
-        is_corner = mesh.corner_count[held.nodes] > 0
-        nodes = held.nodes[is_corner]
-        value = None
-        if len(nodes):
-            value = fitted(mesh.x[nodes], held.values[is_corner])
+        is_used = mesh.node_is_used[held.nodes]
+        nodes = held.nodes[is_used]
+        if not is_used.all():
+            reading.told.leave_out(held.card, "nodes of no solid element")
         if not len(nodes):
             continue
+        value = fitted(mesh.x[nodes], held.values[is_used])
         if value is None:
             reading.told.refuse(
                 held.card, f"the values of {name!r} are not linear in the position."
             )
             continue
-        on_faces = np.isin(nodes, mesh.corners(faces))
+        on_faces = np.isin(nodes, mesh.nodes_of_faces(faces))
         if axes is not None:
             found = _in_axes(reading, entry, held, faces, name, axes, value)
             if found is not None:
-                result.append(found)
+                result += _by_planes(reading, found)
             continue
         if len(faces):
             result.append(HeldFaces(name, faces, held.component - 1, value, entry))
@@ -176,6 +181,21 @@ def _in_axes(
     return None
 
 
+def _by_planes(reading: Reading, held: HeldFaces) -> list[HeldFaces]:
+    """Return faces on planes of symmetry plane by plane, other faces as they are."""
+    if held.component != SYMMETRY:
+        return [held]
+    normals = np.round(reading.mesh.normals(held.faces), 4)
+    planes, plane = np.unique(normals, axis=0, return_inverse=True)
+    if len(planes) == 1:
+        return [held]
+    result = []
+    for number in range(len(planes)):
+        faces = held.faces[plane.ravel() == number]
+        result.append(replace(held, name=f"{held.name} {number + 1}", faces=faces))
+    return result
+
+
 def _check_points(
     reading: Reading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
 ) -> None:
@@ -184,11 +204,11 @@ def _check_points(
     left: list[tuple[Entry, np.ndarray, int]] = []
     for entry, nodes, component in points:
         on_faces = [
-            mesh.corners(held.faces).ravel() for held in result if held.component == component
+            mesh.nodes_of_faces(held.faces) for held in result if held.component == component
         ]
         covered = np.isin(nodes, np.concatenate([np.empty(0, dtype=np.int64), *on_faces]))
         free = nodes[~covered]
-        inside = np.setdiff1d(free, mesh.corners(np.flatnonzero(mesh.outer)))
+        inside = np.setdiff1d(free, mesh.nodes_of_faces(np.flatnonzero(mesh.outer)))
         if len(inside) and covered.any():
             reading.told.assume(
                 entry.what.card,
@@ -226,8 +246,9 @@ def _stop_rigid_motions_alone(
     mesh = reading.mesh
     bodies = mesh.bodies
     body_of_node = np.full(len(mesh.x), -1)
-    for block, numbers in zip(mesh.body.cells, mesh.body.numbers, strict=True):
-        body_of_node[block.nodes] = bodies[numbers][:, None]
+    for part in mesh.blocks:
+        if part.block.dim == mesh.d:
+            body_of_node[part.block.nodes] = bodies[mesh.cells_of_block(part)][:, None]
     for body in np.unique(bodies):
         rows_of_faces = []
         for held in result:
