@@ -26,6 +26,7 @@ from erc_contact.admissible.balance_parts import (
     spring_give,
     too_coarse,
 )
+from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
@@ -68,10 +69,10 @@ def admissible_tractions(
     """
     trials = [_trial(model.space, contact, solution) for contact in model.contacts]
     is_sampled = any(contact.sampled for contact in model.contacts)
-    tractions = _limit(model, trials, others, uniform=is_sampled)
+    tractions = _limit(model.space, trials, others, uniform=is_sampled)
     if is_sampled and isinstance(tractions, TooCoarse):
         # On a coarse mesh uniform pressures may leave too little to balance with.
-        return _limit(model, trials, others, uniform=False)
+        return _limit(model.space, trials, others, uniform=False)
     return tractions
 
 
@@ -98,13 +99,12 @@ def no_traction(space: Space, contact: ContactOnMesh) -> ContactTraction:
 
 
 def _limit(
-    model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
+    space: Space, trials: list[Trial], others: OtherForces, *, uniform: bool
 ) -> list[ContactTraction] | TooCoarse:
     """Limit tractions to what the law allows at all samples, and balance other forces.
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
-    space = model.space
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(space, trials, others)
         if isinstance(values, TooCoarse):
@@ -133,6 +133,37 @@ def _limit(
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
     values = _allowed_at_nodes(space, safe, others)
     return values if isinstance(values, TooCoarse) else _contact_tractions(safe, values)
+
+
+def _in_disc(
+    trial: Trial,
+    cones: Cones,
+    start: np.ndarray,
+    weight: np.ndarray,
+    motions: np.ndarray,
+    modulus: np.ndarray,
+) -> BalancePart:
+    """Return the balance of a contact, where the set of its friction is a disc.
+
+    Args:
+        trial: The traction of the method.
+        cones: The sets of its nodes.
+        start: Tractions r_0 [force/area], shape (f, m, d).
+        weight: As :class:`BalancePart` has it.
+        motions: Motions at the nodes, shape (f, m, d, K).
+        modulus: As :class:`BalancePart` has it.
+    """
+    allowed = trial.contact.friction_set
+    n = cones.n
+    of_motions = [allowed.from_disc(motion, n) for motion in np.moveaxis(motions, -1, 0)]
+    return BalancePart(
+        cones,
+        allowed.to_disc(start, n),
+        allowed.to_disc(trial.shift(cones.slope), n),
+        weight,
+        np.stack(of_motions, axis=-1),
+        modulus,
+    )
 
 
 def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[ContactTraction]:
@@ -172,8 +203,7 @@ def _allowed_at_nodes(
             trials, values, start, constraints, of_facets, strict=True
         ):
             cones = trial.allowed.tangent_cones(r, peak)
-            shift = trial.shift(cones.slope)
-            part = BalancePart(cones, r_0, shift, weight, motions, modulus)
+            part = _in_disc(trial, cones, r_0, weight, motions, modulus)
             cone_parts.append(part.on_facets(~trial.uniform))
             rays = trial.at_mean_pressure(r)
             uniform = trial.uniform
@@ -187,7 +217,9 @@ def _allowed_at_nodes(
             trials, tractions[:count], tractions[count:], strict=True
         ):
             r = np.empty_like(trial.mean)
-            r[~trial.uniform] = at_nodes
+            cones_at = np.flatnonzero(~trial.uniform)
+            n = trial.contact.direction[cones_at, None]
+            r[cones_at] = trial.contact.friction_set.from_disc(at_nodes, n, cones_at)
             r[trial.uniform] = on_rays.reshape(-1, *r.shape[1:])
             values.append(r)
             is_uniform = trial.uniform[:, None, None]

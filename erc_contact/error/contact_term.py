@@ -14,7 +14,7 @@ import numpy as np
 
 from erc_contact.admissible.cones import clip
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.trace import Trace, split
+from erc_contact.model.contact.trace import ALL, Facets, Trace, split
 
 
 class SpringLaw(NamedTuple):
@@ -50,6 +50,7 @@ class AtPoints(NamedTuple):
         stiffness: k_n of a compliant foundation [force/length^3], shape (n, q); None
             where it is rigid.
         tangential: k_t, likewise.
+        facet: Numbers of the facets in the contact, all of them by default.
     """
 
     n: np.ndarray
@@ -60,6 +61,7 @@ class AtPoints(NamedTuple):
     bound: np.ndarray
     stiffness: np.ndarray | None = None
     tangential: np.ndarray | None = None
+    facet: Facets = ALL
 
     @property
     def entry(self) -> np.ndarray:
@@ -90,7 +92,9 @@ def contact_density(
     """Evaluate twice the contact term at points [force/length^(d-2)].
 
     It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, and on a compliant
-    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`.
+    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`. Where
+    friction is orthotropic ``support(w_t - s)`` takes the place of the length
+    (:mod:`erc_contact.model.contact.friction_set`).
 
     Args:
         contact: The contact.
@@ -101,7 +105,7 @@ def contact_density(
         The term, shape (n, q).
     """
     r_n, r_t, _ = split(at.r, at.n)
-    _, w_t, slip = split(at.w - at.s, at.n)
+    w_t = split(at.w - at.s, at.n).tangential
     spring, slider = at.spring, at.slider
     if contact.bilateral:
         # A gap that is closed everywhere, with a traction of any sign, does no work.
@@ -113,6 +117,7 @@ def contact_density(
     if slider is not None:
         density += law_error(slider)
     elif contact.friction is not None:
+        slip = contact.friction_set.support(w_t, at.n, at.facet)
         density += at.bound * slip + (r_t * w_t).sum(axis=-1)
     # A difference of two works that are equal up to round-off is no error. Otherwise e
     # would stop at 1e-8 of the norm.

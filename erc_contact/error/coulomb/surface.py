@@ -228,10 +228,10 @@ def pieces(d: int, k: int) -> np.ndarray:
 
 
 def has_coulomb(contact: ContactOnMesh) -> bool:
-    """Tell whether a contact has Coulomb friction and is tangentially rigid."""
+    """Tell whether a contact has isotropic Coulomb friction, tangentially rigid."""
     if contact.friction is None or contact.tangential_stiffness is not None:
         return False
-    return contact.friction.dependence == PROPORTIONAL
+    return contact.friction_set.is_disc and contact.friction.dependence == PROPORTIONAL
 
 
 def coulomb_surface(model: Model) -> CoulombSurface:

@@ -27,6 +27,8 @@ from namedmesh.simplex import barycentric, coefficients, measures, node_vertices
 
 CONTINUOUS = 1e-9
 """Difference of two facets at a node that counts as none, over the greatest value."""
+type Facets = np.ndarray | slice
+"""Numbers of facets of a contact, or all of them."""
 ALL = slice(None)
 """All facets."""
 
@@ -232,7 +234,7 @@ class Trace:
         """
         return self.normals_at_places(barycentric(points))
 
-    def normals_at_places(self, places: np.ndarray, facet: np.ndarray | slice = ALL) -> np.ndarray:
+    def normals_at_places(self, places: np.ndarray, facet: Facets = ALL) -> np.ndarray:
         """Return unit normals at barycentric coordinates, as :meth:`normals_at` does.
 
         Args:
