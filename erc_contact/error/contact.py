@@ -244,14 +244,14 @@ def _adapted_squares(
         gap = data.gap(facet, x)
         bound = data.bound(facet, x, pressures(r, n))
         springs = data.stiffness(facet, x), data.tangential_stiffness(facet, x)
-        at = AtPoints(n, r, w, s, gap, bound, *springs, facet=facet)
+        at = AtPoints(n, r, w, s, gap, bound, *springs, facet)
 
         normal = data.normal(facet, x, n)
         beyond = _above(_beyond_gap(contact, at, normal), least_gap)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         turned = _above(turned, least_force)
-        gauge = contact.friction_set.gauge(split(r, n).tangential, n, facet)
-        excess = _above(gauge - bound, least_force)
+        friction = contact.friction_set.gauge(split(r, n).tangential, n, facet)
+        excess = _above(friction - bound, least_force)
         # A violation of the gap is measured like a wrong support, E/h |.|^2; a
         # violation of the normal or of the friction bound like a wrong load, h/E |.|^2.
         compliance = (1 / contact.trace.stiffness)[facet][:, None]

@@ -50,7 +50,7 @@ class AtPoints(NamedTuple):
         stiffness: k_n of a compliant foundation [force/length^3], shape (n, q); None
             where it is rigid.
         tangential: k_t, likewise.
-        facet: Numbers of the facets in the contact, all of them by default.
+        facet: Numbers of the n facets in the contact, all of them by default.
     """
 
     n: np.ndarray
@@ -117,8 +117,8 @@ def contact_density(
     if slider is not None:
         density += law_error(slider)
     elif contact.friction is not None:
-        slip = contact.friction_set.support(w_t, at.n, at.facet)
-        density += at.bound * slip + (r_t * w_t).sum(axis=-1)
+        path = contact.friction_set.support(w_t, at.n, at.facet)
+        density += at.bound * path + (r_t * w_t).sum(axis=-1)
     # A difference of two works that are equal up to round-off is no error. Otherwise e
     # would stop at 1e-8 of the norm.
     size = np.linalg.norm(at.w, axis=-1) + np.linalg.norm(at.s, axis=-1)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 import ufl
@@ -46,6 +47,9 @@ from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
+
+OF_SPACE = "mesh", "n", "x", "V", "d", "contact_degree", "nodal_rule"
+"""What methods of users read of a model in version 0.1 and of its space now."""
 
 
 class Model:
@@ -167,6 +171,18 @@ class Model:
         self.centres = motions.centres
         self.body_sizes = motions.sizes
         self.loose = loose_motions(space, self.bodies, motions.values, held, self.contacts)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return what a method of users reads of the space, as in version 0.1.
+
+            It is to go with version 0.3.
+            """
+            if name not in OF_SPACE:
+                raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+            warn(f"Write model.space.{name} for model.{name}.", DeprecationWarning, stacklevel=2)
+            return getattr(self.space, name)
 
     def bind_supports_and_loads(self, scene: Scene) -> None:
         """Put the supports and loads of a scene on the mesh; collective."""
@@ -445,10 +461,9 @@ class Model:
         """
         if contact.friction is None or contact.friction.dependence != PROPORTIONAL:
             return 0.0
-        space = self.space
-        parameters = friction_parameters(space, contact, space.facet_points)
-        ones = np.ones((len(contact.facets), len(space.facet_points)))
-        _, most = space.extremes(contact.friction_bound(ones, parameters))
+        parameters = friction_parameters(self.space, contact, self.space.facet_points)
+        ones = np.ones((len(contact.facets), len(self.space.facet_points)))
+        _, most = self.space.extremes(contact.friction_bound(ones, parameters))
         return most * contact.friction_set.longest
 
     def at_nodes(self, contact: ContactOnMesh) -> ContactOnMesh:
