@@ -1,4 +1,4 @@
-"""Interior point steps for contact without friction, or with given friction.
+"""Interior point steps for contact without friction, or with Tresca friction.
 
 Such a contact problem is a quadratic programme. Newton's method for ``r = P(z)``, with
 z the trial traction and P the projection of the law, moves the edge of a contact by
@@ -6,7 +6,7 @@ about a node a step where bodies are slender. An interior point method takes 10 
 steps on any mesh.
 
 At a point, the law allows tractions r with ``D^T r <= h``: a pressure >= 0, and in the
-plane two bounds of friction, in space the sides of a polygon. The projection is
+plane two bounds of friction, in 3D the sides of a polygon. The projection is
 
     z = r + D v,    y = h - D^T r,    v >= 0,    y >= 0,    v_j y_j = t_j
 
@@ -44,7 +44,7 @@ from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 STEPS = 40
 """Limit of interior point steps of one attempt."""
 SIDES = 8
-"""Sides of the polygon of friction in space."""
+"""Sides of the polygon of friction in 3D."""
 SOFT = 1e-4
 """Stiffness of the springs at the contact in the first solution, over gamma [-].
 

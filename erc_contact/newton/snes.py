@@ -35,7 +35,7 @@ CYCLE = 0.9
 STILL_STEPS = 7
 """Steps with one status after which Newton's method must have come nearer.
 
-With one status the equations are linear in the plane and smooth in space. Where the
+With one status the equations are linear in the plane and smooth in 3D. Where the
 tangent is singular, the line search cuts the steps to nothing and the status stays.
 """
 IMBALANCE = 1e-6

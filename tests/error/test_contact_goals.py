@@ -13,9 +13,9 @@ from test_moments import moment_about
 
 import erc_contact as ec
 from erc_contact.error.goals import contact_perturbations, goal_error, trials
+from erc_contact.error.goals.difference_quotient import Ends
 from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.perturbations import perturbation_of
-from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import Trials
 
 pytestmark = pytest.mark.serial
@@ -121,7 +121,7 @@ def test_corner_and_symmetry():
     assert force.low == pytest.approx(-top.high, rel=1e-6)
 
 
-def test_intersection_with_that_of_one_lifting(monkeypatch):
+def test_intersection_with_the_lifting_bound(monkeypatch):
     """A force is also in the interval of ``resultant``; proved and estimate do not mix."""
     block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
     pressed = ec.Displacement("top", (0.0, -0.01))

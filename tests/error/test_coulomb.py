@@ -393,7 +393,7 @@ def block_of(n: int) -> ec.Domain:
 def test_bodies_that_only_contact_holds_vertically():
     """GRECO can move up, which costs nothing.
 
-    A block in space can also tip about its top, and slides along then.
+    A block in 3D can also tip about its top, and slides along then.
     """
     _, held = certified(greco(0.3), square(8))
     assert held.q == pytest.approx(0.3 * 1.0172, rel=1e-3)

@@ -1,7 +1,7 @@
 """Intervals from three admissible pairs: they hold, are nested, and shrink faster than e.
 
 Properties: a number that equilibrium or a homogeneous state dictates is met; intervals
-of a coarse and of a fine mesh overlap, in 2D and 3D, without friction, with a given one,
+of a coarse and of a fine mesh overlap, in 2D and 3D, without friction, with Tresca's,
 between two bodies and under springs; the order in e; what has no interval is told.
 """
 
@@ -109,7 +109,7 @@ def test_functionals_of_a_homogeneous_state():
         assert bounds.guaranteed
         assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
         assert bounds.high - bounds.low < 1e-8
-    # No polynomial: the mesh does not carry it.
+    # No polynomial: the mesh does not represent it.
     curved = ec.Traction("right", (lambda x: ufl.exp(x[1]), 0.0))
     assert not ec.interval(error, ec.Functional(curved)).guaranteed
     refused(lambda: ec.interval(error, ec.Functional(ec.Traction("bottom", (0, 1)))), "'bottom'")

@@ -1,8 +1,8 @@
 """Goals of the slip and the opening of a contact.
 
 - Intervals hold the means of fine meshes: on foundations and between bodies, in the
-  plane, in space and of rings, of both degrees, by both methods, without friction, with
-  given friction and Coulomb's; open, closed, sticking, on curved sides, in cracks.
+  plane, in 3D and of rings, of both degrees, by both methods, without friction, with
+  Tresca friction and Coulomb's; open, closed, sticking, on curved sides, in cracks.
 - Only Coulomb's are estimates. Names of the sides change the sign at most.
 - What the contact bears is told: a closed contact has a narrow opening.
 - The report says where eps is no error of the slip.
@@ -325,7 +325,7 @@ def test_bad_input():
     refused(lambda: ec.Opening(3), "Opening")
     refused(lambda: ec.adapt(lifted(2, 0.0), block(2, 2), 0.1, goal="slip"), "Slip", "Opening")
     solid = certified(lifted(3, 0.0), block(3, 1))
-    refused(asked(ec.Slip("bottom"), solid), "direction in space")
+    refused(asked(ec.Slip("bottom"), solid), "direction in 3D")
     plane = ec.Scene(
         ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0, -0.1)), ec.Symmetry("bottom")]
     )

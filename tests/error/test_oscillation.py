@@ -1,6 +1,6 @@
-"""Data that the mesh does not carry.
+"""Data that the mesh does not represent exactly.
 
-What is guaranteed is true, and what the mesh carries stays guaranteed.
+What is guaranteed is true, and what the mesh represents exactly stays guaranteed.
 
 - resultants that equilibrium dictates equal the load's, jumps and peaks inside facets
   included;
@@ -278,7 +278,7 @@ def test_supports_that_vary(power, carried, degree):
 @pytest.mark.serial
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_normal_that_varies(tilt):
-    """A normal that is constant though given as a callable is carried.
+    """A normal that is constant though given as a callable is represented exactly.
 
     One that turns along a facet is not.
     """
@@ -288,7 +288,7 @@ def test_normal_that_varies(tilt):
 
 
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
-def test_what_the_mesh_carries_stays_guaranteed(degree):
+def test_what_the_mesh_represents_stays_guaranteed(degree):
     """Moduli by region, tractions, pressure, supports, gap and friction bound linear, a constant body force."""
     domain = two_materials(np.array([1.0, 1.0]), 0.3, MPI.COMM_WORLD)
     scene = ec.Scene(
@@ -339,7 +339,7 @@ def test_rank_independence(degree):
 
 
 def a_scene(seed: int, degree: int) -> tuple[ec.Scene, bool]:
-    """A scene with moduli, gap and given friction of any kind, and whether the mesh carries loads and supports."""
+    """A scene with moduli, gap and Tresca friction of any kind, and whether the mesh represents loads and supports."""
     rng = np.random.default_rng(seed)
     carried = bool(seed % 4)
     often, slope, wave, load, tilt, bend, curve, bumps, limit = rng.uniform(

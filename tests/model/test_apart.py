@@ -55,7 +55,7 @@ def bricks(d, distance, cells=((3, 2), (2, 3)), shift=0.0):
 
 
 def apart(d, distance, **options):
-    """The bricks as a pair. In space their facets match."""
+    """The bricks as a pair. In 3D their facets match."""
     cells = ((3, 2), (2, 3)) if d == 2 else ((2, 2), (2, 1))
     return bricks(d, distance, cells, **options).joined(*SIDES, apart=1.01 * abs(distance))
 
@@ -244,7 +244,7 @@ def test_pressure_of_a_pin_in_a_smaller_hole():
 
 
 def test_pressure_of_a_cylinder_in_a_smaller_hole():
-    """In space: the mean pressure of a short press fit, whose bodies keep their shapes."""
+    """In 3D: the mean pressure of a short press fit, whose bodies keep their shapes."""
     domain = pin_in_hole(3, 0.5, 0.49, 0.2).joined("pin side", "ring side", apart=0.011)
     contact = ec.Contact("pin side", against="ring side", friction=0.1)
     # Springs that are nearly nothing hold the rigid motions.

@@ -2,8 +2,8 @@
 
 - The slip of an inclined crack under compression is the closed form of a large plate,
   with both methods; the pressure is the remote one.
-- Both solvers, both methods, one to three ranks agree; in space, too.
-- e over the true errors is at least 1 without friction and with given friction; proved
+- Both solvers, both methods, one to three ranks agree; in 3D, too.
+- e over the true errors is at least 1 without friction and with Tresca friction; proved
   intervals of two meshes meet.
 - An open crack is the body without a contact; a closed one is refined, meshed anew,
   loaded in steps.

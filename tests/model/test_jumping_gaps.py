@@ -87,7 +87,7 @@ def solved(domain, degree, method, gap=0.0):
 def test_displacement_is_below_the_gap(d, degree, place, height, beyond):
     gap, value = gap_until(place, height, beyond)
     error = solved(beam(d), degree, "Lagrangian", gap)
-    # In space the quadrature of a jump across triangles ends before it is exact.
+    # In 3D the quadrature of a jump across triangles ends before it is exact.
     assert error.guaranteed or d == 3
     rng = np.random.default_rng(5)
     x = np.zeros((POINTS, d))

@@ -4,7 +4,7 @@
   by d, and a body all of whose supports move by -d, have the same forces, slip, error,
   intervals, energies and histories.
 - A disc that turns below a pad pulls at it with friction times pressure times radius.
-- A motion that facets do not carry is told, and nothing is then called guaranteed.
+- A motion that facets do not represent is told, and nothing is then called guaranteed.
 - Bad input is refused in words.
 """
 
@@ -142,7 +142,7 @@ def test_a_turning_disc_pulls_with_its_moment(degree):
 
 @pytest.mark.on_ranks("0")
 @pytest.mark.parametrize("waves", [0, 9])
-def test_a_motion_that_facets_do_not_carry_is_told(waves):
+def test_a_motion_that_facets_do_not_represent_is_told(waves):
     wavy = (lambda x: 0.004 * np.cos(waves * x[0]), 0.0)
     foot = ec.Contact("bottom", friction=ec.Tresca(0.002), motion=wavy)
     press = ec.Displacement("top", (0.0, -SUNK))

@@ -1,6 +1,6 @@
 """Preloads: cuts whose sides are drawn together by a force or a shift.
 
-- A bar has q = F L/(E A), with both solvers, in the plane and in space; its jump is q d.
+- A bar has q = F L/(E A), with both solvers, in the plane and in 3D; its jump is q d.
 - Two springs in parallel: what the bolt feels of a pull before and after the joint opens.
 - A bolted joint is in balance to round-off, and sigma^ has the force of the bolt; solvers,
   methods, sides, refined meshes, ranks and checkpoints agree.

@@ -3,7 +3,7 @@
 - a bar that a rigid end pulls and bends has the closed form, signs included;
 - a face in a holder of 1e6 E moves as the rigid face does;
 - sigma^ has the resultants that are given, and u^ is rigid on the face, in the plane
-  and in space;
+  and in 3D;
 - e bounds true errors, energies and motions of a fine mesh lie in the intervals;
 - a punch between two bodies, histories, ranks;
 - what is wrong is refused in words.
@@ -41,7 +41,7 @@ def free_face() -> ec.Rigid:
 
 
 def test_bar_pulled_and_bent():
-    """Without Poisson's effect degree 2 carries the solution; nu would warp the ends."""
+    """Without Poisson's effect degree 2 represents the solution; nu would warp the ends."""
     pull, moment = 6.0, 0.5
     rigid = ec.Rigid("right", (None, 0.0), force=(pull, None), moment=moment)
     scene = ec.Scene(ec.Elastic(E, 0.0), [ec.Symmetry("left"), rigid])
@@ -128,12 +128,12 @@ FACES = {
     "coarse": (free_face(), (2, 1), 2),
     "guided": (ec.Rigid("top", (0.001, None), rotation=0.0, force=(None, -8.0)), (6, 3), 1),
     "pushed": (ec.Rigid("top", (None, -0.004), force=(0.5, None), moment=0.2), (6, 3), 2),
-    "in space": (
+    "in 3D": (
         ec.Rigid("top", force=(0.4, 0.3, -8.0), moment=(0.5, -0.4, 0.2)),
         (3, 2, 2),
         1,
     ),
-    "in space, degree 2": (
+    "in 3D, degree 2": (
         ec.Rigid(
             "top", (None, None, -0.004), (0.0, 0.001, None), (0.4, 0.3, None), (None, None, 0.2)
         ),
@@ -143,7 +143,7 @@ FACES = {
 }
 
 
-@pytest.mark.parametrize("case", mostly_serial(FACES, ["free", "in space"]))
+@pytest.mark.parametrize("case", mostly_serial(FACES, ["free", "in 3D"]))
 def test_resultants_and_motions(case):
     rigid, cells, degree = FACES[case]
     box = ec.rectangle(*PLANE, cells=cells) if rigid.d == 2 else ec.box(*SPACE, cells=cells)
@@ -180,7 +180,7 @@ BOUNDED = {
     "frictionless": pressed(
         ec.Rigid("top", (0.0, None), force=(None, -8.0), moment=1.5), friction=0.0
     ),
-    "given friction": pressed(
+    "Tresca friction": pressed(
         ec.Rigid("top", (0.002, None), force=(None, -8.0), moment=-1.0),
         friction=ec.Tresca(0.5),
         loads=[ec.BodyForce((0.0, -1.0))],
@@ -194,7 +194,7 @@ BOUNDED = {
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("case", "degree"), [("frictionless", 2), ("given friction", 1), ("cantilever", 1)]
+    ("case", "degree"), [("frictionless", 2), ("Tresca friction", 1), ("cantilever", 1)]
 )
 def test_e_and_intervals_hold_those_of_a_fine_mesh(case, degree):
     scene = BOUNDED[case]
@@ -230,15 +230,15 @@ SOLVED = {
     "certified": (lambda: (pressed(GUIDED, friction=0.2), plate(6)), 1),
     "sprung": (lambda: (pressed(GUIDED, friction=0.2, springs=SPRUNG), plate()), 2),
     "without contact": (lambda: (HELD, plate()), 1),
-    "in space": (
-        lambda: (pressed(FACES["in space"][0]), ec.box(*SPACE, cells=(3, 2, 2))),
+    "in 3D": (
+        lambda: (pressed(FACES["in 3D"][0]), ec.box(*SPACE, cells=(3, 2, 2))),
         2,
     ),
     "two bodies": (lambda: two_bodies(3), 1),
 }
 
 
-@pytest.mark.parametrize("case", mostly_serial(SOLVED, ["free", "in space", "two bodies"]))
+@pytest.mark.parametrize("case", mostly_serial(SOLVED, ["free", "in 3D", "two bodies"]))
 def test_both_solvers(case):
     """The factor and multigrid, with all that solves for the body after the contact."""
     make, degree = SOLVED[case]

@@ -1,8 +1,8 @@
-"""Foundations, and layers between bodies, that give way tangentially.
+"""Foundations, and layers between bodies, that are tangentially compliant.
 
 - a block that is pressed and sheared on one has the closed form of springs in a row
   while it sticks, and slips at its friction bound, by all methods and both solvers, in
-  the plane and in space;
+  the plane and in 3D;
 - with a bound that nothing reaches it is a bed of springs, in the plane, on rings and
   between bodies;
 - the error in its law is zero for the law and for nothing else, and tends to the term
@@ -200,7 +200,7 @@ def test_limits_of_soft_and_stiff_foundations(degree, method):
 @pytest.mark.parametrize(("degree", "eps"), [(1, 0.045), (2, 0.02)])
 @pytest.mark.parametrize("k", [10.0, 300.0])
 def test_springs_alone_hold_a_block(k, degree, eps, method):
-    """Its traction balances the loads; what the springs give way is no slip."""
+    """Its traction balances the loads; the deflection of the springs is no slip."""
     load = ec.Traction("top", (lambda x: 0.5 + 0.15 * x[0], -5.0))
     bed = ec.Contact("bottom", friction=0.3, foundation=ec.Foundation(tangential=k))
     scene = ec.Scene(ec.Elastic(E, 0.3), loads=load, contacts=bed)

@@ -357,7 +357,7 @@ def test_what_files_round_is_taken_up_and_told_once(degree, caplog):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_body_forces_that_vary_are_balanced_by_their_projections(degree):
-    """At degree 1 a cell carries its mean, whose moment is another one."""
+    """At degree 1 a cell represents its mean, whose moment is another one."""
     scene = ec.Scene(ec.Elastic(E, NU), loads=ec.BodyForce((lambda x: (x[0] - 1.0) ** 3, 0.0)))
     coarse, fine = (certified(scene, brick(2, n), degree=degree) for n in (3, 12))
     assert max(coarse.admissible.imbalance, fine.admissible.imbalance) < 1e-11

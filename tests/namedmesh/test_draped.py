@@ -1,4 +1,4 @@
-"""Curved sides in space that do not match: one side takes the facets of the other one.
+"""Curved sides in 3D that do not match: one side takes the facets of the other one.
 
 Properties: all facets of the smaller side are paired, whether outlines run together,
 lie amid the other side, or both; the bodies are as they were up to the height of their

@@ -58,7 +58,7 @@ def bricks(d: int, places: list[tuple[int, ...]], *, merged: bool = True) -> ec.
 CASES = {
     "vertex": (2, [(0, 0), (1, 1)]),
     "edge": (3, [(0, 0, 0), (1, 0, 1)]),
-    "vertex in space": (3, [(0, 0, 0), (1, 1, 1)]),
+    "vertex in 3D": (3, [(0, 0, 0), (1, 1, 1)]),
 }
 
 

@@ -643,16 +643,16 @@ WRONG = {
         lambda: pair(square(), square(0.2, 0)).joined("upper bottom", "lower bottom"),
         ("nothing in common", "opposite"),
     ),
-    "apart in space": (lambda: pair(cube(), cube(0.3, -1.1)).joined(*BOTTOM_TOP), ("0.1 apart",)),
-    "turned in space": (
+    "apart in 3D": (lambda: pair(cube(), cube(0.3, -1.1)).joined(*BOTTOM_TOP), ("0.1 apart",)),
+    "turned in 3D": (
         lambda: pair(cube(), cube(1, 0, 3)).joined("upper right", "lower right"),
         ("cosine", "is 1"),
     ),
-    "beside in space": (
+    "beside in 3D": (
         lambda: pair(cube(), cube(3, -1, 3)).joined(*BOTTOM_TOP),
         ("nothing in common",),
     ),
-    "curved in space": (
+    "curved in 3D": (
         lambda: pair(cube(-0.5, 0.5), ball(0.5, 0.4)).joined(*BOTTOM_TOP),
         ("'upper bottom'", "'lower top'"),
     ),

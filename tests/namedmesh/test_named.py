@@ -234,7 +234,7 @@ BAD = {
     "ends in wrong order": (lambda b: ec.where(y=(2, 1)), r"y is \(2, 1\); give a coordinate"),
     "no number": (lambda b: ec.where(y=float("nan")), "y is nan; give a coordinate"),
     "no direction": (lambda b: ec.where(normal=(0.0, 0.0)), "give a direction"),
-    "normal in space": (
+    "normal in 3D": (
         lambda b: b.named({"foot": ec.where(normal=(0, 0, 1))}),
         "in 2D it has 2 components",
     ),

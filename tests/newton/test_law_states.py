@@ -198,7 +198,7 @@ def test_a_state_on_a_refined_mesh_in_any_unit(unit):
 
 
 def test_bodies_that_overlap_keep_their_states():
-    """Drawn with an interference; the upper body yields. Its cells lie over those of the lower."""
+    """Modelled with an interference; the upper body yields. Its cells lie over those of the lower."""
     bodies = {
         "upper": ec.rectangle((0.0, 0.9), (1.0, 1.9), cells=(4, 4)),
         "lower": ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)),

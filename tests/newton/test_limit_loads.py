@@ -52,7 +52,7 @@ def loads(d: int, push: float, on: str) -> list:
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_block_slides(d):
-    """It takes a push of 0.4 of its weight; a polygon of 8 sides is 8% wider in space."""
+    """It takes a push of 0.4 of its weight; a polygon of 8 sides is 8% wider in 3D."""
     scene = ec.Scene(SOFT, loads=loads(d, 0.5, "left"), contacts=ec.Contact("bottom", friction=0.4))
     share, factor, coefficient = told(scene, block(d))
     wider = 1.0 if d == 2 else 1 / np.cos(np.pi / 8)

@@ -29,7 +29,7 @@ STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)
 
 
 def slab(d, cells=None):
-    """A slab (0, 2) x (0, 1), in space of depth 1."""
+    """A slab (0, 2) x (0, 1), in 3D of depth 1."""
     if d == 2:
         return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells or (6, 3))
     return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=cells or (3, 2, 2))
@@ -101,7 +101,7 @@ def test_a_quadratic_potential_that_varies_in_cells():
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("d", "degree", "friction"),
-    # In space friction adds a term to what a smooth contact has.
+    # In 3D friction adds a term to what a smooth contact has.
     [*product((2,), (1, 2), (0.0, ec.Tresca(0.002))), (3, 1, ec.Tresca(0.002))],
 )
 def test_energies_add_up_to_the_error(d, degree, friction):
@@ -128,11 +128,11 @@ def test_energies_add_up_to_the_error(d, degree, friction):
 
 
 SEEDS = [0, 1, 3, 4, 5, 6, 7, 9, 10, 14, 18]
-"""Each law in the plane with each degree; the first slab is in space."""
+"""Each law in the plane with each degree; the first slab is in 3D."""
 
 
 def random_scene(seed):
-    """A slab of a random law, hardening 1% to 100%, smooth or with given friction, with or without gap and load."""
+    """A slab of a random law, hardening 1% to 100%, smooth or with Tresca friction, with or without gap and load."""
     rng = np.random.default_rng(seed)
     d = 2 if seed % 8 else 3
     degree = 1 + seed % 2 if d == 2 else 1
@@ -160,7 +160,7 @@ def test_the_exact_energy_lies_in_the_interval(seed):
     scene, d, degree = random_scene(seed)
     domain = slab(d, (4, 2) if d == 2 else (2, 1, 1))
     error = certified(scene, domain, degree=degree)
-    # In space, degree 2 on the same cells tells enough.
+    # In 3D, degree 2 on the same cells tells enough.
     reference = certified(scene, domain.refined().refined() if d == 2 else domain, degree=2)
     assert reference.absolute < error.absolute
     bounds, exact = ec.potential_energy(error), ec.potential_energy(reference)

@@ -222,7 +222,7 @@ SCENES = {
     "half lower": half_lower,
     "half both": half_both,
 }
-# The laws of a scene make its forms: in space and at degree 2 a few are enough.
+# The laws of a scene make its forms: in 3D and at degree 2 a few are enough.
 CASES = [*product((2,), (1,), SCENES), *product((2,), (2,), ("gap", "corner"))]
 CASES += product((3,), (1,), ("gap", "corner"))
 

@@ -10,7 +10,7 @@ read back as a number, however small.
 
 Of degree 2 all nodes are written, drawn and can be integrated; the area under a drawn
 pressure is the resultant, also of a curved or closed contact; a picture magnifies gap
-and displacement alike, so that no body enters its foundation; a contact in space is
+and displacement alike, so that no body enters its foundation; a contact in 3D is
 seen; directions have clean names; a stress out of plane that nobody knows is not shown
 as zero; files are no larger than what they hold.
 """
@@ -294,7 +294,7 @@ def test_pictures_show_something(error, shared_tmp_path):
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     output.plot_contact(error, "bottom", shared_tmp_path / "contact.png")
-    if domain.dim == 2:  # in space they are drawn as the sizes and the deformed body are
+    if domain.dim == 2:  # in 3D they are drawn as the sizes and the deformed body are
         names += ["error", "as_it_is"]
         output.draw_error(error, shared_tmp_path / "error.png")
         output.draw_deformed(error, shared_tmp_path / "as_it_is.png", factor=1.0)

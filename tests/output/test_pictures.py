@@ -9,9 +9,9 @@ Vectors, axes of the user's, nothing cut off, nothing that was not computed.
   edges there, too.
 - Axes that are given are drawn on and returned, with the style of their figure; in 3D
   they are refused in words.
-- Maps of a contact in space are what an eye in the foundation sees.
+- Maps of a contact in 3D are what an eye in the foundation sees.
 - All words of a figure are inside it, no panel covers another one, and both views of a
-  body in space are images of their own.
+  body in 3D are images of their own.
 """
 
 import re

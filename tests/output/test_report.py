@@ -236,7 +236,7 @@ def test_verdict_follows_from_friction_data_and_shape():
     assert "coulomb_certificate" in claims[1][1]
     error, claims = said(0.0, top=lambda x: -0.05 - 0.01 * x[0] ** 3)
     assert not error.guaranteed
-    assert "with the data that the mesh carries" in claims[0][1]
+    assert "with the data that the mesh represents exactly" in claims[0][1]
     (estimate,) = [words for kind, words in claims if kind == "estimate"]
     assert "prescribed displacements" in estimate
     assert percent(error.oscillations.supports / error.scale) in estimate

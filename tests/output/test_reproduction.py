@@ -1,6 +1,6 @@
 """The code under "How to reproduce it" runs as it is, beside its report, and gives the same run.
 
-Scenes: a block with data of lambdas; one in space with a named part, meshed anew; two
+Scenes: a block with data of lambdas; one in 3D with a named part, meshed anew; two
 bodies with a pair; a loading history of a function with a material of the user's; bodies
 with their own true shapes, apart.
 """

@@ -1,4 +1,4 @@
-"""Pictures of axisymmetric bodies: r and z, pressures per area, and the body in space.
+"""Pictures of axisymmetric bodies: r and z, pressures per area, and the body in 3D.
 
 - Labels say r and z, and curves of a contact show the pressure per area.
 - A mirrored picture has each element and line on both sides of the axis, and no r < 0.

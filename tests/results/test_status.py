@@ -1,7 +1,7 @@
 """The status of facets is what an engineer reads: where the contact is open, slips, sticks.
 
 - Zones of closed forms are met within a facet: Cattaneo and Mindlin in the plane, on the
-  way forward and back, and on a sphere in space; the solution and its pair agree.
+  way forward and back, and on a sphere in 3D; the solution and its pair agree.
 - A body that slides as a whole slips everywhere, also where friction varies; one that is
   held sticks everywhere, however near to its limit.
 - Without friction a facet is closed, and neither slips nor sticks; a tied joint sticks.

@@ -777,7 +777,7 @@ MODELS = pytest.mark.parametrize(
     ("build", "words"),
     [
         (empty, ("dimension 0", "volume")),
-        (upright, ("surface in space", "plane")),
+        (upright, ("surface in 3D", "plane")),
     ],
 )
 

@@ -1,7 +1,8 @@
-"""Certified intervals of higher order for single numbers, from three admissible pairs.
+"""Difference-quotient bound: certified intervals of higher order for single numbers.
 
-Let the data of a scene move by t: loads by ``t psi``, supports by ``t U'``. The energy
-J of its solution then has the derivative
+Three admissible pairs give the interval, in which difference quotients take the place
+of derivatives. Let the data of a scene move by t: loads by ``t psi``, supports by ``t
+U'``. The energy J of its solution then has the derivative
 
     -J'(0) = psi(u) - (sigma n, U')  =: Q,
 
@@ -30,7 +31,7 @@ it is at least ``-(A + B)/t`` at the lower end, and at most that at the upper on
 
     V - max_m ( d m + (M^2 - m^2)/t ),    0 <= m <= M.
 
-With given friction b, A and B also contain what friction does, and V the difference
+With Tresca friction b, A and B also contain what friction does, and V the difference
 ``int b (|w^_t| - |w+_t|)/t``, at the upper end ``int b (|w-_t| - |w^_t|)/t``. If the
 friction bound depends on the pressure, the interval is an estimate.
 
@@ -58,7 +59,7 @@ like the root of the distance, and the gap like its third power: V is apart by a
 
 A friction bound that depends on the pressure is given the values that it has for the
 pair (:mod:`erc_contact.error.goals.given_bounds`): the interval holds for the problem
-with this given friction, and is an estimate for the scene itself.
+with this Tresca friction, and is an estimate for the scene itself.
 
 Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 """
@@ -97,7 +98,8 @@ class Ends:
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
         spread: V of the upper end less V of the lower end.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
-        resolved: Whether its integrals are resolved, and the mesh carries moved loads.
+        resolved: Whether its integrals are resolved, and moved loads are represented
+            exactly by the mesh.
     """
 
     low: float
