@@ -15,10 +15,9 @@ import pytest
 from bolted import SIDES, bolted_plates
 from bricks import NAMES, bricks
 from mpi4py import MPI
-from scenes import mostly_serial
+from scenes import certified, mostly_serial
 from test_bad_input import refused
 from test_preload import FORCE, bar, joint, yoke
-from test_two_bodies import certified
 
 import erc_contact as ec
 

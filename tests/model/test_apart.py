@@ -17,11 +17,12 @@ import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from scenes import certified
 from test_bad_input import refused
 from test_domain import assert_closed, near
 from test_joined import COMM, discs, least_angle, pin_in_hole
 from test_split import facet_corners
-from test_two_bodies import METHODS, certified
+from test_two_bodies import METHODS
 
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits

@@ -16,9 +16,9 @@ from bolted import SEATS, SIDES, bolted_plates
 from bricks import NAMES, bricks
 from mpi4py import MPI
 from reference import true_errors
+from scenes import certified
 from test_bad_input import refused
 from test_split import tagged
-from test_two_bodies import certified
 
 import erc_contact as ec
 from erc_contact.admissible import equilibrate as stage

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from plates import measured, plate
+from plates import plate
 from reference import true_errors
-from scenes import mostly_serial
+from scenes import measured, mostly_serial
 from test_bad_input import refused
 
 import erc_contact as ec

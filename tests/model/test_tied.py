@@ -11,9 +11,10 @@ import dataclasses
 import pytest
 from bricks import NAMES, bricks, glued
 from mpi4py import MPI
+from scenes import certified
 from test_bad_input import refused
 from test_joined import joined
-from test_two_bodies import certified, vector
+from test_two_bodies import vector
 
 import erc_contact as ec
 from namedmesh.base.names import file_stem

@@ -16,6 +16,7 @@ from bricks import NAMES, glued, small_bricks
 from dolfinx import fem
 from free_bodies import index, random_free
 from mpi4py import MPI
+from scenes import certified
 from test_bad_input import refused
 
 import erc_contact as ec
@@ -29,10 +30,6 @@ UPPER, LOWER = NAMES
 E, NU = 10.0, 0.3
 INNER, OUTER = 1.0, 2.0
 TWO = ec.Elastic(E={"upper": 1000.0, "lower": 300.0}, nu={"upper": 0.3, "lower": 0.25})
-
-
-def certified(scene, domain, *args, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, *args, **options)))
 
 
 def integral(model, density):

@@ -13,10 +13,11 @@ from itertools import product
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import certified
 from test_bad_input import refused
 from test_domain import assert_closed, close, near
 from test_split import assert_paired, cells_of, tagged
-from test_two_bodies import LOWER, METHODS, UPPER, certified, distance, patch, vector
+from test_two_bodies import LOWER, METHODS, UPPER, distance, patch, vector
 
 import erc_contact as ec
 from namedmesh.gmsh_session import session

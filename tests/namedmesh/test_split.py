@@ -348,7 +348,7 @@ def test_curved_sides_stay_on_each_other():
         assert domain.offset is not None
 
 
-def pressed(comm=COMM):
+def two_layers(comm=COMM):
     """Two layers that do not feel each other yet, the lower one on a rigid foundation."""
     scene = ec.Scene(
         ec.Elastic({"upper": 1.0, "lower": 2.0}, 0.3),
@@ -360,7 +360,7 @@ def pressed(comm=COMM):
 
 
 def adapted(meshes, folder, comm=COMM):
-    scene, domain = pressed(comm)
+    scene, domain = two_layers(comm)
     return ec.adapt(scene, domain, 0.01, max_steps=meshes, checkpoint=folder, method=ec.Nitsche())
 
 
@@ -388,7 +388,7 @@ def test_a_checkpoint_keeps_a_split_domain(shared_tmp_path):
 
 
 def test_a_checkpoint_of_the_same_sides_the_other_way_round_is_another_run(shared_tmp_path):
-    scene, domain = pressed()
+    scene, domain = two_layers()
     scene = ec.Scene(scene.material, scene.supports, contacts=scene.contacts)
     settings = {"max_steps": 1, "checkpoint": shared_tmp_path, "method": ec.Nitsche()}
     ec.adapt(scene, domain, 0.01, **settings)

@@ -16,6 +16,7 @@ import pytest
 from energies import energies_of_law
 from laws import Quadratic
 from mpi4py import MPI
+from scenes import certified
 from scipy.optimize import brentq
 from test_bad_input import refused
 from test_potential import INNER, OUTER, quarter_tube, tube_displacement
@@ -31,10 +32,6 @@ from erc_contact.newton.after import last_step
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1000.0, nu=0.3, yield_stress=1.0, hardening=30.0, kinematic=70.0)
 RINGS = dataclasses.replace(STEEL, hypothesis="axisymmetric")
-
-
-def certified(scene, domain, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
 
 
 # -- a bar that is pulled and pressed

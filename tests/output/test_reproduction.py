@@ -52,7 +52,7 @@ class Stiffening:
         return E
 
 
-def block():
+def from_lambdas():
     def stiffness(x):
         return 1.0 + SLOPE * x[0]
 
@@ -108,7 +108,7 @@ def apart():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("make", [block, in_space, two_bodies, loading, apart])
+@pytest.mark.parametrize("make", [from_lambdas, in_space, two_bodies, loading, apart])
 def test_code_of_a_report_gives_the_same_run(make, tmp_path, monkeypatch):
     run = make()
     run.save(tmp_path)
