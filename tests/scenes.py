@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pytest
 import ufl
+from domains import two_materials
 from mpi4py import MPI
 
 import erc_contact as ec
@@ -244,28 +245,6 @@ def two_squares(
         dmesh.meshtags(mesh, 1, np.concatenate(facets)[order], np.concatenate(values)[order]),
         names,
     )
-
-
-def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
-    """A brick whose lower and upper halves are two regions, meshed by gmsh."""
-    make = ec.rectangle if len(extent) == 2 else ec.box
-    return two_halves(
-        make((0.0,) * len(extent), tuple(extent), size=size, comm=comm),
-        len(extent) - 1,
-        extent[-1] / 2,
-    )
-
-
-def two_halves(domain: ec.Domain, axis: int = 1, at: float = 0.5) -> ec.Domain:
-    """The same domain with its cells in two regions, lower and upper."""
-    from dolfinx import mesh as dmesh
-
-    mesh, d = domain.mesh, domain.dim
-    cells = mesh.topology.index_map(d)
-    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    upper = dmesh.compute_midpoints(mesh, d, every)[:, axis] > at
-    tags = dmesh.meshtags(mesh, d, every, np.where(upper, 2, 1).astype(np.int32))
-    return ec.Domain(mesh, domain.facet_tags, domain.names, tags, {"lower": 1, "upper": 2})
 
 
 def sliding_block(

@@ -8,8 +8,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused
 from scenes import certified, measured
-from test_bad_input import refused
 from test_moments import moment_about
 
 import erc_contact as ec

@@ -10,9 +10,9 @@ import logging
 import numpy as np
 import pytest
 import ufl
+from domains import refused
 from mpi4py import MPI
 from scenes import certified, flat_block
-from test_bad_input import refused
 from test_two_bodies import pressed_pair, small_bricks
 
 import erc_contact as ec

@@ -13,9 +13,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
 from scenes import flat_block, measured, mostly_serial
-from test_bad_input import refused
 from test_cracks import cracked, plate
 
 import erc_contact as ec

@@ -5,8 +5,8 @@ Loads on components that a support leaves free are part of its force and of its 
 
 import numpy as np
 import pytest
+from domains import refused
 from scenes import certified, flat_block
-from test_bad_input import refused
 
 import erc_contact as ec
 

@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from domains import two_materials
 from mpi4py import MPI
-from scenes import measured, mostly_serial, pressed, two_materials
+from scenes import measured, mostly_serial, pressed
 from ufl.domain import extract_unique_domain
 
 import erc_contact as ec

@@ -16,9 +16,9 @@ import json
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
+from domains import refused
 from mpi4py import MPI
 from scenes import certified
-from test_bad_input import refused
 from test_domain import assert_closed, near
 from test_joined import COMM, discs, least_angle, pin_in_hole
 from test_split import facet_corners

@@ -16,10 +16,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused
 from plates import METHODS, by_ranks_and_solvers, plate
 from reference import true_errors
 from scenes import measured, mostly_serial, pressed
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, spring_of

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from bolted import SEATS, SIDES, bolted_plates
 from bricks import NAMES, bricks
+from domains import refused
 from mpi4py import MPI
 from reference import true_errors
 from scenes import certified
-from test_bad_input import refused
 from test_split import tagged
 
 import erc_contact as ec

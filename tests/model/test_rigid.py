@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
+from domains import refused
 from mpi4py import MPI
 from reference import true_errors
 from scenes import measured, mostly_serial
-from test_bad_input import refused
 
 import erc_contact as ec
 

@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused
 from plates import by_ranks_and_solvers, plate
 from reference import true_errors
 from scenes import certified, mostly_serial
-from test_bad_input import refused
 
 import erc_contact as ec
 

@@ -18,10 +18,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused, two_halves
 from plates import METHODS, by_ranks_and_solvers, plate
 from reference import true_errors
-from scenes import flat_block, measured, mostly_serial, pressed, two_halves
-from test_bad_input import refused
+from scenes import flat_block, measured, mostly_serial, pressed
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, slider_of

@@ -10,9 +10,9 @@ import dataclasses
 
 import pytest
 from bricks import NAMES, bricks, glued
+from domains import refused
 from mpi4py import MPI
 from scenes import certified
-from test_bad_input import refused
 from test_joined import joined
 from test_two_bodies import vector
 

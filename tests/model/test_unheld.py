@@ -14,10 +14,10 @@ import pytest
 import ufl
 from bricks import NAMES, glued, small_bricks
 from dolfinx import fem
+from domains import refused
 from free_bodies import index, random_free
 from mpi4py import MPI
 from scenes import certified
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.model import model as models

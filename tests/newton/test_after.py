@@ -16,10 +16,10 @@ from functools import cache
 import numpy as np
 import pytest
 from dolfinx import fem
+from domains import refused
 from mpi4py import MPI
 from reference import nested, true_errors
 from scenes import moved_box
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.model.contact.trace import Trace

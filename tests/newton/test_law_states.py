@@ -11,10 +11,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from domains import refused
 from laws import Hencky, Quadratic, TwoModuli
 from mpi4py import MPI
 from scenes import certified, pressed
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.error import fenchel

@@ -13,12 +13,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from domains import refused
 from energies import energies_of_law
 from laws import Quadratic
 from mpi4py import MPI
 from scenes import certified
 from scipy.optimize import brentq
-from test_bad_input import refused
 from test_potential import INNER, OUTER, quarter_tube, tube_displacement
 
 import erc_contact as ec

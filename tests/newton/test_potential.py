@@ -14,11 +14,11 @@ from itertools import product
 import gmsh
 import numpy as np
 import pytest
+from domains import refused
 from energies import energies_of_law
 from laws import Fibres, Quadratic, TwoModuli
 from mpi4py import MPI
 from scenes import certified, pressed
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.error.load_work import load_work

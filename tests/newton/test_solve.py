@@ -16,18 +16,10 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from domains import two_halves
 from mpi4py import MPI
 from petsc4py import PETSc
-from scenes import (
-    block,
-    certified,
-    common_block,
-    greco,
-    prototype_block,
-    resultant,
-    two_halves,
-    two_squares,
-)
+from scenes import block, certified, common_block, greco, prototype_block, resultant, two_squares
 
 import erc_contact as ec
 from erc_contact.admissible.traction import ContactTraction

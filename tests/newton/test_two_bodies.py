@@ -13,10 +13,10 @@ from itertools import product
 import numpy as np
 import pytest
 from bricks import NAMES, bricks, glued, lower_brick, small_bricks
+from domains import refused
 from mpi4py import MPI
 from reference import _barycentric, _sigma
 from scenes import certified
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible

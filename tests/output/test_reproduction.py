@@ -12,7 +12,7 @@ import re
 import numpy as np
 import pytest
 import ufl
-from scenes import two_halves
+from domains import two_halves
 
 import erc_contact as ec
 

@@ -11,10 +11,10 @@ error does, by its own fields: its forces are the forces of the discrete equatio
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
 from processes import ROOT
 from scenes import block, common_block, measured, mostly_serial, moved_box, random_scene, resultant
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact import results

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dolfinx.mesh import compute_midpoints
-from scenes import pressed, two_halves
+from domains import two_halves
+from scenes import pressed
 
 import erc_contact as ec
 from erc_contact.results import CLOSED, OPEN, SLIP, STICK, contact_status

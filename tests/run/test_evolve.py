@@ -24,9 +24,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
 from scenes import moved_box
-from test_bad_input import refused
 from test_report import Page, page_alone
 
 import erc_contact as ec
