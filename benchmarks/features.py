@@ -8,10 +8,11 @@ came of it, or the words with which it was refused. Two features that change the
 entry to different values are alternatives.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, pairwise
 from typing import Any, NamedTuple
 
 import erc_contact as ec
@@ -20,8 +21,8 @@ PROVED, ESTIMATE, ALTERNATIVES = "●", "○", "–"
 """What a cell of the table says; a number stands for the words of a refusal."""
 HEAD = f"""# Which features work together
 
-Each cell is a small block that has both features, solved and certified by a script; on the
-diagonal a block has one feature alone.
+Each cell is a small block that has both features, solved and certified by a script; on the diagonal
+it has one feature alone.
 
 ```console
 python benchmarks/features.py > docs/inside/features.md
@@ -31,8 +32,9 @@ python benchmarks/features.py > docs/inside/features.md
 - {ESTIMATE}: it works, and the error or interval is an estimate, or proved up to a term, as with
   Coulomb friction. A certificate rests on an estimate of q.
 - {ALTERNATIVES}: two alternatives for the same thing.
-- A number: it is refused, with [these words](#refusals). The scene of the cell is one of many:
-  a refusal may be about this scene, as of a press that is given twice.
+- A number: it is refused, with [these words](#refusals).
+
+What three features do together is not in the table. A test computes some of the cells again.
 """
 
 
@@ -156,7 +158,7 @@ def meshed(d: int, *, on_body: bool, cut: bool, tied: bool) -> ec.Domain:
     domain = ec.assembly(bodies)
     if on_body:
         domain = domain.joined("body bottom", "base top")
-    for below, above in zip(names, names[1:], strict=False):
+    for below, above in pairwise(names):
         domain = domain.joined(f"{below} top", f"{above} bottom")
     return domain
 
@@ -249,6 +251,10 @@ def cell(one: str, other: str) -> str:
 def page(cells: Mapping[tuple[str, str], str]) -> Iterator[str]:
     """Yield the lines of the page."""
     yield HEAD
+    counts = Counter(cells.values())
+    told = f"{counts[PROVED]} cells are proved, {counts[ESTIMATE]} are estimates"
+    refused = sum(counts.values()) - sum(counts[sign] for sign in (PROVED, ESTIMATE, ALTERNATIVES))
+    yield f"{told}, {refused} are refused.\n"
     names = list(FEATURES)
     numbers: dict[str, int] = {}
     yield "| | | " + " | ".join(str(k) for k in range(1, len(names) + 1)) + " |"
