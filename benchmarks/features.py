@@ -21,8 +21,8 @@ PROVED, ESTIMATE, ALTERNATIVES = "●", "○", "–"
 """What a cell of the table says; a number stands for the words of a refusal."""
 HEAD = f"""# Which features work together
 
-Each cell is a small block that has both features, solved and certified by a script; on the diagonal
-it has one feature alone.
+Each cell is a small block that has both features, solved and certified by a script; on
+the diagonal it has one feature alone.
 
 ```console
 python benchmarks/features.py > docs/inside/features.md
@@ -34,7 +34,8 @@ python benchmarks/features.py > docs/inside/features.md
 - {ALTERNATIVES}: two alternatives for the same thing.
 - A number: it is refused, with [these words](#refusals).
 
-What three features do together is not in the table. A test computes some of the cells again.
+What three features do together is not in the table. A test computes some of the cells
+again.
 """
 
 

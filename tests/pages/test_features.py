@@ -57,6 +57,6 @@ def test_numbers_are_the_refusals():
     assert entries - SAID == set(refusals()), WRITE
 
 
-@pytest.mark.parametrize(("pair", "said"), sample())
+@pytest.mark.parametrize(("pair", "said"), list(sample()))
 def test_cells_are_true(pair, said):
     assert features.cell(*pair) == said, WRITE
