@@ -226,7 +226,7 @@ def scene_of(block: Block, share: float = 1.0) -> ec.Scene:
 def outcome(block: Block) -> str:
     """Solve and certify a block, and return what came of it."""
     domain = meshed(block.d, on_body=block.on_body, cut=block.cut, tied=block.tied)
-    options = {"degree": block.degree, "solver": block.solver}
+    options: dict[str, Any] = {"degree": block.degree, "solver": block.solver}
     try:
         before = ec.solve(scene_of(block, 0.5), domain, **options) if block.history else None
         solution = ec.solve(scene_of(block), domain, after=before, **options)
