@@ -163,12 +163,12 @@ def rubbed(law):
 
 
 def test_a_friction_law_may_be_a_table_of_the_pressure():
-    measured = ec.table([0.0, 0.01, 0.04], [0.0, 0.004, 0.007])
-    error = measured(rubbed(OfPressure(measured)), body(2), degree=1)
+    bound = ec.table([0.0, 0.01, 0.04], [0.0, 0.004, 0.007])
+    error = measured(rubbed(OfPressure(bound)), body(2))
     # All slides: the shear of the solver is the bound of its pressure.
     profile = error.profile("bottom")
     assert np.ptp(profile["pressure"]) > 0.01
-    limit = np.interp(profile["pressure"], measured.x, measured.values)
+    limit = np.interp(profile["pressure"], bound.x, bound.values)
     assert abs(profile["shear"]) == pytest.approx(limit, rel=1e-2)
     assert error.contact_error < 0.05 * error.absolute
 
