@@ -35,7 +35,7 @@ CYCLE = 0.9
 STILL_STEPS = 7
 """Steps with one status after which Newton's method must have come nearer.
 
-With one status the equations are linear in the plane and smooth in space. Where the
+With one status the equations are linear in the plane and smooth in 3D. Where the
 tangent is singular, the line search cuts the steps to nothing and the status stays.
 """
 IMBALANCE = 1e-6
@@ -218,6 +218,7 @@ def attempt(
     f = problem.vector()
     snes.setFunction(problem.function, f)
     snes.setType("newtonls")
+    # The test below decides, with an atol of a user: it knows the round-off of forces.
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=step.most_steps)
     problem.prepare(snes)
     snes.getLineSearch().setType(step.line_search)
@@ -233,6 +234,7 @@ def attempt(
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
+        # With the status of the last state nothing holds a motion; another start may.
         code = -1
         norm = np.inf
         reason = "singular tangent"
@@ -380,6 +382,7 @@ class _StoppingTest:
         if norm > ASTRAY * self._first:
             return ENDLESS
         status = self.problem.status(x)
+        # Other attempts wait for a hurried one alone: counting takes a reduction.
         if self._hurried:
             self._count_changes(status, lasting(x.comm.tompi4py()))
         return (
@@ -401,6 +404,7 @@ class _StoppingTest:
         if len(changes) < EARLIEST or changes[-1] == 0:
             return ""
         _, *closed = counts
+        # A short window sees many changes at once, a long window few that go on.
         for steps, fall, share, few in CRAWLING:
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
@@ -419,6 +423,8 @@ class _StoppingTest:
 
     def _repeats(self, key: bytes, step: int, norm: float) -> str:
         """Say that the status comes back and the residual did not fall, or ""."""
+        # A status that stays is no cycle, nor is a status that comes back nearer to the
+        # solution.
         last_step, least = self._before.get(key, (step, norm))
         if last_step < step - 1 and norm > CYCLE * least:
             return f"cycle of {step - last_step} steps"
@@ -430,6 +436,7 @@ class _StoppingTest:
         last_key, first_step, first_norm = self._stay
         if key == last_key and step - first_step < STILL_STEPS:
             return ""
+        # A new stay begins, also where the status is the same: it is asked again later.
         self._stay = key, step, norm
         if key == last_key and norm > NEARER * first_norm:
             return f"no progress in {STILL_STEPS} steps"
