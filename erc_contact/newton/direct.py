@@ -27,7 +27,6 @@ from erc_contact.newton.snes import (
     Attempted,
     DiscreteSolution,
     Outcome,
-    PathEnd,
     solve_in_turn,
 )
 
@@ -123,13 +122,8 @@ class Direct:
         """Make interior point steps."""
         forms = InteriorForms(self.carried.model, step.method)
         problem = self._condense(forms, CentralPath(forms, step.friction_shares[0]))
-
-        def work() -> PathEnd:
-            path = follow_path(problem, problem.from_contact(state))
-            return path._replace(unknowns=path.unknowns[: self.elastic.contact_size])
-
-        path = problem.run(work)
-        return Attempted(path.outcome, path.unknowns)
+        path = problem.run(lambda: follow_path(problem, problem.from_contact(state)))
+        return Attempted(path.outcome, path.unknowns[: self.elastic.contact_size])
 
     def destroy(self) -> None:
         """Free nothing: the factor belongs to the solution."""
