@@ -23,7 +23,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.jumps import gap_by_coefficients
 from erc_contact.model.contact.ties import bind_tie
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import has_arguments, sum_of, varies_in_cells
 from erc_contact.model.data.users import try_material, try_potential
 from erc_contact.model.data.values import DATA_DEGREE, moduli
@@ -202,7 +201,7 @@ class Model:
         """Put the radial force in axisymmetric bodies on the mesh."""
         self.hoop_load = None
         if self.space.axisymmetric and self.body_force is not None:
-            self.hoop_load = Everywhere(self.space.x[0] * self.body_force[0], self.space.mesh)
+            self.hoop_load = self.space.everywhere(self.space.x[0] * self.body_force[0])
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""

@@ -12,7 +12,6 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.admissible.reference import mandel
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
 from namedmesh.simplex import barycentric, from_means, mass, nodes
@@ -223,7 +222,7 @@ def _fe_means(admissible: Admissible) -> np.ndarray:
     middles = cells.corners[:owned].mean(axis=1)
     around = hoop[:owned].sum(axis=1) / (2 * np.pi * cells.volume[:owned])
     if model.body_force is not None:
-        of_load = evaluate(model.body_force, model.space.mesh, nodes(2, 0), model.space.owned_cells)
+        of_load = model.space.evaluate(model.body_force, nodes(2, 0), model.space.owned_cells)
         around = around + of_load[:, 0, 0] / (2 * np.pi)
     return stress_in_space(
         model, np.column_stack([in_plane / circumferences(middles)[:, None], around])
