@@ -50,5 +50,11 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         tight = balanced(first, law)
     missing = unbalanced_cells(cells, tight.stress, tight.forces, force)
     return BulkStress(
-        tight.stress, tight.moment, tight.iterations, correction, tight.square, missing
+        tight.stress,
+        tight.moment,
+        tight.iterations,
+        correction,
+        tight.square,
+        missing,
+        given.boundary,
     )

@@ -14,7 +14,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
+from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
 from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
@@ -232,10 +232,7 @@ def _make_pair(
         correction=None if near is None else near.correction,
     )
     bulk = axisymmetric_bulk(given) if model.axisymmetric else plane_bulk(given)
-    if model.axisymmetric:
-        # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary = boundary_off_axis(model, cells, boundary)
-    of_boundary = Given(boundary, data.fixed, tractions)
+    of_boundary = Given(bulk.boundary, data.fixed, tractions)
     u = data.solution.u
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []

@@ -25,8 +25,6 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.quadrature import cell_pieces, polynomials
 from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
-from erc_contact.scene.material import tensor_basis
 from namedmesh.simplex import barycentric, rule
 
 FIELD_DEGREE = 4
@@ -77,8 +75,7 @@ def stress_function(
         axisymmetric body (3, 3) with the rows r, z and hoop.
     """
     d = model.d
-    basis = tensor_basis(model.scene.material, d)
-    rows = basis.shape[1]
+    basis, rows = model.section.basis, model.section.rows
     owned = model.domain.owned_cells
     points, weights = _sub_rule(d, degree)
     cell = model.mesh.basix_cell()
@@ -90,11 +87,8 @@ def stress_function(
     parts = np.split(places, d + 1, axis=1)
     of_parts = [macro_values(stress, model.degree, of_cells, part) for part in parts]
     components = np.concatenate(of_parts, axis=1)
-    if model.axisymmetric:
-        x = np.matmul(barycentric(points), model.cell_corners()[:owned])
-        if model.hoop_load is not None:
-            components[..., -1] += model.hoop_load(x, of_cells)
-        components /= circumferences(x)[..., None]
+    x = np.matmul(barycentric(points), model.cell_corners()[:owned])
+    components = model.section.over(model.hoop_load.plus(components, x, of_cells), x)
     at_points = np.tensordot(components, basis, axes=1)
     nodal = function.x.array.reshape(-1, rows * rows)
     nodal[function.function_space.dofmap.list[:owned]] = at_points.reshape(

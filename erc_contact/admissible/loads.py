@@ -20,7 +20,6 @@ from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.data.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.data.values import DATA_DEGREE
-from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
 from namedmesh.simplex import bernstein, from_means, nodes, rule
 
@@ -46,7 +45,7 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
         values = evaluate(traction, model.mesh, points, facets)
         weighted = weights[:, None] * bernstein(d - 1, k, points)
         moments = np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
-        return moments_off_axis(model, facets, moments)
+        return model.section.vanishing_moments(moments, model.facet_corners(facets))
     load = Everywhere(traction, model.mesh)
 
     def products(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -61,7 +60,7 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
         cuts=kinks_on_facets(model, [traction], facets),
     )
     of_facets = total.value.reshape(len(facets), len(model.facet_points), d)
-    return moments_off_axis(model, facets, of_facets)
+    return model.section.vanishing_moments(of_facets, model.facet_corners(facets))
 
 
 def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
@@ -89,9 +88,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     # and forces of a cell. Only then the vertices are sorted.
     total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
-    if model.axisymmetric:
-        means[..., 0] = 0.0
-    forces = from_means(d, k - 1, means)
+    forces = from_means(d, k - 1, model.section.carried(means))
     if k == 1:
         return forces
     return np.take_along_axis(forces, cells.order[:, :, None], axis=1)

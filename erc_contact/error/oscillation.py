@@ -21,7 +21,6 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry
@@ -101,8 +100,10 @@ def of_loads(
     """
     d, k = model.d, model.degree
     total = 0.0
-    if model.body_force is not None and varies_in_cells(_force_in_cells(model)):
-        total += _of_body_force(model, cells, force, relief)
+    if model.body_force is not None:
+        carried = model.section.carried_density(model.body_force)
+        if varies_in_cells(carried):
+            total += _of_body_force(model, cells, carried, force, relief)
     if relief is not None:
         total += _of_relief(model, cells, relief)
     for load in model.surface_loads:
@@ -132,7 +133,11 @@ def _of_relief(model: Model, cells: CellGeometry, relief: np.ndarray) -> float:
 
 
 def _of_body_force(
-    model: Model, cells: CellGeometry, force: np.ndarray | None, relief: np.ndarray | None
+    model: Model,
+    cells: CellGeometry,
+    density: Ufl,
+    force: np.ndarray | None,
+    relief: np.ndarray | None,
 ) -> float:
     """Compute the square of the oscillation of the body force; collective."""
     d, k = model.d, model.degree
@@ -143,7 +148,7 @@ def _of_body_force(
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:
         projected = projected - relief[:owned, None]
-    data = Everywhere(_force_in_cells(model), model.mesh)
+    data = Everywhere(density, model.mesh)
     difference = _squares(model, data, model.owned_cells, projected, k - 1)
     integral = integrate(
         model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
@@ -151,17 +156,6 @@ def _of_body_force(
     square = integral.value[:, 0]
     modulus = model.at_middles(model.modulus, model.owned_cells)
     return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
-
-
-def _force_in_cells(model: Model) -> Ufl:
-    """Return the body force that cells have to carry [force/volume], UFL.
-
-    The radial one of an axisymmetric body is a hoop stress.
-    """
-    force: Ufl = model.body_force
-    if not model.axisymmetric:
-        return force
-    return ufl.as_vector([0.0, force[1]])
 
 
 def of_supports(model: Model) -> float:

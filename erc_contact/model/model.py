@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.jumps import gap_by_coefficients
 from erc_contact.model.contact.ties import bind_tie
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import has_arguments, sum_of, varies_in_cells
 from erc_contact.model.data.users import try_material, try_potential
 from erc_contact.model.data.values import DATA_DEGREE, moduli
@@ -32,7 +31,6 @@ from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution, Linearised
 from erc_contact.model.law.strains import Strains, bind_strains
 from erc_contact.model.loads import bind_loads
-from erc_contact.model.meridian import in_half_plane, in_space, strain_of
 from erc_contact.model.motions.held_motions import held_products, loose_motions, resisted_by_all
 from erc_contact.model.motions.rigid_faces import face_forces
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes, body_motions, motions_not_held
@@ -71,8 +69,7 @@ class Model(Space):
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
             None.
         hoop_load: The radial body force f_r of an axisymmetric body as the hoop
-            component ``c r f_r`` of a stress (``erc_contact.model.meridian``), a
-            function of points and cells; None without any.
+            component ``c r f_r`` of a stress (``erc_contact.model.meridian``).
         fixed: Which components are prescribed, or anchored, at each node, shape (nodes,
             d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
@@ -137,7 +134,7 @@ class Model(Space):
             self.strains = self.linearised
             self.constitution = ConvexConstitution(self.linearised)
         elif type(scene.material) is not Elastic:
-            try_material(self.V, self.material, self.parameters, partial(strain_of, self))
+            try_material(self.V, self.material, self.parameters, self.section.strain)
         self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
         self.preloads = bind_preloads(self, scene.ties, self.ties)
         self.bind_strains(scene)
@@ -178,13 +175,7 @@ class Model(Space):
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
         self.relief: Relief | None = None
-        self._bind_hoop_load()
-
-    def _bind_hoop_load(self) -> None:
-        """Put the radial force in axisymmetric bodies on the mesh."""
-        self.hoop_load = None
-        if self.axisymmetric and self.body_force is not None:
-            self.hoop_load = Everywhere(self.x[0] * self.body_force[0], self.mesh)
+        self.hoop_load = self.section.hoop_load(self.body_force, self.mesh)
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
@@ -196,8 +187,7 @@ class Model(Space):
         of_preloads = []
         for preload in self.preloads:
             strain = preload.strain(shifts[preload.name])
-            # Along the axis of rings a shift has no hoop strain.
-            of_preloads.append(in_space(strain, 0) if self.axisymmetric else strain)
+            of_preloads.append(self.section.in_body(strain))
         self.strains = bind_strains(
             self, scene.strains, self.material, self.parameters, of_preloads
         )
@@ -229,7 +219,7 @@ class Model(Space):
         if self.relief is not None:
             force = self.relief.density
             self.body_force = force if self.body_force is None else self.body_force + force
-            self._bind_hoop_load()
+            self.hoop_load = self.section.hoop_load(self.body_force, self.mesh)
         self.fixed = self.fixed | self.unheld.anchors
         self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
 
@@ -280,14 +270,14 @@ class Model(Space):
         function v. Of an axisymmetric body it is the part in the half plane, times the
         circumference [force/length].
         """
-        elastic_strain = strain_of(self, u)
+        elastic_strain = self.section.strain(u)
         given = None if has_arguments(u) else self.strains
         if isinstance(given, Strains):
             elastic_strain -= given.tensor
         stress = self._stress_of(elastic_strain)
         if isinstance(given, Linearised):
             stress -= self.on_meridian(given.given_stress)
-        return in_half_plane(stress) if self.axisymmetric else stress
+        return self.section.in_mesh(stress)
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], on rings times the circumference, UFL."""
@@ -304,9 +294,9 @@ class Model(Space):
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
-        stress = self._stress_of(strain_of(self, u))
+        stress = self._stress_of(self.section.strain(u))
         measure = self._measure(self.constitution.stiffness.varies_in_cells)
-        form = ufl.inner(stress, strain_of(self, v)) * measure
+        form = ufl.inner(stress, self.section.strain(v)) * measure
         for spring in self.springs:
             form += spring.work(u, v)
         return form
@@ -324,7 +314,7 @@ class Model(Space):
         else:
             stress = self._stress_of(self.strains.tensor)
         measure = self._measure(self.constitution.varies_in_cells)
-        return ufl.inner(stress, strain_of(self, v)) * measure
+        return ufl.inner(stress, self.section.strain(v)) * measure
 
     def right_side(self, v: Ufl) -> Ufl | None:
         """Return the UFL form of loads and given strains, or None without any."""

@@ -119,7 +119,7 @@ def missing_moments(
         traction: The traction of the method on a contact [force/area], UFL, shape (d,).
     """
     turning = [number for number, amounts in enumerate(model.loose) if _turns(amounts, model.d)]
-    if model.axisymmetric or not turning:
+    if not turning:
         return []
     moments, sizes = _moments(model, u)
     pressures = _pressures(model, traction)

@@ -16,7 +16,6 @@ from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.data.users import linear
-from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.newton.methods import OURS, Method
 from namedmesh.base.checks import description
@@ -212,10 +211,10 @@ class ContactForms:
             multipliers: The multiplier of each contact [force/area], also returned.
         """
         model = self.model
+        x = model.V.tabulate_dof_coordinates()
         for contact, multiplier in zip(model.contacts, multipliers, strict=True):
             nodal = multiplier.x.array.reshape(-1, model.d)
-            if model.axisymmetric:
-                nodal *= nodal_shares(model, contact.facets)[:, None]
+            model.section.to_tractions(nodal, contact.trace.here, x)
             model.to_coefficients(nodal, [contact], back=True)
         return tuple(multipliers)
 

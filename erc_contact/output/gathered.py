@@ -93,7 +93,7 @@ class WholeContact:
 
 def letters_of(model: Model) -> str:
     """Return the names of the coordinates of a scene."""
-    return "rz" if model.axisymmetric else "xyz"
+    return model.section.letters
 
 
 def mean_normal(surface: WholeContact) -> np.ndarray:

@@ -10,12 +10,9 @@ import numpy as np
 from erc_contact.admissible.elastic import elastic_stress, macro_places
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.admissible.reference import mandel
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
-from namedmesh.simplex import barycentric, from_means, mass, nodes
+from namedmesh.simplex import barycentric, from_means
 
 STRESSES = ("admissible", "best", "elastic")
 """Stresses of a pair: sigma^, ``(sigma^ + C eps(u^))/2``, and ``C eps(u^)``."""
@@ -79,27 +76,17 @@ def _of_stress(
 
 def _admissible_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of sigma^ in each owned cell, Mandel components."""
-    if admissible.model.axisymmetric:
-        _, _, weights = macro_points(2, admissible.model.degree)
-        return weights @ _at_points(admissible)
-    stress = admissible.stress
-    # All Bernstein polynomials and all sub-simplices of a cell have the same integral.
-    owned, pieces, of_piece, components = stress.shape
-    count = pieces * of_piece
-    coefficients = stress.reshape(owned, count, components)
-    # A product is faster than numpy's mean of short rows.
-    return np.full(count, 1 / count) @ coefficients
+    _, _, weights = macro_points(admissible.model.d, admissible.model.degree)
+    return weights @ _at_points(admissible)
 
 
 def _elastic_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of C eps(u^) in each owned cell, Mandel components."""
-    model = admissible.model
     at_points = _elastic_at_points(admissible)
     if at_points.shape[1] == 1:
         return at_points[:, 0]
-    _, _, weights = macro_points(model.d, model.degree)
-    repeated = np.tile(weights.ravel(), at_points.shape[1] // weights.size)
-    return (repeated / repeated.sum()) @ at_points
+    _, _, weights = macro_points(admissible.model.d, admissible.model.degree)
+    return weights @ at_points
 
 
 def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
@@ -133,18 +120,14 @@ def _admissible_moments(admissible: Admissible) -> np.ndarray:
 
     They are in Mandel components, shape (owned, d+1, s).
     """
-    model = admissible.model
-    d = model.d
-    if model.axisymmetric:
-        _, points, weights = macro_points(d, model.degree)
-        weighted = barycentric(points) * weights[:, None]
-        return np.einsum("qv,nqc->nvc", weighted, _at_points(admissible))
-    # Hat functions of the cell's vertices, at the vertices of each sub-simplex.
-    hats = np.tile(np.eye(d + 1), (d + 1, 1, 1))
-    for sub in range(d + 1):
-        hats[sub, :, sub] = 1 / (d + 1)
-    weights = np.matmul(hats, mass(d, 1, model.degree)) / (d + 1)
-    return np.einsum("svm,nsmc->nvc", weights, admissible.stress)
+    weighted = _weighted_hats(admissible)
+    return np.einsum("qv,nqc->nvc", weighted, _at_points(admissible))
+
+
+def _weighted_hats(admissible: Admissible) -> np.ndarray:
+    """Return weights times the hat functions of a cell's vertices, shape (q, d+1)."""
+    _, points, weights = macro_points(admissible.model.d, admissible.model.degree)
+    return barycentric(points) * weights[:, None]
 
 
 def _elastic_moments(admissible: Admissible) -> np.ndarray:
@@ -152,10 +135,8 @@ def _elastic_moments(admissible: Admissible) -> np.ndarray:
 
     They are in Mandel components, shape (owned, d+1, s).
     """
-    model = admissible.model
     at_points = _elastic_at_points(admissible)
-    _, points, weights = macro_points(model.d, model.degree)
-    weighted = barycentric(points) * weights[:, None]
+    weighted = _weighted_hats(admissible)
     if at_points.shape[1] == 1:
         weighted = weighted.sum(axis=0, keepdims=True)
     return np.einsum("qv,nqc->nvc", weighted, at_points)
@@ -163,35 +144,20 @@ def _elastic_moments(admissible: Admissible) -> np.ndarray:
 
 def _elastic_at_points(admissible: Admissible) -> np.ndarray:
     """Return C eps(u^) at the points of :func:`elastic_stress` [force/area]."""
-    model = admissible.model
+    model, cells = admissible.model, admissible.cell_geometry
     owned = model.domain.owned_cells
-    stress = elastic_stress(model, admissible.cell_geometry, admissible.displacement, owned)
-    return _over_rings(admissible, stress)
+    stress = elastic_stress(model, cells, admissible.displacement, owned)
+    return model.section.over(stress, macro_places(model, cells, owned))
 
 
 def _at_points(admissible: Admissible) -> np.ndarray:
-    """Return sigma^ of rings at the points of :func:`macro_points` [force/area].
+    """Return sigma^ at the points of :func:`macro_points` [force/area].
 
-    It has Mandel components with the hoop stress last, shape (owned, q, 4).
+    It has Mandel components, shape (owned, q, s).
     """
     model = admissible.model
-    near, _, _ = macro_points(2, model.degree)
-    sigma = np.matmul(near, admissible.stress)
-    owned, pieces, of_piece, components = sigma.shape
-    sigma = sigma.reshape(owned, pieces * of_piece, components)
-    if model.hoop_load is not None:
-        places = macro_places(model, admissible.cell_geometry, owned)
-        sigma[..., -1] += model.hoop_load(places, model.owned_cells)
-    return _over_rings(admissible, sigma)
-
-
-def _over_rings(admissible: Admissible, at_points: np.ndarray) -> np.ndarray:
-    """Divide stresses at the points of :func:`macro_points` by the circumference."""
-    model = admissible.model
-    if not model.axisymmetric:
-        return at_points
-    places = macro_places(model, admissible.cell_geometry, len(at_points))
-    return at_points / circumferences(places)[..., None]
+    places = macro_places(model, admissible.cell_geometry, model.domain.owned_cells)
+    return model.section.over(admissible.stress_at_macro_points(places), places)
 
 
 def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
@@ -209,31 +175,11 @@ def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarr
     return von_mises(values.reshape(-1, 3, 3)).reshape(values.shape[:2])
 
 
-def _fe_means(admissible: Admissible) -> np.ndarray:
-    """Return means of the rebalanced finite element stress, (owned, 3, 3)."""
-    model = admissible.model
-    owned = model.domain.owned_cells
-    in_plane = mandel(admissible.fe_stress[:owned].mean(axis=1))
-    hoop = admissible.balanced.hoop
-    if hoop is None:
-        return stress_in_space(model, in_plane)
-    # Means over the mean circumference; the hoop force is 2 pi sigma_tt.
-    cells = admissible.cell_geometry
-    middles = cells.corners[:owned].mean(axis=1)
-    around = hoop[:owned].sum(axis=1) / (2 * np.pi * cells.volume[:owned])
-    if model.body_force is not None:
-        of_load = evaluate(model.body_force, model.mesh, nodes(2, 0), model.owned_cells)
-        around = around + of_load[:, 0, 0] / (2 * np.pi)
-    return stress_in_space(
-        model, np.column_stack([in_plane / circumferences(middles)[:, None], around])
-    )
-
-
 def cell_stresses(admissible: Admissible) -> dict[str, np.ndarray]:
     """Compute means of stresses in owned cells [force/area], by their file names."""
     model = admissible.model
     stress = mean_stress(admissible)
-    fe = _fe_means(admissible)
+    fe = stress_in_space(model, admissible.balanced.means(model, admissible.cell_geometry))
     best = mean_stress(admissible, "best")
     mises = "von_mises" if tells_out_of_plane(model) else "von_mises_in_plane"
     return {

@@ -35,7 +35,6 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.contact.contact_values import ContactData
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
 from erc_contact.scene.goal import GoalOfContact, Opening, Slip
 from erc_contact.scene.load import Drive
 from erc_contact.scene.scene import Scene
@@ -155,8 +154,7 @@ def _volume_of_gap(model: Model, contact: ContactOnMesh) -> BoundedNumber:
     def volume(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        gap = data.gap(facet, x)
-        return gap * circumferences(x) if model.axisymmetric else gap
+        return model.section.times(data.gap(facet, x), x)
 
     return BoundedNumber.summed(
         model.comm, contact_integral(model, contact, model.function(), volume)

@@ -22,7 +22,6 @@ from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
-from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
 from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
 from erc_contact.scene.goal import (
@@ -162,7 +161,7 @@ def _check_on_rings(model: Model, goal: GoalOfPart, vector: np.ndarray) -> None:
     if isinstance(goal, MeanDisplacement) or vector[0] == 0.0:
         return
     corners = model.facet_corners(model.domain.facets(goal.part))
-    meets_axis = not vertices_off_axis(model, corners).all()
+    meets_axis = bool(model.section.on_axis(corners).any())
     if model.comm.allreduce(meets_axis, MPI.LOR):
         raise InputError(
             f"{goal!r}: a part that meets the axis cannot move radially, so that its radial"

@@ -187,7 +187,7 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     bound = f"{what}: the friction bound"
-    return bind_friction(space.mesh, bound, law, parameters, space.circumference)
+    return bind_friction(space.mesh, bound, law, parameters, space.section.circumference)
 
 
 def _true_surface(space: Space, contact: Contact) -> Ufl:
