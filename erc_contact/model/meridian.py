@@ -35,12 +35,10 @@ from math import pi
 
 import numpy as np
 import ufl
-from dolfinx import mesh as dmesh
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
-from erc_contact.model.data.expressions import Everywhere
-from erc_contact.model.section import HoopLoad, Section
+from erc_contact.model.section import Section
 from erc_contact.scene.material import ring_basis, strain
 from namedmesh.simplex import barycentric, bernstein, coefficients, mass, nodes, projection, rule
 
@@ -235,11 +233,9 @@ class Meridian(Section):
 
     # -- forces and motions: hoop stresses balance radial forces
 
-    def hoop_load(self, force: Ufl | None, mesh: dmesh.Mesh) -> HoopLoad:
-        """Return the hoop component ``c r f_r`` of a body force, times c [force]."""
-        if force is None:
-            return HoopLoad(None)
-        return HoopLoad(Everywhere(self.x[0] * force[0], mesh))
+    def hoop_density(self, force: Ufl) -> Ufl:
+        """Return the hoop component ``c r f_r`` of the stress that c f is [force]."""
+        return self.x[0] * force[0]
 
     def carried(self, forces: np.ndarray) -> np.ndarray:
         """Return axial forces alone, shape (..., 2)."""

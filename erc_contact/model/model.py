@@ -30,7 +30,7 @@ from erc_contact.model.law.constitution import Constitution
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution, Linearised
 from erc_contact.model.law.strains import Strains, bind_strains
-from erc_contact.model.loads import bind_loads
+from erc_contact.model.loads import bind_hoop_load, bind_loads
 from erc_contact.model.motions.held_motions import held_products, loose_motions, resisted_by_all
 from erc_contact.model.motions.rigid_faces import face_forces
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes, body_motions, motions_not_held
@@ -175,7 +175,7 @@ class Model(Space):
         self.face_forces = face_forces(self, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self, scene.loads)
         self.relief: Relief | None = None
-        self.hoop_load = self.section.hoop_load(self.body_force, self.mesh)
+        self.hoop_load = bind_hoop_load(self, self.body_force)
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
@@ -219,7 +219,7 @@ class Model(Space):
         if self.relief is not None:
             force = self.relief.density
             self.body_force = force if self.body_force is None else self.body_force + force
-            self.hoop_load = self.section.hoop_load(self.body_force, self.mesh)
+            self.hoop_load = bind_hoop_load(self, self.body_force)
         self.fixed = self.fixed | self.unheld.anchors
         self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
 

@@ -15,46 +15,11 @@ from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
-from dolfinx import mesh as dmesh
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.simplex import bernstein, measures
-
-
-class HoopLoad:
-    """Hold the body force that is the hoop component of a stress.
-
-    Args:
-        hoop: This component at points of cells, None without any.
-    """
-
-    def __init__(self, hoop: Everywhere | None) -> None:
-        self.hoop = hoop
-
-    def plus(
-        self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray, *, sign: float = 1.0
-    ) -> np.ndarray:
-        """Add the hoop component to stresses at points, in place.
-
-        Args:
-            stress: Mandel components, shape (n, q, s).
-            x: The points [length], shape (n, q, d).
-            cells: Their cells, shape (n,).
-            sign: Factor of the component.
-
-        Returns:
-            The stresses.
-        """
-        if self.hoop is not None:
-            stress[..., -1] += sign * self.hoop(x, cells.astype(np.int32))
-        return stress
-
-    def minus(self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Subtract the hoop component from stresses at points, see :meth:`plus`."""
-        return self.plus(stress, x, cells, sign=-1.0)
 
 
 class Section:
@@ -272,14 +237,13 @@ class Section:
 
     # -- forces and motions
 
-    def hoop_load(self, force: Ufl | None, mesh: dmesh.Mesh) -> HoopLoad:
-        """Return the part of a body force that is a hoop stress; collective.
+    def hoop_density(self, force: Ufl) -> Ufl | None:
+        """Return the hoop stress that a body force is, UFL; None of a body without.
 
         Args:
-            force: The body force [force/volume], UFL, shape (d,), or None.
-            mesh: The mesh.
+            force: The body force [force/volume], UFL, shape (d,).
         """
-        return HoopLoad(None)
+        return None
 
     def carried(self, forces: np.ndarray) -> np.ndarray:
         """Return forces (..., d) without components that hoop stresses balance."""
