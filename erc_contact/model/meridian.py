@@ -66,6 +66,7 @@ class Meridian(Section):
     hoop, and the hoop component as their last one.
     """
 
+    axisymmetric = True
     varies = True
     letters = "rz"
     motions = slice(1, 2)

@@ -31,11 +31,13 @@ from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution, Linearised
 from erc_contact.model.law.strains import Strains, bind_strains
 from erc_contact.model.loads import bind_hoop_load, bind_loads
+from erc_contact.model.meridian import Meridian
 from erc_contact.model.motions.held_motions import held_products, loose_motions, resisted_by_all
 from erc_contact.model.motions.rigid_faces import face_forces
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes, body_motions, motions_not_held
 from erc_contact.model.motions.unheld import Relief, find_unheld, relief_of
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
+from erc_contact.model.section import Section
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
@@ -111,10 +113,8 @@ class Model(Space):
     def __init__(
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
-        of_rings = is_axisymmetric(scene.material)
-        super().__init__(
-            domain.tied([tie.sides for tie in scene.ties]), degree, axisymmetric=of_rings
-        )
+        section = Meridian if is_axisymmetric(scene.material) else Section
+        super().__init__(domain.tied([tie.sides for tie in scene.ties]), degree, section)
         self.scene = scene
         self.is_later_step = last is not None
         self.greatest_before = Greatest() if last is None else last.greatest

@@ -34,6 +34,7 @@ class Section:
     Attributes:
         circumference: Length of the ring through each point of a body of revolution
             [length], UFL; None of any other body.
+        axisymmetric: Whether the mesh is the half plane of bodies of revolution.
         varies: Whether weights vary in cells.
         letters: Names of the coordinates.
         motions: Which rigid motions of the mesh are motions of the body.
@@ -42,6 +43,7 @@ class Section:
     """
 
     circumference: Ufl | None = None
+    axisymmetric = False
     varies = False
     letters = "xyz"
     motions = slice(None)

@@ -20,7 +20,6 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
 from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.meridian import Meridian
 from erc_contact.model.section import Section
 from namedmesh.base.ranks import global_numbers
 from namedmesh.base.releases import cell_nodes
@@ -57,14 +56,14 @@ class Space:
     Args:
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
-        axisymmetric: Whether the mesh is the half plane (r, z) of bodies of revolution.
+        section: The kind of section that the mesh is of its bodies.
 
     Attributes:
-        axisymmetric: As given.
         section: What the bodies are of which the mesh is a section. Stresses,
             tractions, loads and stiffnesses of axisymmetric bodies are times the
             circumference, forces per length and per area of the half plane
             (``erc_contact.model.meridian``).
+        axisymmetric: Whether the mesh is the half plane (r, z) of bodies of revolution.
         V: Continuous vector P_k space.
         nodes: Block degrees of freedom of each cell, vertices first, ghosts included,
             shape (cells, N).
@@ -78,7 +77,7 @@ class Space:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
-    def __init__(self, domain: Bodies, degree: int, *, axisymmetric: bool = False) -> None:
+    def __init__(self, domain: Bodies, degree: int, section: type[Section] = Section) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
         self.domain = domain
@@ -88,9 +87,8 @@ class Space:
         self.comm = domain.comm
         check_shape(self.mesh)
         self.x = ufl.SpatialCoordinate(self.mesh)
-        self.axisymmetric = axisymmetric
-        kind = Meridian if axisymmetric else Section
-        self.section: Section = kind(self.x, self.d, degree, domain.extent)
+        self.section = section(self.x, self.d, degree, domain.extent)
+        self.axisymmetric = self.section.axisymmetric
         self.n = ufl.FacetNormal(self.mesh)
         self.V = self.function().function_space
         self.nodes = self.V.dofmap.list
