@@ -370,8 +370,10 @@ def moduli(
     """
     law = model.constitution
     matrix = law.metric if inverse else law.stiffness
-    places = _places(cells, points, count, matrix.varies_in_cells)
-    return matrix.as_it_varies(places, _numbers(count))
+    if matrix.plain is not None:
+        return matrix.plain[None, None]
+    varying = matrix.varies_in_cells
+    return matrix(_places(cells, points, count, varying), _numbers(count))
 
 
 def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:

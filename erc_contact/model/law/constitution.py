@@ -156,6 +156,11 @@ class ElasticMatrix:
         matrix = _matrix(material, d, inverse, self._numbers)
         self._matrix = OfNumbers(matrix, lasting(mesh.comm), is_matrix=True)
 
+    @property
+    def plain(self) -> np.ndarray | None:
+        """Return the matrix (s, s) where it does not vary, else None."""
+        return None if self.varies_in_cells else self._constant
+
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix at points.
 
@@ -166,12 +171,8 @@ class ElasticMatrix:
         Returns:
             Shape (n, q, s, s).
         """
-        matrix = self.as_it_varies(x, cells)
+        matrix = self._weighted(self.of_material(x, cells), x)
         return np.broadcast_to(matrix, (*x.shape[:2], self.size, self.size))
-
-    def as_it_varies(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Evaluate the matrix, with 1 in place of n or q where it does not vary."""
-        return self._weighted(self.of_material(x, cells), x)
 
     def times(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Multiply the matrix and tensors (n, q, s) at points, see :meth:`__call__`."""
