@@ -140,7 +140,7 @@ class CellStress:
         return CellStress(shared(self.in_plane, None if is_constant else cells.order))
 
     def pull(self, forces: np.ndarray, shape: np.ndarray) -> None:
-        """Add the forces of the stress that are no divergence in the mesh, in place.
+        """Add the forces of hoop stresses to forces, in place; here are none.
 
         Args:
             forces: Works on functions in the first n cells [force], shape (n, N, d).
@@ -148,7 +148,7 @@ class CellStress:
         """
 
     def as_body_force(self, force: np.ndarray | None) -> np.ndarray | None:
-        """Add these forces to a body force.
+        """Add the forces of hoop stresses to a body force; here are none.
 
         Args:
             force: Works on Bernstein polynomials of degree k [force], shape (n, N_k,

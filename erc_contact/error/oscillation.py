@@ -26,7 +26,6 @@ from mpi4py import MPI
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.base.traced import field_of
-from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.quadrature import (
     Integrand,
@@ -100,10 +99,9 @@ def of_loads(
     """
     d, k = model.d, model.degree
     total = 0.0
-    if model.body_force is not None:
-        carried = model.section.carried_density(model.body_force)
-        if varies_in_cells(carried):
-            total += _of_body_force(model, cells, carried, force, relief)
+    carried = model.section.carried_density(model.body_force)
+    if carried is not None and varies_in_cells(carried):
+        total += _of_body_force(model, cells, force, relief)
     if relief is not None:
         total += _of_relief(model, cells, relief)
     for load in model.surface_loads:
@@ -133,11 +131,7 @@ def _of_relief(model: Model, cells: CellGeometry, relief: np.ndarray) -> float:
 
 
 def _of_body_force(
-    model: Model,
-    cells: CellGeometry,
-    density: Ufl,
-    force: np.ndarray | None,
-    relief: np.ndarray | None,
+    model: Model, cells: CellGeometry, force: np.ndarray | None, relief: np.ndarray | None
 ) -> float:
     """Compute the square of the oscillation of the body force; collective."""
     d, k = model.d, model.degree
@@ -148,7 +142,7 @@ def _of_body_force(
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:
         projected = projected - relief[:owned, None]
-    data = Everywhere(density, model.mesh)
+    data = Everywhere(model.section.carried_density(model.body_force), model.mesh)
     difference = _squares(model, data, model.owned_cells, projected, k - 1)
     integral = integrate(
         model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE

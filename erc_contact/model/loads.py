@@ -138,5 +138,5 @@ def bind_hoop_load(space: Space, body_force: Ufl | None) -> HoopLoad:
         space: The mesh.
         body_force: The body force [force/volume], UFL, shape (d,), or None.
     """
-    hoop = None if body_force is None else space.section.hoop_density(body_force)
+    hoop = space.section.hoop_density(body_force)
     return HoopLoad(None if hoop is None else Everywhere(hoop, space.mesh))

@@ -234,9 +234,9 @@ class Meridian(Section):
 
     # -- forces and motions: hoop stresses balance radial forces
 
-    def hoop_density(self, force: Ufl) -> Ufl:
+    def hoop_density(self, force: Ufl | None) -> Ufl | None:
         """Return the hoop component ``c r f_r`` of the stress that c f is [force]."""
-        return self.x[0] * force[0]
+        return None if force is None else self.x[0] * force[0]
 
     def carried(self, forces: np.ndarray) -> np.ndarray:
         """Return axial forces alone, shape (..., 2)."""
@@ -244,9 +244,9 @@ class Meridian(Section):
         axial[..., 0] = 0.0
         return axial
 
-    def carried_density(self, force: Ufl) -> Ufl:
+    def carried_density(self, force: Ufl | None) -> Ufl | None:
         """Return an axial body force alone, UFL."""
-        return ufl.as_vector([0.0, force[1]])
+        return None if force is None else ufl.as_vector([0.0, force[1]])
 
     @property
     def motion_names(self) -> list[str]:

@@ -239,11 +239,11 @@ class Section:
 
     # -- forces and motions
 
-    def hoop_density(self, force: Ufl) -> Ufl | None:
-        """Return the hoop stress that a body force is, UFL; None of a body without.
+    def hoop_density(self, force: Ufl | None) -> Ufl | None:
+        """Return the hoop stress that a body force is, UFL; None without.
 
         Args:
-            force: The body force [force/volume], UFL, shape (d,).
+            force: The body force [force/volume], UFL, shape (d,), or None.
         """
         return None
 
@@ -251,7 +251,7 @@ class Section:
         """Return forces (..., d) without components that hoop stresses balance."""
         return forces
 
-    def carried_density(self, force: Ufl) -> Ufl:
+    def carried_density(self, force: Ufl | None) -> Ufl | None:
         """Return a body force without components that hoop stresses balance, UFL."""
         return force
 
