@@ -20,12 +20,12 @@ mesh that cuts the cells as sigma^ does and refines them three times.
 ``steps``: the same of steps of histories that turn the push back, given their history.
 
 ``heated``: the same of blocks with random given strains, where the contact has no
-friction or a given one.
+friction or Tresca's.
 
 ``sprung``: the same with springs on the sides. ``turned``: see ``attack_springs.py``.
 
 ``foundations``: the same on compliant foundations; ``tangential``: on foundations that
-give way tangentially, half of them along the normal, too, with given friction;
+are tangentially compliant, half of them along the normal, too, with Tresca friction;
 ``layers``: with such a layer between two bodies.
 
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
@@ -61,7 +61,7 @@ from true_errors import reference, true_errors  # isort: skip
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact import contact_parts
-from erc_contact.error.contact_term import contact_density
+from erc_contact.error.contact_term import AtPoints, contact_density
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import pressures
 from erc_contact.model.data.quadrature import polynomials
@@ -146,7 +146,7 @@ def kinks(seed: int = 0, count: int = 200) -> None:
         scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
         pair = ec.equilibrate(ec.solve(scene(1.0), domain, degree=degree))
         traction = pair.tractions[0]
-        part = contact_parts(pair.solution.model, pair.displacement, traction).sum()
+        part = contact_parts(pair.solution.model.space, pair.displacement, traction).sum()
         composite = composite_contact_part(pair, traction)
         if composite > 0:
             deviations.append(part / composite - 1)
@@ -159,18 +159,19 @@ def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> fl
     The contact is one without gap, in the plane.
     """
     contact = traction.contact
-    model = pair.solution.model
+    space = pair.solution.model.space
     points, weights = np.polynomial.legendre.leggauss(4)
     starts = np.arange(PANELS)[:, None]
     places = ((starts + 0.5 * (points + 1)) / PANELS).ravel()
-    shape = polynomials(model.degree, np.stack([1 - places, places], axis=-1)[None])
+    shape = polynomials(space.degree, np.stack([1 - places, places], axis=-1)[None])
     nodal = pair.displacement.x.array.reshape(-1, 2)[traction.nodes]
-    w = shape @ (coefficients(1, model.degree) @ nodal)
+    w = shape @ (coefficients(1, space.degree) @ nodal)
     r = shape @ traction.values
     normal = contact.direction[:, None, :]
-    parameters = friction_parameters(model, contact, np.array([[0.5]]))
+    parameters = friction_parameters(space, contact, np.array([[0.5]]))
     bound = contact.friction_bound(pressures(r, normal), parameters)
-    density = contact_density(contact, normal, r, w, 0.0, 0.0, bound)
+    at = AtPoints(normal, r, w, np.zeros_like(w), 0.0, bound)
+    density = contact_density(contact, at, 0.0)
     means = density @ np.tile(0.5 * weights / PANELS, PANELS)
     return float(traction.area @ means)
 
@@ -231,7 +232,7 @@ def compared(cases: list[Case]) -> None:
 
 
 def given_friction(rng: np.random.Generator) -> tuple[ec.Scene, ec.Domain, int]:
-    """Make a random block whose contact has no friction or a given one, and its degree.
+    """Make a random block whose contact has no friction or Tresca's, and its degree.
 
     On such scenes e is proved to bound the errors of displacement and stress.
     """
@@ -243,7 +244,7 @@ def given_friction(rng: np.random.Generator) -> tuple[ec.Scene, ec.Domain, int]:
 
 
 type Change = Callable[[np.random.Generator, ec.Scene], ec.Scene]
-"""Makes another scene of a block with given friction."""
+"""Makes another scene of a block with Tresca friction."""
 
 
 def compared_blocks(seed: int, count: int, change: Change) -> None:
@@ -280,7 +281,7 @@ def turned(seed: int = 0, count: int = 300) -> None:
 def rigid(seed: int = 0, count: int = 50) -> None:
     """Print the same of blocks that a rigid face presses and turns.
 
-    Without friction the face turns freely: a given friction might overturn the block.
+    Without friction the face turns freely: Tresca friction might overturn the block.
     The resultant is inside the middle third of the base, so that even a base of one
     facet has a traction that balances it.
     """
@@ -310,12 +311,12 @@ def foundations(seed: int = 0, count: int = 50) -> None:
 
 
 def tangential(seed: int = 0, count: int = 50) -> None:
-    """Print the same of blocks on foundations that give way tangentially."""
+    """Print the same of blocks on tangentially compliant foundations."""
     compared_blocks(seed, count, tangentially_bedded)
 
 
 def tangentially_bedded(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
-    """Put a block on a foundation that gives way tangentially, with given friction."""
+    """Put a block on a tangentially compliant foundation, with Tresca friction."""
     sheared = random_foundation(rng)["foundation"].normal
     bed = random_foundation(rng)
     normal = bed["foundation"].normal if rng.random() < 0.5 else None
@@ -356,7 +357,7 @@ def plane(seed: int = 0, count: int = 40) -> None:
 
 
 def space(seed: int = 0, count: int = 4) -> None:
-    """Print the same in space."""
+    """Print the same in 3D."""
     print(summary_of_certificates(certificates(seed, count, random_sliding_box)), flush=True)
 
 

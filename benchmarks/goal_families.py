@@ -78,8 +78,8 @@ def weighted(part: str, weights: np.ndarray) -> Wanted:
 
     def read(error: ec.ConstitutiveError) -> float:
         model = error.model
-        ds = model.ds(model.domain.tag(part))
-        density = ufl.inner(error.solution.u, weight(model.x)) * ds
+        ds = model.space.ds(model.domain.tag(part))
+        density = ufl.inner(error.solution.u, weight(model.space.x)) * ds
         return float(fem.assemble_scalar(fem.form(density)))
 
     return Wanted("weighted mean", ec.Functional(ec.Traction(part, weight)), read)
@@ -90,7 +90,7 @@ def mean(part: str, direction: np.ndarray) -> Wanted:
 
     def read(error: ec.ConstitutiveError) -> float:
         model = error.model
-        ds = model.ds(model.domain.tag(part))
+        ds = model.space.ds(model.domain.tag(part))
         along = ufl.inner(error.solution.u, ufl.as_vector(direction.tolist()))
         one = fem.Constant(model.domain.mesh, 1.0)
         area = fem.assemble_scalar(fem.form(one * ds))
@@ -115,7 +115,7 @@ def mean_of_body(force: np.ndarray) -> Wanted:
 
 
 def random_axis(rng: np.random.Generator, d: int) -> np.ndarray | None:
-    """Return a random axis in space, None in the plane."""
+    """Return a random axis in 3D, None in the plane."""
     return None if d == 2 else rng.standard_normal(3)
 
 

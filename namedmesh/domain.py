@@ -325,10 +325,10 @@ class Domain(Bodies):
             here: Name of a part of the boundary of one body.
             there: Name of the part of another body that lies against it.
             tied: Leave the bodies glued there. The joint is a part inside, then.
-            apart: Greatest distance of the parts [length]: they are drawn with a
+            apart: Greatest distance of the parts [length]: they are modelled with a
                 clearance or an interference. Each keeps its place, and their distance
                 along the normal is the gap, to which ``gap=`` of the contact adds. Two
-                parts move onto each other all the same if they are tied, or in space if
+                parts move onto each other all the same if they are tied, or in 3D if
                 their facets do not match, which a warning says: then ``gap=`` gives the
                 distance.
 

@@ -26,12 +26,14 @@ from erc_contact.admissible.balance_parts import (
     spring_give,
     too_coarse,
 )
+from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 CONTACT_PASSES = 10
 """Limit of the passes that lower the friction bound where it is sampled.
@@ -65,7 +67,7 @@ def admissible_tractions(
         r^ on each contact, or the error that says that no allowed traction balances the
         other forces on a free motion. Who asks may have less to balance.
     """
-    trials = [_trial(model, contact, solution) for contact in model.contacts]
+    trials = [_trial(model.space, contact, solution) for contact in model.contacts]
     is_sampled = any(contact.sampled for contact in model.contacts)
     tractions = _limit(model, trials, others, uniform=is_sampled)
     if is_sampled and isinstance(tractions, TooCoarse):
@@ -74,26 +76,26 @@ def admissible_tractions(
     return tractions
 
 
-def _trial(model: Model, contact: ContactOnMesh, solution: Any) -> Trial:
+def _trial(space: Space, contact: ContactOnMesh, solution: Any) -> Trial:
     """Return the traction of the method, not yet limited; collective.
 
     Where normals turn and all of a contact sticks, or is open, any polynomial of degree
     k may be allowed: also a constant stress, whose traction does not turn.
     """
     if contact.trace.corner_normals is not None and contact.friction is not None:
-        trial = trial_of(model, contact, solution, turned=False)
-        if is_inside(model, trial.contact_traction(trial.best)):
-            return replace(trial, otherwise=trial_of(model, contact, solution))
-    return trial_of(model, contact, solution)
+        trial = trial_of(space, contact, solution, turned=False)
+        if is_inside(space, trial.contact_traction(trial.best)):
+            return replace(trial, otherwise=trial_of(space, contact, solution))
+    return trial_of(space, contact, solution)
 
 
-def no_traction(model: Model, contact: ContactOnMesh) -> ContactTraction:
+def no_traction(space: Space, contact: ContactOnMesh) -> ContactTraction:
     """Return the traction of a contact that transmits nothing; collective.
 
     Its friction bound is the bound at zero pressure.
     """
-    values = np.zeros((*contact.trace.here.nodes.shape, model.d))
-    return contact_traction(model, contact, values)
+    values = np.zeros((*contact.trace.here.nodes.shape, space.d))
+    return contact_traction(space, contact, values)
 
 
 def _limit(
@@ -103,13 +105,14 @@ def _limit(
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
+    space = model.space
     for _ in range(CONTACT_PASSES):
-        values = _allowed_at_nodes(model, trials, others)
+        values = _allowed_at_nodes(space, trials, others)
         if isinstance(values, TooCoarse):
             return values
         tractions = _contact_tractions(trials, values)
         outside = [
-            trial.otherwise is not None and not is_inside(model, traction)
+            trial.otherwise is not None and not is_inside(space, traction)
             for trial, traction in zip(trials, tractions, strict=True)
         ]
         if any(outside):
@@ -119,18 +122,49 @@ def _limit(
         changes = []
         is_changed = False
         for trial, r, traction in zip(trials, values, tractions, strict=True):
-            factor = lowering(model, traction)
+            factor = lowering(space, traction)
             become = trial.becomes_uniform(r) & uniform
             changes.append((factor, become))
             is_changed = is_changed or bool(np.any(factor < 1.0) or np.any(become))
         # All ranks go on together, because every pass is collective.
-        if not model.comm.allreduce(is_changed, MPI.LOR):
+        if not space.comm.allreduce(is_changed, MPI.LOR):
             return tractions
         trials = [trial.lower(*change) for trial, change in zip(trials, changes, strict=True)]
     # The passes do not settle: take the least bound on each facet, which is safe.
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
-    values = _allowed_at_nodes(model, safe, others)
+    values = _allowed_at_nodes(space, safe, others)
     return values if isinstance(values, TooCoarse) else _contact_tractions(safe, values)
+
+
+def _in_disc(
+    trial: Trial,
+    cones: Cones,
+    start: np.ndarray,
+    weight: np.ndarray,
+    motions: np.ndarray,
+    modulus: np.ndarray,
+) -> BalancePart:
+    """Return the balance of a contact, where the set of its friction is a disc.
+
+    Args:
+        trial: The traction of the method.
+        cones: The sets of its nodes.
+        start: Tractions r_0 [force/area], shape (f, m, d).
+        weight: As :class:`BalancePart` has it.
+        motions: Motions at the nodes, shape (f, m, d, K).
+        modulus: As :class:`BalancePart` has it.
+    """
+    allowed = trial.contact.friction_set
+    n = cones.n
+    of_motions = [allowed.from_disc(motion, n) for motion in np.moveaxis(motions, -1, 0)]
+    return BalancePart(
+        cones,
+        allowed.to_disc(start, n),
+        allowed.to_disc(trial.shift(cones.slope), n),
+        weight,
+        np.stack(of_motions, axis=-1),
+        modulus,
+    )
 
 
 def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[ContactTraction]:
@@ -139,7 +173,7 @@ def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[Co
 
 
 def _allowed_at_nodes(
-    model: Model, trials: list[Trial], others: OtherForces
+    space: Space, trials: list[Trial], others: OtherForces
 ) -> list[np.ndarray] | TooCoarse:
     """Limit tractions at the nodes, and balance the other forces; collective.
 
@@ -157,10 +191,10 @@ def _allowed_at_nodes(
     start = [trial.limit() for trial in trials]
     if not others.motions:
         return start
-    comm = model.comm
-    constraints = [trial.weights_and_motions(model, others.motions) for trial in trials]
-    of_facets = moduli(model, [trial.contact for trial in trials])
-    give = spring_give(model, [trial.contact for trial in trials], others)
+    comm = space.comm
+    constraints = [trial.weights_and_motions(space, others.motions) for trial in trials]
+    of_facets = moduli(space, [trial.contact for trial in trials])
+    give = spring_give(space, [trial.contact for trial in trials], others)
     values = start
     for _ in range(CONTACT_PASSES):
         peak = largest_component(comm, values)
@@ -170,8 +204,7 @@ def _allowed_at_nodes(
             trials, values, start, constraints, of_facets, strict=True
         ):
             cones = trial.allowed.tangent_cones(r, peak)
-            shift = trial.shift(cones.slope)
-            part = BalancePart(cones, r_0, shift, weight, motions, modulus)
+            part = _in_disc(trial, cones, r_0, weight, motions, modulus)
             cone_parts.append(part.on_facets(~trial.uniform))
             rays = trial.at_mean_pressure(r)
             uniform = trial.uniform
@@ -185,7 +218,9 @@ def _allowed_at_nodes(
             trials, tractions[:count], tractions[count:], strict=True
         ):
             r = np.empty_like(trial.mean)
-            r[~trial.uniform] = at_nodes
+            cones_at = np.flatnonzero(~trial.uniform)
+            n = trial.contact.direction[cones_at, None]
+            r[cones_at] = trial.contact.friction_set.from_disc(at_nodes, n, cones_at)
             r[trial.uniform] = on_rays.reshape(-1, *r.shape[1:])
             values.append(r)
             is_uniform = trial.uniform[:, None, None]
@@ -194,7 +229,7 @@ def _allowed_at_nodes(
         by_contact = [
             (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)
         ]
-        failure = too_coarse(model, by_contact, others, imbalance, max(others.size, sizes))
+        failure = too_coarse(space, by_contact, others, imbalance, max(others.size, sizes))
         if failure is not None:
             return failure
         if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:

@@ -16,6 +16,7 @@ from erc_contact.model.data.quadrature import polynomials
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.law.constitution import act
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import (
     barycentric,
     bernstein,
@@ -45,10 +46,10 @@ class CellStrains:
     in_plane: np.ndarray
 
     @staticmethod
-    def of(model: Model, cells: CellGeometry, u: fem.Function) -> CellStrains:
+    def of(space: Space, cells: CellGeometry, u: fem.Function) -> CellStrains:
         """Return the strains of a displacement [length] in all cells of this rank."""
         in_plane = strains(cells, u)
-        if not model.axisymmetric:
+        if not space.axisymmetric:
             return CellStrains(cells.degree, in_plane)
         nodal = u.x.array.reshape(-1, cells.d)[cells.nodes, 0]
         return RingStrains(cells.degree, in_plane, nodal @ coefficients(cells.d, cells.degree).T)
@@ -208,10 +209,10 @@ class RingStress(CellStress):
         """Evaluate it, of the hoop force its projection on degree k."""
         owned, k = model.domain.owned_cells, cells.degree
         _, points, _ = macro_points(2, k)
-        places = macro_places(model, cells, owned)
+        places = macro_places(model.space, cells, owned)
         means = self.hoop[:owned, :, None] / cells.volume[:owned, None, None]
         hoop = places[..., :1] * np.matmul(bernstein(2, k, points), from_means(2, k, means))
-        hoop = model.hoop_load.plus(hoop, places, model.owned_cells)
+        hoop = model.hoop_load.plus(hoop, places, model.space.owned_cells)
         return np.concatenate([super().at_macro_points(model, cells), hoop], axis=-1)
 
     def means(self, model: Model, cells: CellGeometry) -> np.ndarray:
@@ -222,8 +223,8 @@ class RingStress(CellStress):
         # The hoop force is 2 pi sigma_tt.
         around = self.hoop[:owned].sum(axis=1) / cells.volume[:owned]
         hoop = middles[:, :1] * around[:, None]
-        hoop = model.hoop_load.plus(hoop[:, None], middles[:, None], model.owned_cells)[:, 0]
-        return model.section.over(np.column_stack([in_plane, hoop]), middles)
+        hoop = model.hoop_load.plus(hoop[:, None], middles[:, None], model.space.owned_cells)[:, 0]
+        return model.space.section.over(np.column_stack([in_plane, hoop]), middles)
 
 
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
@@ -263,7 +264,7 @@ def strain_digits(cells: CellGeometry, u: fem.Function, count: int) -> np.ndarra
 
 def greatest_moduli(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the greatest entry of C in each cell [force/area], or in all cells."""
-    matrices = moduli(model, cells, nodes(model.d, 0), count)
+    matrices = moduli(model, cells, nodes(model.space.d, 0), count)
     return np.asarray(matrices[:, 0].max(axis=(1, 2)))
 
 
@@ -277,8 +278,8 @@ def elastic_coefficients(
     sub-simplices.
     """
     d, k = cells.d, cells.degree
-    _, points, _ = macro_points(d, k)
-    if model.axisymmetric:
+    points = macro_points(d, k).points
+    if model.space.axisymmetric:
         return _coefficients_of_rings(model, cells, u, count)
     stiffness = macro_moduli(model, cells, count)
     strain = strains(cells, u)[:count]
@@ -297,8 +298,8 @@ def _coefficients_of_rings(
     model: Model, cells: CellGeometry, u: fem.Function, count: int
 ) -> np.ndarray:
     """Return :func:`elastic_coefficients` of an axisymmetric body."""
-    strain = CellStrains.of(model, cells, u)
-    _, points, _ = macro_points(cells.d, cells.degree)
+    strain = CellStrains.of(model.space, cells, u)
+    points = macro_points(cells.d, cells.degree).points
     values = np.empty((count, len(points), strain.in_plane.shape[2] + 1))
     for chunk in _chunks(count):
         x = np.matmul(barycentric(points), cells.corners[chunk])
@@ -315,26 +316,26 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
     """
     d, k = cells.d, cells.degree
     values = elastic_coefficients(model, cells, u, count)
-    _, points, _ = macro_points(d, k)
+    points = macro_points(d, k).points
     if values.shape[1] in (1, len(points)):
         return values
     return np.matmul(bernstein(d, k - 1, points), values)
 
 
 def strains_at(
-    model: Model, cells: CellGeometry, u: fem.Function, points: np.ndarray, count: int
+    space: Space, cells: CellGeometry, u: fem.Function, points: np.ndarray, count: int
 ) -> np.ndarray:
     """Evaluate the strain of a displacement at reference points of the cells [-].
 
     See :func:`moduli` for the arguments. Shape (count, q, s).
     """
     x = _places(cells, points, count, True)
-    return CellStrains.of(model, cells, u).at_points(slice(count), points, x)
+    return CellStrains.of(space, cells, u).at_points(slice(count), points, x)
 
 
-def macro_places(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
+def macro_places(space: Space, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the points of :func:`macro_points` in the first cells, (count, q, d)."""
-    _, points, _ = macro_points(model.d, model.degree)
+    points = macro_points(space.d, space.degree).points
     return _places(cells, points, count, True)
 
 
@@ -377,7 +378,7 @@ def moduli(
 
 
 def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:
-    """Return reference points of the cells in space, or only the middle of each cell.
+    """Return reference points of the cells in 3D, or only the middle of each cell.
 
     Shape (count, q, d), or (count, 1, d) where data do not vary inside cells.
     """
@@ -403,7 +404,7 @@ def macro_moduli(
         Mandel components, shape (count, (d+1) q, s, s). The first number is 1 if all
         cells have the same matrix, the second is 1 if no matrix varies inside a cell.
     """
-    _, points, _ = macro_points(model.d, model.degree)
+    points = macro_points(model.space.d, model.space.degree).points
     return moduli(model, cells, points, count, inverse=inverse)
 
 
@@ -424,7 +425,7 @@ def cell_stress(
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
-    if model.axisymmetric:
+    if model.space.axisymmetric:
         return _stress_of_rings(model, cells, u, change)
     stiffness = moduli(model, cells, points, count)
     strain = strains(cells, u)
@@ -451,7 +452,7 @@ def _stress_of_rings(
     points, weights = rule(d, DATA_DEGREE)
     to_hoop = weights[:, None] * bernstein(d, k, points)
     to_in_plane = projection(d, k - 1, points, weights)
-    strain = CellStrains.of(model, cells, u)
+    strain = CellStrains.of(model.space, cells, u)
     law = model.constitution
     stress = law.stress_change if change else law.stress
     count = len(cells.nodes)

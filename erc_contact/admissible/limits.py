@@ -32,6 +32,7 @@ class Limits:
             rest [-], shape (c,).
         normal: Normal of each limit, shape (c, d).
         bound: Limit of u_n [length], shape (c,).
+        facet: Number in the contact of a facet of each limit, shape (c,).
         of_facet: Number of the limit of each node of each facet, shape (f, m).
         groups: Groups of limits, each by their numbers. No node is twice in one group.
     """
@@ -41,6 +42,7 @@ class Limits:
     share: np.ndarray
     normal: np.ndarray
     bound: np.ndarray
+    facet: np.ndarray
     of_facet: np.ndarray
     groups: list[np.ndarray]
 
@@ -112,7 +114,7 @@ def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limi
 
     # One limit for each pair of a node and a normal, and the least gap of its facets.
     normals = np.broadcast_to(contact.trace.normals, traction.values.shape)
-    normals = normals.reshape(-1, model.d)
+    normals = normals.reshape(-1, model.space.d)
     key = np.column_stack([traction.nodes.ravel(), np.round(normals, 12)])
     _, first, of_facet = np.unique(key, axis=0, return_index=True, return_inverse=True)
     bound = np.full(len(first), np.inf)
@@ -124,12 +126,13 @@ def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limi
     most = int(number.max(initial=0))
     groups = [np.flatnonzero(number == k) for k in range(most + 1)]
     of_facet = of_facet.reshape(traction.nodes.shape)
+    facet = first // traction.nodes.shape[1]
     partners = None
     share = np.ones(len(first))
     if contact.trace.there is not None:
         partners = contact.trace.partners.ravel()[first]
         share = _share_of_node(contact.trace, len(model.fixed))[nodes]
-    return Limits(nodes, partners, share, normals[first], bound, of_facet, groups)
+    return Limits(nodes, partners, share, normals[first], bound, facet, of_facet, groups)
 
 
 def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:

@@ -93,7 +93,7 @@ class Admissible:
         Nothing is computed, so one rank alone may ask.
         """
         return (
-            f"<Admissible pair of degree {self.model.degree} on {self.domain.cells} cells, "
+            f"<Admissible pair of degree {self.model.space.degree} on {self.domain.cells} cells, "
             f"{len(self.tractions)} contacts, tightened {self.tightening} times>"
         )
 
@@ -131,7 +131,7 @@ class Admissible:
         Returns:
             Mandel components, times the weights of the section, shape (n, q, s).
         """
-        values = macro_values(self.stress, self.model.degree, cell, places)
+        values = macro_values(self.stress, self.model.space.degree, cell, places)
         return self.model.hoop_load.plus(values, x, cell)
 
     def stress_at_macro_points(self, x: np.ndarray) -> np.ndarray:
@@ -144,9 +144,9 @@ class Admissible:
             Mandel components, times the weights of the section, shape (owned, q, s).
         """
         model = self.model
-        shape, _, _ = macro_points(model.d, model.degree)
+        shape = macro_points(model.space.d, model.space.degree).shape
         values = np.matmul(shape, self.stress).reshape(*x.shape[:2], self.stress.shape[-1])
-        return model.hoop_load.plus(values, x, model.owned_cells)
+        return model.hoop_load.plus(values, x, model.space.owned_cells)
 
     def traction(self, name: str) -> ContactTraction:
         """Return r^ on the contact of a name, or sigma^ n on a tied joint.
@@ -162,12 +162,12 @@ class Admissible:
 
     def _traction_through(self, tie: ContactOnMesh) -> ContactTraction:
         """Return the traction of sigma^ on the first side of a tied joint."""
-        model = self.model
+        space = self.model.space
         here = tie.trace.here
         cells = self.cell_geometry
-        first = cells.side[0][model.facet_numbers(here.facets)] // (model.d + 1)
+        first = cells.side[0][space.facet_numbers(here.facets)] // (space.d + 1)
         sign = np.where(first == here.facets[:, 0], 1.0, -1.0)
-        values = sign[:, None, None] * tractions_of(model, self.facet_moments, here.facets)
+        values = sign[:, None, None] * tractions_of(space, self.facet_moments, here.facets)
         # A tied joint carries any shear.
         bound = np.full(values.shape[:2], np.inf)
         return ContactTraction(tie, here.nodes, here.areas, values, bound)
@@ -178,13 +178,13 @@ class Admissible:
         It is the traction on the side that the scene names first. On rings it
         interpolates the traction at the nodes of facets.
         """
-        model = self.model
+        space = self.model.space
         corners = traction.contact.trace.here.corners
         named = traction.contact.named_corners
         bound = traction.friction_bound
         if np.isfinite(bound).all():
-            bound = model.section.shown(bound[..., None], corners, named)[..., 0]
-        values = model.section.shown(traction.values, corners, named)
+            bound = space.section.shown(bound[..., None], corners, named)[..., 0]
+        values = space.section.shown(traction.values, corners, named)
         return replace(traction, area=measures(named), values=values, friction_bound=bound)
 
     def at_profile_points(self, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
@@ -193,30 +193,31 @@ class Admissible:
         Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
         """
         model = self.model
-        points = profile_points(model)
+        space = model.space
+        points = profile_points(space)
         corners = traction.contact.trace.here.corners
-        r = model.section.per_area(corners, traction.values, points)
+        r = space.section.per_area(corners, traction.values, points)
         if traction.contact in model.ties:
             return r, np.full(r.shape[:2], np.inf)
-        return r, model.section.per_area(corners, traction.friction_bound, points)
+        return r, space.section.per_area(corners, traction.friction_bound, points)
 
     def status(self, traction: ContactTraction) -> np.ndarray:
         """Tell which facets are open, slip, stick or are closed, (f,); collective.
 
         See :func:`erc_contact.model.contact.status.facet_status`.
         """
-        model = self.model
+        space = self.model.space
         r, bound = self.at_profile_points(traction)
-        points, weights = profile_points(model), profile_weights(model)
+        points, weights = profile_points(space), profile_weights(space)
         u = self.displacement
-        return facet_status(model, traction.contact, u, r, bound, points, weights)
+        return facet_status(space, traction.contact, u, r, bound, points, weights)
 
     def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
         """Return the measure of the body for forms with sigma^, UFL.
 
         Its rule is exact up to this degree in each sub-simplex.
         """
-        return sub_dx(self.model, degree)
+        return sub_dx(self.model.space, degree)
 
     def stress_function(self, degree: int = FIELD_DEGREE) -> fem.Function:
         """Return sigma^ as a Function of shape (d, d) [force/area]; collective.
@@ -234,7 +235,7 @@ class Admissible:
         """Return sigma^ n on a boundary part as a Function [force/area]; collective.
 
         On a contact it is r^. It is discontinuous, of degree k, and zero away from the
-        part: integrate it over ``model.ds(domain.tag(part))``. No two facets of the
+        part: integrate it over ``space.ds(domain.tag(part))``. No two facets of the
         part may have a common cell.
         """
         return traction_function(self.model, self.cell_geometry, self.facet_moments, part)

@@ -22,7 +22,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONSTANT
 from erc_contact.model.contact.turning import Turning, turning_of
 from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from namedmesh.simplex import (
     at_nodes,
@@ -151,22 +150,22 @@ class Trial:
         )
 
     def weights_and_motions(
-        self, model: Model, motions: list[fem.Function]
+        self, space: Space, motions: list[fem.Function]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the weights of the coefficients, and motions there.
 
         They are as :func:`weights_and_motions` returns them, for the tractions of the
         trial.
         """
-        weight, of_nodes = self._weights_and_motions(model, motions)
+        weight, of_nodes = self._weights_and_motions(space, motions)
         return weight, of_nodes * self.off_axis[..., None, None]
 
     def _weights_and_motions(
-        self, model: Model, motions: list[fem.Function]
+        self, space: Space, motions: list[fem.Function]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return :meth:`weights_and_motions`, on the axis, too."""
         if self.turning is None:
-            return weights_and_motions(model, self.contact, motions)
+            return weights_and_motions(space, self.contact, motions)
         trace = self.contact.trace
         # A motion is linear: its values at the nodes are also its coefficients.
         turned = [self.turning.means(trace.of(motion.x.array)) for motion in motions]
@@ -201,7 +200,7 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     average = averages(space.d - 1, degree, points, weights)
     since_last_step = contact.trace.since(solution.u.x.array)
     if contact.tangential_stiffness is not None:
-        # The slip is what the foundation does not give way.
+        # The slip is the displacement without the deflection of the foundation.
         places = space.facet_points
         r = evaluate(solution.traction(contact), space.mesh, places, contact.facets)
         since_last_step = since_last_step - spring_displacement(space, contact, r, places)

@@ -180,11 +180,11 @@ def certify(
     for contact in model.contacts:
         if contact.stiffness is not None:
             continue  # a compliant foundation may be entered
-        w_n, _, _ = split(contact.trace.of(solution.u.x.array), contact.trace.normals)
-        beyond = w_n - gap_at_nodes(model, contact)
+        w_n = split(contact.trace.of(solution.u.x.array), contact.trace.normals).normal
+        beyond = w_n - gap_at_nodes(model.space, contact)
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     moved = float(abs(solution.u.x.array).max(initial=0.0))
-    penetration, size = np.max(model.comm.allgather([penetration, moved]), axis=0)
+    penetration, size = np.max(model.space.comm.allgather([penetration, moved]), axis=0)
     pair = equilibrated(solution, tighten, None, is_own=traction is None)
     error = constitutive_error(pair)
     # On curved contacts that are partly closed, reactions of coarse meshes give an e
@@ -215,9 +215,10 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     The stress of u_r is the rebalanced one of the pair.
     """
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
-    _, _, weights = macro_points(model.d, model.degree)
+    _, _, weights = macro_points(space.d, space.degree)
     elastic = elastic_stress(model, cells, pair.displacement, owned)
     difference = pair.balanced.at_macro_points(model, cells) - elastic
     compliance = macro_moduli(model, cells, owned, inverse=True)
@@ -226,4 +227,4 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     # Springs pull at u_r, so that all of the error in their law is this distance.
     of_springs, _ = spring_squares(model, pair.displacement, pair.spring_tractions)
     local += float(of_springs.sum())
-    return float(model.comm.allreduce(local, MPI.SUM))
+    return float(space.comm.allreduce(local, MPI.SUM))

@@ -1,7 +1,7 @@
 """Quadrature on the facets of a contact, where the length of the slip may have a kink.
 
 The length is a polynomial in the plane between the zeros of the slip, and smooth in
-space where the slip is far from zero.
+3D where the slip is far from zero.
 
 Symbols: w admissible displacement on the contact, s tangential displacement at the end
 of the last step of a history, f facets, m coefficients of a facet, q points, d
@@ -92,7 +92,9 @@ def slip_may_vanish(contact: ContactOnMesh, slip: np.ndarray) -> np.ndarray:
         contact: The contact.
         slip: Coefficients of ``w - s`` [length], shape (f, m, d).
     """
-    _, tangential, size = split(slip, contact.trace.normals)
+    n = contact.trace.normals
+    # The length that has the kink is taken where the set of friction is a disc.
+    _, tangential, size = split(contact.friction_set.from_disc(slip, n), n)
     mean = tangential.mean(axis=1, keepdims=True)
     farthest = np.linalg.norm(tangential - mean, axis=2).max(axis=1)
     slides = size.max(axis=1) > 0

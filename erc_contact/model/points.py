@@ -15,6 +15,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import in_space
@@ -30,14 +31,14 @@ OUTSIDE = 1e-6
 
 
 def at_points(
-    model: Model, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    space: Space, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> np.ndarray:
     """Evaluate a field at points of the body, the same on all ranks; collective.
 
     At a point between several cells it is the mean of their values.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         points: Points, the same on all ranks [length], shape (n, d) or (d,).
         values: Gets owned cells (m,) and a point in each (m, d); returns values, shape
             (m, c). It is called once on every rank.
@@ -49,13 +50,13 @@ def at_points(
         InputError: If the points have another shape or are not finite, or one lies
             outside the mesh.
     """
-    d, comm = model.d, model.comm
+    d, comm = space.d, space.comm
     x = np.atleast_2d(np.asarray(points, dtype=float))
     if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():
         raise InputError(
             f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d})."
         )
-    point, cell = _places(model, x)
+    point, cell = _places(space, x)
     in_cells = np.column_stack([np.ones(len(point)), values(cell, x[point])])
     local = np.zeros((len(x), in_cells.shape[1]))
     np.add.at(local, point, in_cells)
@@ -72,7 +73,7 @@ def at_points(
     return total / count
 
 
-def _places(model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _places(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the cells that hold points: one, or several at their border; collective.
 
     DOLFINx takes a point that is 1e-6 away, whatever the unit of length, to be in a
@@ -81,17 +82,17 @@ def _places(model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     is greatest, of all ranks.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         x: Points, the same on all ranks [length], shape (n, d).
 
     Returns:
         Pairs of a point and an owned cell, two arrays of shape (m,). Points outside the
         mesh are in none.
     """
-    d, comm, mesh = model.d, model.comm, model.mesh
-    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.extent)
+    d, comm, mesh = space.d, space.comm, space.mesh
+    tree = geometry.bb_tree(mesh, d, padding=1e-10 * space.domain.extent)
     candidates = geometry.compute_collisions_points(tree, in_space(x))
-    owned = candidates.array < model.domain.owned_cells
+    owned = candidates.array < space.domain.owned_cells
     point = np.repeat(np.arange(len(x)), np.diff(candidates.offsets))[owned]
     cell = candidates.array[owned]
     corners = mesh.geometry.x[cell_nodes(mesh.geometry)[cell], :d]
@@ -124,10 +125,11 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
     Returns:
         Mandel components, shape (n, s), of an axisymmetric body with the hoop stress.
     """
-    d = model.d
-    W = fem.functionspace(model.mesh, ("DG", model.degree - 1, (d, d)))
+    space = model.space
+    d = space.d
+    W = fem.functionspace(space.mesh, ("DG", space.degree - 1, (d, d)))
     eps = fem.Function(W)
-    eps.interpolate(compiled.expression(strain(u), W.element.interpolation_points, model.comm))
+    eps.interpolate(compiled.expression(strain(u), W.element.interpolation_points, space.comm))
     strains = np.zeros((len(x), d, d))
     if len(x):
         strains = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
@@ -139,13 +141,13 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
             return np.zeros((0, d))
         return u.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d)
 
-    section = model.section
+    section = space.section
     mandel_strains = section.strain_at(mandel_strains, displacement, x)
-    x_beside = section.beside_axis(x, model.domain.extent)
+    x_beside = section.beside_axis(x, space.domain.extent)
     stress = model.constitution.stress(mandel_strains[:, None], x_beside[:, None], cell)[:, 0]
     return section.over(stress, x_beside)
 
 
 def tensors_of_points(model: Model, stress: np.ndarray) -> np.ndarray:
     """Return Mandel components (n, s) as tensors (n, d, d), or (n, 3, 3) of rings."""
-    return np.tensordot(stress, model.section.basis, axes=1)
+    return np.tensordot(stress, model.space.section.basis, axes=1)

@@ -1,4 +1,4 @@
-"""Complete stresses of cells to tensors in space, with their von Mises stress."""
+"""Complete stresses of cells to tensors in 3D, with their von Mises stress."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from namedmesh.simplex import nodes
 
 
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Complete stresses of owned cells to tensors in space [force/area].
+    """Complete stresses of owned cells to tensors in 3D [force/area].
 
     In 2D the material gives the stress out of plane, at the middle of each cell; nan
     stands for one that is not known. A potential has the one of least psi*.
@@ -28,16 +28,17 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     Returns:
         Shape (owned, 3, 3).
     """
-    d = model.d
-    basis, rows = model.section.basis, model.section.rows
+    space = model.space
+    d = space.d
+    basis, rows = space.section.basis, space.section.rows
     full = np.zeros((len(stress), 3, 3))
     full[:, :rows, :rows] = np.tensordot(stress, basis, axes=1)
     if rows == 3:
         return full
     if model.linearised is not None:
-        middles = model.cell_corners()[model.owned_cells].mean(axis=1, keepdims=True)
+        middles = space.cell_corners()[space.owned_cells].mean(axis=1, keepdims=True)
         near = 0.5 * (stress[:, None, 0] + stress[:, None, 1])
-        at_middles = (middles, model.owned_cells)
+        at_middles = (middles, space.owned_cells)
         _, out = model.linearised.law.complementary(stress[:, None], Search(near), *at_middles)
         full[:, 2, 2] = out[:, 0]
     elif not tells_out_of_plane(model):
@@ -51,13 +52,13 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
             tensor = ufl.as_matrix(matrix.tolist())
             images.append(material.out_of_plane(tensor, **model.parameters))
         cells = np.arange(len(stress), dtype=np.int32)
-        row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
+        row = evaluate(ufl.as_vector(images), space.mesh, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
         if isinstance(model.strains, Strains):
             # A strain out of plane that cannot take place presses on the plane.
             modulus = material.out_of_plane_modulus(**model.parameters)
             pressed = -modulus * model.strains.normal
-            full[:, 2, 2] += evaluate(pressed, model.mesh, nodes(d, 0), cells)[:, 0]
+            full[:, 2, 2] += evaluate(pressed, space.mesh, nodes(d, 0), cells)[:, 0]
     return full
 
 
@@ -82,7 +83,7 @@ def tells_out_of_plane(model: Model) -> bool:
     It is in 3D, and where the material has a method ``out_of_plane``, with given
     strains ``out_of_plane_modulus``, too.
     """
-    if model.section.rows == 3 or model.linearised is not None:
+    if model.space.section.rows == 3 or model.linearised is not None:
         return True
     material = model.scene.material
     needed = ["out_of_plane"]

@@ -20,6 +20,7 @@ from erc_contact.base.progress import at
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
+from erc_contact.newton.interior_point import Path
 from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 from namedmesh.base.communicators import lasting
@@ -35,7 +36,7 @@ CYCLE = 0.9
 STILL_STEPS = 7
 """Steps with one status after which Newton's method must have come nearer.
 
-With one status the equations are linear in the plane and smooth in space. Where the
+With one status the equations are linear in the plane and smooth in 3D. Where the
 tangent is singular, the line search cuts the steps to nothing and the status stays.
 """
 IMBALANCE = 1e-6
@@ -119,6 +120,20 @@ class DiscreteSolution:
     carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 
 
+class Attempted(NamedTuple):
+    """Hold what an attempt gives.
+
+    Attributes:
+        outcome: How it ended.
+        state: Its last state, as the solver has states.
+        solution: Its solution if it is a final attempt that converged, else None.
+    """
+
+    outcome: Outcome
+    state: Any
+    solution: DiscreteSolution | None = None
+
+
 class Status(NamedTuple):
     """Tell the contact status of all points.
 
@@ -184,6 +199,7 @@ def attempt(
     f = problem.vector()
     snes.setFunction(problem.function, f)
     snes.setType("newtonls")
+    # The test below decides, with an atol of a user: it knows the round-off of forces.
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=step.most_steps)
     problem.prepare(snes)
     snes.getLineSearch().setType(step.line_search)
@@ -199,6 +215,7 @@ def attempt(
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
+        # With the status of the last state nothing holds a motion; another start may.
         code = -1
         norm = np.inf
         reason = "singular tangent"
@@ -215,47 +232,74 @@ def attempt(
     return outcome
 
 
-def solve_in_turn(step: Attempt, solve: Callable[[Shares], tuple[Outcome, float]]) -> Outcome:
-    """Solve the problems of an attempt in turn.
+class Variable(Protocol):
+    """Represent a contact problem whose friction, gaps and springs may be changed.
+
+    A state is an array of unknowns.
+    """
+
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps [-]."""
+
+    def hold(self, weight: float, state: np.ndarray) -> None:
+        """Hold free motions where they are at a state by springs of a weight [-]."""
+
+    def counts(self, state: np.ndarray) -> tuple[Counts, ...]:
+        """Count the points of each contact by their status."""
+
+
+def solve_in_turn(
+    problem: Variable,
+    solve: Callable[[np.ndarray, Attempt], tuple[np.ndarray, Outcome]],
+    step: Attempt,
+    state: np.ndarray,
+    comm: MPI.Comm,
+) -> tuple[np.ndarray, Outcome]:
+    """Solve the problems of an attempt in turn; the scene's problem is left.
 
     Args:
+        problem: The contact problem.
+        solve: Solves it as it is set, from a state; returns the last state and how this
+            ended.
         step: The attempt.
-        solve: Solves a problem from the last state that solves a problem. It returns
-            how this ended, and how far the state moved if it converged, in any unit of
-            length.
+        state: The state from which the first problem is solved.
+        comm: Communicator of the ranks that the state is spread over.
 
     Returns:
-        How the last problem ended, with the steps of all problems, and the share of
-        friction of the last problem that was solved.
+        The last state that solves a problem, the given one without any; how the last
+        problem ended, with the steps of all problems, and the share of friction of the
+        last problem that was solved.
     """
     steps = 0
     friction = 0.0
     problems = step.problems()
     shares: Shares | None = next(problems)
     while shares is not None:
-        outcome, moved = solve(shares)
+        problem.set_shares(shares.friction, shares.gap)
+        problem.hold(shares.springs, state)
+        last, outcome = solve(state, step)
         steps += outcome.steps
         pull = None
         if outcome.converged:
-            pull = shares.springs * moved
+            moved = last - state
+            pull = shares.springs * float(np.sqrt(comm.allreduce(moved @ moved, MPI.SUM)))
             friction = shares.friction
+            state = last
         # By the pull the sequence tells whether softer springs still change the state.
         try:
             shares = problems.send(pull)
         except StopIteration:
             shares = None
-    return replace(outcome, steps=steps, friction=friction)
+    contacts = problem.counts(state) if friction > 1.0 else ()
+    problem.set_shares(1.0, 1.0)
+    problem.hold(0.0, state)
+    return state, replace(outcome, steps=steps, friction=friction, contacts=contacts)
 
 
-def outcome_of_path(steps: int, is_known: bool) -> Outcome:
-    """Tell how interior point steps ended.
-
-    Args:
-        steps: Their number.
-        is_known: Whether the states of all points are known.
-    """
-    reason = "states are known" if is_known else "states are not known"
-    return Outcome(is_known, reason, steps, np.inf, (0, 0, 0))
+def outcome_of_path(path: Path) -> Outcome:
+    """Tell how interior point steps ended."""
+    reason = "states are known" if path.is_known else "states are not known"
+    return Outcome(path.is_known, reason, path.steps, np.inf, (0, 0, 0))
 
 
 class _StoppingTest:
@@ -325,6 +369,7 @@ class _StoppingTest:
         if norm > ASTRAY * self._first:
             return ENDLESS
         status = self.problem.status(x)
+        # Other attempts wait for a hurried one alone: counting takes a reduction.
         if self._hurried:
             self._count_changes(status, lasting(x.comm.tompi4py()))
         return (
@@ -346,6 +391,7 @@ class _StoppingTest:
         if len(changes) < EARLIEST or changes[-1] == 0:
             return ""
         _, *closed = counts
+        # A short window sees many changes at once, a long window few that go on.
         for steps, fall, share, few in CRAWLING:
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
@@ -364,6 +410,8 @@ class _StoppingTest:
 
     def _repeats(self, key: bytes, step: int, norm: float) -> str:
         """Say that the status comes back and the residual did not fall, or ""."""
+        # A status that stays is no cycle, nor is a status that comes back nearer to the
+        # solution.
         last_step, least = self._before.get(key, (step, norm))
         if last_step < step - 1 and norm > CYCLE * least:
             return f"cycle of {step - last_step} steps"
@@ -375,6 +423,7 @@ class _StoppingTest:
         last_key, first_step, first_norm = self._stay
         if key == last_key and step - first_step < STILL_STEPS:
             return ""
+        # A new stay begins, also where the status is the same: it is asked again later.
         self._stay = key, step, norm
         if key == last_key and norm > NEARER * first_norm:
             return f"no progress in {STILL_STEPS} steps"

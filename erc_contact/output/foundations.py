@@ -7,8 +7,8 @@ that is nearest to the gap g where the contact is closed. So a plane below a fla
 with a gap that is constant or linear, is met exactly where the contact is closed.
 Elsewhere closed parts look open or entered by (s - 1) (u^_n - rho_n), and parts beside
 them, too. The magnification that is chosen by default is so small that this is hardly
-seen, and a coloured line shows what is closed. A foundation that gives way is drawn
-without it.
+seen, and a coloured line shows what is closed. A compliant foundation is drawn without
+its deflection.
 
 Symbols: X position before the deformation, g gap, n normal of the foundation, u^
 admissible displacement, v_n = v . n, d dimension.
@@ -143,7 +143,7 @@ def foundation_of(surface: WholeContact) -> Foundation:
     """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
     The fit is by least squares. Of all motions with the same normal part it is the
-    smallest. A foundation that gives way is entered there, and moves with the body.
+    smallest. A compliant foundation is entered there, and moves with the body.
     """
     d = surface.d
     target = surface.gap

@@ -1,4 +1,4 @@
-"""Draw an axisymmetric body in space: revolved about its axis, and cut open.
+"""Draw an axisymmetric body in 3D: revolved about its axis, and cut open.
 
 The elements of the half plane are seen on both faces of the cut. The edges of their
 boundary are swept around the axis in steps. Triangles of degree 2 are four straight
@@ -54,7 +54,7 @@ def draw_revolved(
     angle: float = 270.0,
     factor: float | None = None,
 ) -> Any:
-    """Draw a deformed axisymmetric body in space, cut open; collective.
+    """Draw a deformed axisymmetric body in 3D, cut open; collective.
 
     The axis is z, and the cut is open towards the eye. Colours are the von Mises stress
     of sigma^ with its hoop part, and displacements are magnified, as in
@@ -75,11 +75,11 @@ def draw_revolved(
     Raises:
         InputError: If the body is not axisymmetric, or the angle is not in (0, 360].
     """
-    model = error.model
-    only_turned("draw_revolved", model)
+    space = error.model.space
+    only_turned("draw_revolved", space)
     if not 0.0 < angle <= 360.0:
         raise InputError(f"draw_revolved: angle is {angle!r}; give degrees in (0, 360].")
-    size = model.domain.extent
+    size = space.domain.extent
     body, contacts = whole_body(error.admissible)
     cells = gather_mises(error.admissible)
     count = int(np.ceil(angle / STEP)) + 1
@@ -104,8 +104,8 @@ def draw_revolved(
         return draw_map(ax, skin, skin.points, mises, scale, views, title=title)
 
     if path is not None and Path(path).suffix == FILE:
-        return on_root(model.comm, path, write)
-    return draw_figure(model.comm, path, None, draw)
+        return on_root(space.comm, path, write)
+    return draw_figure(space.comm, path, None, draw)
 
 
 def _around(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 A part is a pair: data of pyvista, and the options with which they are drawn. Bodies in
 the plane are polygons and lines of matplotlib, which vector formats keep. Bodies in
-space are images by pyvista.
+3D are images by pyvista.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def upward(admissible: Admissible) -> np.ndarray:
     ]
     for traction in (on_foundations or admissible.tractions)[:1]:
         owned = traction.contact.trace.here.owned
-        total[: model.d] = traction.area[owned] @ traction.contact.direction[owned]
-    total = np.array(model.comm.allgather(total)).sum(axis=0)
+        total[: model.space.d] = traction.area[owned] @ traction.contact.direction[owned]
+    total = np.array(model.space.comm.allgather(total)).sum(axis=0)
     # Without a contact, y is upward.
     axis = int(abs(total).argmax()) if total.any() else 1
     # The normal points from the body to the foundation, which is below.
@@ -133,7 +133,7 @@ def render(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[n
 
     lack = lack_of_window()
     if lack:
-        raise InputError(f"Bodies in space cannot be drawn: {lack}.")
+        raise InputError(f"Bodies in 3D cannot be drawn: {lack}.")
     images = []
     # Without a display VTK complains before it finds another way, which old releases of
     # pyvista cannot keep it from.

@@ -61,8 +61,8 @@ def at(result: Any, points: Any) -> Values:
     """
     pair = pair_of(result)
     model = pair.model
-    d = model.d
-    rows = at_points(model, points, partial(_values, pair))
+    d = model.space.d
+    rows = at_points(model.space, points, partial(_values, pair))
     s = pair.stress.shape[3]
     u, sigma, elastic = np.split(rows, [d, d + s], axis=1)
     return Values(u, tensors_of_points(model, sigma), tensors_of_points(model, elastic))
@@ -81,11 +81,12 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape (n, d + 2 s).
     """
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
-    d = model.d
-    k = model.degree
-    x = model.section.beside_axis(x, cells.volume[cell] ** (1 / d))
-    corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
+    d = space.d
+    k = space.degree
+    x = space.section.beside_axis(x, cells.volume[cell] ** (1 / d))
+    corner = space.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
     nodal = pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
     u = np.einsum("nv,nvi->ni", lagrange(d, k, local[:, 1:]), nodal) + model.jumps_at(cell, x)
@@ -101,6 +102,6 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         values = np.einsum("nm,nms->ns", polynomials, pair.stress[cell, sub])
         sigma += (inside[:, sub] / inside.sum(axis=1))[:, None] * values
     sigma = model.hoop_load.plus(sigma[:, None], x[:, None], cell)[:, 0]
-    sigma = model.section.over(sigma, x)
+    sigma = space.section.over(sigma, x)
     elastic = elastic_stress_at(model, pair.displacement, cell, x)
     return np.hstack([u, sigma, elastic])

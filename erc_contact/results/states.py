@@ -75,7 +75,7 @@ def plastic_share(result: Any) -> float:
     cells = pair.cell_geometry
     owned = len(has_yielded)
     middles = cells.corners[:owned].mean(axis=1)
-    volume = pair.model.section.times(cells.volume[:owned], middles)
+    volume = pair.model.space.section.times(cells.volume[:owned], middles)
     shares = has_yielded.mean(axis=(1, 2))
     comm = pair.domain.comm
     yielded = comm.allreduce(float(volume @ shares), MPI.SUM)
@@ -94,4 +94,4 @@ def _values(pair: Admissible) -> np.ndarray:
     assert model.linearised is not None
     after = model.linearised.state_at_end(pair.solution.u)
     assert after is not None
-    return after.in_cells(model.owned_cells)
+    return after.in_cells(model.space.owned_cells)

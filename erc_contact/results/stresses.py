@@ -76,8 +76,8 @@ def _of_stress(
 
 def _admissible_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of sigma^ in each owned cell, Mandel components."""
-    _, _, weights = macro_points(admissible.model.d, admissible.model.degree)
-    return weights @ _at_points(admissible)
+    space = admissible.model.space
+    return macro_points(space.d, space.degree).weights @ _at_points(admissible)
 
 
 def _elastic_means(admissible: Admissible) -> np.ndarray:
@@ -85,8 +85,8 @@ def _elastic_means(admissible: Admissible) -> np.ndarray:
     at_points = _elastic_at_points(admissible)
     if at_points.shape[1] == 1:
         return at_points[:, 0]
-    _, _, weights = macro_points(admissible.model.d, admissible.model.degree)
-    return weights @ at_points
+    space = admissible.model.space
+    return macro_points(space.d, space.degree).weights @ at_points
 
 
 def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
@@ -108,7 +108,7 @@ def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndar
         InputError: If the stress is another one.
     """
     model = admissible.model
-    d = model.d
+    d = model.space.d
     moments = _of_stress(stress, admissible, _admissible_moments, _elastic_moments)
     linear = from_means(d, 1, moments)
     at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
@@ -126,7 +126,8 @@ def _admissible_moments(admissible: Admissible) -> np.ndarray:
 
 def _weighted_hats(admissible: Admissible) -> np.ndarray:
     """Return weights times the hat functions of a cell's vertices, shape (q, d+1)."""
-    _, points, weights = macro_points(admissible.model.d, admissible.model.degree)
+    space = admissible.model.space
+    _, points, weights = macro_points(space.d, space.degree)
     return barycentric(points) * weights[:, None]
 
 
@@ -147,7 +148,7 @@ def _elastic_at_points(admissible: Admissible) -> np.ndarray:
     model, cells = admissible.model, admissible.cell_geometry
     owned = model.domain.owned_cells
     stress = elastic_stress(model, cells, admissible.displacement, owned)
-    return model.section.over(stress, macro_places(model, cells, owned))
+    return model.space.section.over(stress, macro_places(model.space, cells, owned))
 
 
 def _at_points(admissible: Admissible) -> np.ndarray:
@@ -156,8 +157,9 @@ def _at_points(admissible: Admissible) -> np.ndarray:
     It has Mandel components, shape (owned, q, s).
     """
     model = admissible.model
-    places = macro_places(model, admissible.cell_geometry, model.domain.owned_cells)
-    return model.section.over(admissible.stress_at_macro_points(places), places)
+    space = model.space
+    places = macro_places(model.space, admissible.cell_geometry, model.domain.owned_cells)
+    return space.section.over(admissible.stress_at_macro_points(places), places)
 
 
 def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
@@ -169,7 +171,7 @@ def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarr
         admissible: The pair.
         stress: As in :func:`mean_stress`.
     """
-    if admissible.model.degree == 1:
+    if admissible.model.space.degree == 1:
         return von_mises(mean_stress(admissible, stress))[:, None]
     values = vertex_stress(admissible, stress)
     return von_mises(values.reshape(-1, 3, 3)).reshape(values.shape[:2])

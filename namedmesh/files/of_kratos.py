@@ -16,7 +16,7 @@ from namedmesh.rows import places_of
 WIDTH = re.compile(r"(\d)D(\d+)(?:N|$)")
 """End of the names of elements: dimension of space and number of nodes."""
 SURFACES = re.compile(r"Shell|Membrane|Plate|Surface|Face|Condition|Quadrilateral|Triangle")
-"""Names of elements that are no solids in space."""
+"""Names of elements that are no solids in 3D."""
 LINES = re.compile(r"Truss|Cable|Beam|Line|Spring")
 """Names of elements along lines."""
 SETS = ("Nodes", "Elements", "Conditions", "Geometries")

@@ -14,9 +14,10 @@ import pytest
 import ufl
 from bricks import NAMES, glued, small_bricks
 from dolfinx import fem
+from domains import refused
 from free_bodies import index, random_free
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.model import model as models
@@ -31,12 +32,8 @@ INNER, OUTER = 1.0, 2.0
 TWO = ec.Elastic(E={"upper": 1000.0, "lower": 300.0}, nu={"upper": 0.3, "lower": 0.25})
 
 
-def certified(scene, domain, *args, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, *args, **options)))
-
-
-def integral(model, density):
-    form = fem.form(model.on_meridian(density) * model.dx)
+def integral(space, density):
+    form = fem.form(space.on_meridian(density) * space.dx)
     return COMM.allreduce(fem.assemble_scalar(form), MPI.SUM)
 
 
@@ -164,17 +161,18 @@ def test_e_is_above_both_true_errors(seed):
 
 def elsewhere(unheld: Unheld, model) -> np.ndarray:
     """Anchors at other vertices, that resist the motions as well."""
-    values = np.stack([q.x.array.reshape(-1, model.d) for q in unheld.functions], axis=2)
+    space = model.space
+    values = np.stack([q.x.array.reshape(-1, space.d) for q in unheld.functions], axis=2)
     at_contact = [[]]
     for contact in model.contacts:
         at_contact.append(contact.trace.here.nodes.ravel())
         if contact.against is not None:
             at_contact.append(contact.trace.partners.ravel())
-    vertices = np.setdiff1d(model.vertices, np.concatenate(at_contact))
+    vertices = np.setdiff1d(space.vertices, np.concatenate(at_contact))
     rng = np.random.default_rng(5)
     for _ in range(100):
         nodes = rng.choice(vertices, values.shape[2], replace=False)
-        components = rng.integers(0, model.d, values.shape[2])
+        components = rng.integers(0, space.d, values.shape[2])
         anchors = np.zeros(model.fixed.shape, dtype=bool)
         anchors[nodes, components] = True
         if np.linalg.cond(values[nodes, components]) < 50 and not (anchors & model.fixed).any():
@@ -236,7 +234,7 @@ def test_u_has_no_mean_and_no_moment(kind, degree):
     model, u, x = solution.model, solution.u, ufl.SpatialCoordinate(domain.mesh)
     size = max(COMM.allgather(float(abs(u.x.array).max(initial=0.0))))
     for density in (u[0], u[1], x[0] * u[1] - x[1] * u[0]):
-        assert abs(integral(model, density)) < 1e-12 * size * 10.0
+        assert abs(integral(model.space, density)) < 1e-12 * size * 10.0
 
 
 def test_a_history_of_two_free_bodies():
@@ -262,7 +260,7 @@ def test_a_history_of_two_free_bodies():
         size = max(COMM.allgather(float(abs(alone.u.x.array).max(initial=0.0))))
         last = solution
         model, u = solution.model, solution.u
-        assert abs(integral(model, u[0])) + abs(integral(model, u[1])) < 1e-11 * size
+        assert abs(integral(model.space, u[0])) + abs(integral(model.space, u[1])) < 1e-11 * size
 
 
 def test_free_bodies_beside_others():
@@ -357,7 +355,7 @@ def test_what_files_round_is_taken_up_and_told_once(degree, caplog):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_body_forces_that_vary_are_balanced_by_their_projections(degree):
-    """At degree 1 a cell carries its mean, whose moment is another one."""
+    """At degree 1 a cell represents its mean, whose moment is another one."""
     scene = ec.Scene(ec.Elastic(E, NU), loads=ec.BodyForce((lambda x: (x[0] - 1.0) ** 3, 0.0)))
     coarse, fine = (certified(scene, brick(2, n), degree=degree) for n in (3, 12))
     assert max(coarse.admissible.imbalance, fine.admissible.imbalance) < 1e-11

@@ -1,6 +1,6 @@
 """Statics in the displaced place: what small displacements leave out of balance.
 
-- The moment is ``sum u x F`` over all nodal forces, in the plane and in space, for both degrees
+- The moment is ``sum u x F`` over all nodal forces, in the plane and in 3D, for both degrees
   and with preloads; rigid translations add nothing.
 - What contacts can take up is the closed form of a flat base, and of two feet.
 - Ordinary bodies that only contacts hold say no word; tilting blocks, rolling discs, rockers,
@@ -32,14 +32,15 @@ def missing(scene: ec.Scene, domain: ec.Domain) -> list[Imbalance]:
 def nodal_moment(solution: ec.Solution) -> np.ndarray:
     """``sum u_i F_j - u_j F_i`` over nodal forces of supports, contacts and loads."""
     model = solution.model
-    d = model.d
+    space = model.space
+    d = space.d
     nodal = sum(solution._nodal_reactions().values())
-    loads = model.loads(ufl.TestFunction(model.V))
+    loads = model.loads(ufl.TestFunction(space.V))
     if loads is not None:
         from erc_contact.model.forces import _assemble
 
-        nodal = nodal + _assemble(model, loads)
-    owned = model.V.dofmap.index_map.size_local
+        nodal = nodal + _assemble(space, loads)
+    owned = space.V.dofmap.index_map.size_local
     u = solution.u.x.array.reshape(-1, d)[:owned]
     product = np.einsum("ni,nj->ij", u, nodal[:owned])
     total = COMM.allreduce(product - product.T, MPI.SUM)

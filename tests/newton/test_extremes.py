@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from edge_scenes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE
 from extreme_bodies import block
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
@@ -30,10 +31,6 @@ SAME = 1e-6
 """Relative difference of eps between systems of units that counts as none [-]."""
 
 
-def error_of(scene: ec.Scene, domain: ec.Domain, method: object) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method)))
-
-
 def check(error: ec.ConstitutiveError) -> None:
     """All is finite.
 
@@ -41,18 +38,19 @@ def check(error: ec.ConstitutiveError) -> None:
     """
     solution = error.solution
     model = solution.model
-    points, _ = rule(model.d - 1, model.contact_degree)
+    space = model.space
+    points, _ = rule(space.d - 1, space.contact_degree)
     tractions = [
-        evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts
+        evaluate(solution.traction(c), space.mesh, points, c.facets) for c in model.contacts
     ]
     inside = abs(
-        cell_stress(model, cell_geometry(model), solution.u).in_plane
+        cell_stress(model, cell_geometry(space), solution.u).in_plane
     ).max()  # an open contact's is round-off of it
     scale = max(inside, *(abs(r).max() for r in tractions)) or 1.0
     assert np.isfinite([error.relative, inside, abs(solution.u.x.array).max()]).all()
     for contact, r in zip(model.contacts, tractions, strict=True):
         r_n, _, shear = split(r / scale, contact.direction[:, None, :])
-        parameters = friction_parameters(model, contact, points)
+        parameters = friction_parameters(space, contact, points)
         bound = contact.friction_bound(np.maximum(-r_n, 0.0) * scale, parameters) / scale
         assert max(r_n.max(), (shear - bound).max()) < 1e-12
 
@@ -66,7 +64,7 @@ def test_scene_that_has_a_solution(name):
     failed = []
     for method in METHODS:
         try:
-            error = error_of(*SOLVABLE[name](), method)
+            error = certified(*SOLVABLE[name](), method)
         except ec.NotConverged as reason:
             failed.append(str(reason))
             continue
@@ -84,13 +82,13 @@ def test_scene_that_has_a_solution(name):
     ids=str,
 )
 def test_parameters_of_the_methods(method):
-    check(error_of(*block(n=8), method))
+    check(certified(*block(n=8), method))
 
 
 @pytest.mark.parametrize("method", [*METHODS, ec.Nitsche(theta=-1), ec.Nitsche(theta=1)], ids=str)
 def test_strong_friction(method):
     """Either it converges, or it says that it does not."""
-    check(error_of(*block(n=8, friction=2.0), method))
+    check(certified(*block(n=8, friction=2.0), method))
 
 
 @pytest.mark.parametrize(
@@ -105,7 +103,7 @@ def test_scene_that_has_none(name, method):
 @methods
 @pytest.mark.parametrize("name", UNITS)
 def test_units(name, method):
-    errors = [error_of(*make(), method) for make in UNITS[name]]
+    errors = [certified(*make(), method) for make in UNITS[name]]
     assert [error.relative for error in errors] == pytest.approx(
         [errors[0].relative] * len(errors), rel=SAME
     )
@@ -116,7 +114,7 @@ def test_units(name, method):
 @pytest.mark.parametrize("name", BEYOND)
 def test_loads_beyond_double_precision(name, method):
     try:
-        error = error_of(*BEYOND[name](), method)
+        error = certified(*BEYOND[name](), method)
     except ec.InputError:
         return
     check(error)

@@ -3,7 +3,7 @@
 Tractions of degree k on facets have their resultant at least a share of a facet inside.
 
 - where facets are too large for any, `adapt` refines those that press until there is a pair;
-- in space on an edge and on a corner, in stacks, by both strategies;
+- in 3D on an edge and on a corner, in stacks, by both strategies;
 - `equilibrate` alone says that the mesh is to be refined there;
 - pressures become uniform only where they still balance the loads.
 """
@@ -61,7 +61,7 @@ def test_cells_that_press_are_named():
     solution = ec.solve(pushed(0.97), block)
     with pytest.raises(TooCoarse, match="refine the mesh at the contact") as failure:
         ec.equilibrate(solution)
-    middles = solution.model.cell_corners()[failure.value.cells].mean(axis=1)
+    middles = solution.model.space.cell_corners()[failure.value.cells].mean(axis=1)
     assert len(middles) > 0
     assert (middles[:, 1] < 0.2).all()
     assert (middles[:, 0] > 0.6).all()

@@ -5,7 +5,7 @@
 - Children of cells have the state of their parents; a new mesh tells what it moved.
 - Ranks and folders give the same history.
 - On rings a quadratic potential is linear elasticity, and J + J* = e^2/2.
-- A thick sphere and a thick tube under pressure that is let go: their closed forms.
+- A thick sphere and a thick tube under pressure that is unloaded: their closed forms.
 - What is refused: plane stress, no hardening, another law on the way.
 """
 
@@ -13,11 +13,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from domains import refused
 from energies import energies_of_law
 from laws import Quadratic
 from mpi4py import MPI
+from scenes import certified
 from scipy.optimize import brentq
-from test_bad_input import refused
 from test_potential import INNER, OUTER, quarter_tube, tube_displacement
 
 import erc_contact as ec
@@ -31,10 +32,6 @@ from erc_contact.newton.after import last_step
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1000.0, nu=0.3, yield_stress=1.0, hardening=30.0, kinematic=70.0)
 RINGS = dataclasses.replace(STEEL, hypothesis="axisymmetric")
-
-
-def certified(scene, domain, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
 
 
 # -- a bar that is pulled and pressed
@@ -96,7 +93,7 @@ def test_a_bar_that_is_pulled_and_pressed(body, degree):
         assert abs(row.imbalance) < 1e-8 * volume * work
 
 
-# -- a body that is pressed and let go
+# -- a body that is pressed and unloaded
 # -------------------------------------------------------------------------------------
 
 PRESS = {1.0: 0.5, 2.0: 1.0, 3.0: 0.9, 4.0: 0.5}
@@ -117,7 +114,7 @@ def layer(comm=COMM, cells=(4, 2)):
 
 @pytest.mark.parametrize(("law", "degree"), [(STEEL, 1), (STEEL, 2), (RINGS, 2)])
 @pytest.mark.serial
-def test_energies_of_a_body_that_is_pressed_and_let_go(law, degree):
+def test_energies_of_a_body_that_is_pressed_and_unloaded(law, degree):
     accuracy = 0.1
     evolution = ec.evolve(
         pressed_at(law), layer(), sorted(PRESS), accuracy, degree=degree, strategy=ec.Mark()
@@ -158,24 +155,25 @@ def test_children_have_the_state_of_their_parents(degree):
     after = solution.model.linearised.state_at_end(solution.u)
     marked = np.arange(0, solution.domain.owned_cells, 3)
     fine = Model(scene_at(2.0), solution.domain.refined(marked), degree)
-    children = carry_state(after, fine)
+    children = carry_state(after, fine.space)
     assert children.moved < 1e-14
     assert fine.domain.cells > solution.domain.cells
     # Integrals of polynomials over both meshes, by the nodes of a linear function.
     assert _moments(after, solution.model) == pytest.approx(_moments(children, fine), rel=1e-12)
-    assert carry_state(after, solution.model) is after
+    assert carry_state(after, solution.model.space) is after
 
 
 def _moments(state, model):
     """Integrals of all components times 1, x and y, over all ranks."""
-    corners = model.cell_corners()[model.owned_cells]
+    space = model.space
+    corners = space.cell_corners()[space.owned_cells]
     points = np.array([[4.0, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
     x = np.matmul(points, corners)
-    values = state.at(x, model.owned_cells)
+    values = state.at(x, space.owned_cells)
     volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
     weights = np.concatenate([np.ones_like(x[..., :1]), x], axis=-1)
     local = np.einsum("n,nqi,nqj->ij", volume, values, weights)
-    return model.comm.allreduce(local, MPI.SUM).ravel()
+    return space.comm.allreduce(local, MPI.SUM).ravel()
 
 
 @pytest.mark.serial
@@ -186,8 +184,8 @@ def test_the_law_is_convex_where_the_polynomial_of_the_state_is_below_zero():
     scene = ec.Scene(hard, ec.Displacement("top", (0.06, -0.12)), contacts=contact)
     first = ec.solve(scene, layer(), ec.AugmentedLagrangian(), degree=2)
     law = Model(scene, first.domain, 2, last=last_step(first)).linearised.law
-    cells = first.model.owned_cells
-    x = first.model.cell_corners()[cells]
+    cells = first.model.space.owned_cells
+    x = first.model.space.cell_corners()[cells]
     limit = hard.yield_stress + hard.hardening * law.state.at(x, cells)[..., -1]
     assert limit.min() < -0.5 * hard.yield_stress
     strain = 0.02 * np.random.default_rng(0).normal(size=(*x.shape[:2], 3))
@@ -229,7 +227,7 @@ def test_ranks_move_a_state_alike(degree):
         solution = ec.solve(scene, layer(comm), degree=degree)
         after = solution.model.linearised.state_at_end(solution.u)
         other = Model(scene, layer(comm, (5, 3)), degree)
-        state = carry_state(after, other)
+        state = carry_state(after, other.space)
         assert 1e-3 < state.moved < 1.0
         moved.append([state.moved, *_moments(state, other)])
     assert moved[1] == pytest.approx(moved[0], rel=1e-8, abs=1e-12)
@@ -312,7 +310,9 @@ def test_energies_add_up_to_the_error_on_rings(degree, friction):
     pair, model = error.admissible, error.model
     psi, psi_star = energies_of_law(error)
     loads = load_work(model, pair.displacement).value
-    of_friction = sum(friction_work(model, t, pair.displacement, 0.0).value for t in pair.tractions)
+    of_friction = sum(
+        friction_work(model.space, t, pair.displacement, 0.0).value for t in pair.tractions
+    )
     J = psi - loads + of_friction
     J_star = psi_star - error.force("top").force[1] * -0.01
     half = psi + psi_star - stress_work(pair, pair.displacement).value + error.contact_error**2 / 2
@@ -374,7 +374,7 @@ MOVING = dataclasses.replace(WALL, hardening=0.01, kinematic=0.04)
 
 @pytest.mark.serial
 @pytest.mark.parametrize("law", [WALL, MOVING], ids=["isotropic", "both"])
-def test_a_thick_sphere_under_pressure_that_is_let_go(law):
+def test_a_thick_sphere_under_pressure_that_is_unloaded(law):
     pressure = 0.0115
     exact = thick_sphere(law, pressure)
     assert INNER * 1.2 < exact.yielded < 0.95 * OUTER
@@ -402,7 +402,7 @@ def test_a_thick_sphere_under_pressure_that_is_let_go(law):
 
 
 @pytest.mark.serial
-def test_a_thick_tube_on_rings_that_is_let_go():
+def test_a_thick_tube_on_rings_that_is_unloaded():
     """Held at its ends it is in plane strain, whose displacements the differential equation has."""
     pressure = 0.008
     inner, outer = tube_displacement(WALL, pressure)

@@ -107,8 +107,10 @@ def tightened_in_rounds(
     about = _AboutStress(given)
     again, gap = about(best.stress)
     for _ in range(ROUNDS):
+        # A round may overwrite its moments, and the best moments are kept for the end.
         ending = Ending(given.tighten, FINER_REMAINDER, best.iterations)
         new = tighten(best.moment.copy(), again, ending)
+        # The linear law may promise a gain that the potential does not keep.
         before, (again, gap) = gap, about(new.stress)
         if not gap < before:
             break
@@ -125,12 +127,13 @@ def _is_linear(given: Reconstruction, stress: np.ndarray) -> bool:
     Both are taken of the mean stress of each cell, in its middle: bodies that do not
     yield pay for no more.
     """
-    d = given.model.d
+    d = given.model.space.d
     at = _AtPoints(given, np.full((1, d), 1 / (d + 1)), np.ones(1))
     # The mean of a polynomial is the mean of its Bernstein coefficients.
     sigma = at.stress(stress.mean(axis=(1, 2))[:, None])
     gap, _ = at.gap(sigma)
     beyond = sigma - at.of_strain[..., : sigma.shape[-1]]
+    # The gap of a linear law is |sigma - S(eps(u^))|^2 in the norm of its compliance.
     tangent = at.law.tangent(at.strain, *at.places)
     square = (beyond * np.linalg.solve(tangent, beyond[..., None])[..., 0]).sum(axis=-1)
     return bool(at.total(abs(gap - square)) <= LINEAR * at.total(gap))
@@ -155,17 +158,17 @@ class _AtPoints:
 
     def __init__(self, given: Reconstruction, points: np.ndarray, weights: np.ndarray) -> None:
         model, cells = given.model, given.cells
-        owned = model.owned_cells
+        owned = model.space.owned_cells
         assert model.linearised is not None
         self.law = model.linearised.law
         x = np.matmul(barycentric(points), cells.corners[: len(owned)])
         self.places = x, owned
-        strain = CellStrains.of(model, cells, given.displacement)
+        strain = CellStrains.of(model.space, cells, given.displacement)
         self.strain = strain.at_points(slice(len(owned)), points, x)
         self.of_strain = self.law.whole_stress(self.strain, *self.places)
-        self.around = model.section.weight(x)
+        self.around = model.space.section.weight(x)
         self.hoop_load = model.hoop_load
-        self._comm = model.comm
+        self._comm = model.space.comm
         self._weights = cells.volume[: len(owned), None] * weights * self.around[..., 0]
 
     def stress(self, values: np.ndarray) -> np.ndarray:
@@ -179,6 +182,7 @@ class _AtPoints:
 
     def gap(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return Fenchel's gap of a stress [force/area], and the strain ``psi*'``."""
+        # psi(eps) - sigma : eps, and psi*(sigma) by a search: half the gap.
         work = (sigma * self.strain).sum(axis=-1)
         beside = self.law.energy(self.strain, *self.places) - work
         search = Search(self.of_strain[..., -1], beside, self.strain)
@@ -199,7 +203,7 @@ class _AboutStress:
 
     def __init__(self, given: Reconstruction) -> None:
         self._space = given.model
-        self._shape, points, weights = macro_points(given.model.d, given.model.degree)
+        self._shape, points, weights = macro_points(given.model.space.d, given.model.space.degree)
         self._at = _AtPoints(given, points, weights)
 
     def __call__(self, stress: np.ndarray) -> tuple[CellLaw, float]:
@@ -212,9 +216,10 @@ class _AboutStress:
         sigma = at.stress(np.matmul(self._shape, stress).reshape(at.strain.shape))
         gap, strain = at.gap(sigma)
         compliance = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
+        # S(eps(u^)) = sigma + C (eps(u^) - eps_1), on rings as the moments have it.
         beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
         elastic = at.hoop_load.minus(at.around * (sigma + beyond), *at.places)
-        law = CellLaw(elastic, _with_ghosts(self._space, compliance)[:, None])
+        law = CellLaw(elastic, _with_ghosts(self._space.space, compliance)[:, None])
         return law, at.total(gap)
 
 

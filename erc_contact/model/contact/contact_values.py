@@ -44,7 +44,7 @@ def gap_at_nodes(space: Space, contact: ContactOnMesh) -> np.ndarray:
 def spring_displacement(
     space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """Compute by how much a foundation gives way tangentially, ``-r_t/k_t`` [length].
+    """Compute the tangential deflection of a foundation, ``-r_t/k_t`` [length].
 
     Args:
         space: The mesh.
@@ -56,13 +56,13 @@ def spring_displacement(
         Shape (f, q, d); 0 on the axis of rings, where no shear acts.
     """
     stiffness = evaluate(contact.tangential_stiffness, space.mesh, points, contact.facets)
-    _, r_t, _ = split(r, contact.trace.normals_at(points))
+    r_t = split(r, contact.trace.normals_at(points)).tangential
     k = stiffness[..., None]
     return np.divide(-r_t, k, out=np.zeros_like(r_t), where=k > 0)
 
 
 def give_way(space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
+    """Compute the tangential deflection of the foundation [length], (f, q, d).
 
     The tractions r [force/area] are not about rings, as its stiffness is.
     """
@@ -75,8 +75,8 @@ def slip_at(
 ) -> np.ndarray:
     """Compute the slip w_t at points of the facets [length], shape (f, q, d).
 
-    It counts from the end of the last step of a history, without what a foundation
-    gives way tangentially.
+    It counts from the end of the last step of a history, without the tangential
+    deflection of a compliant foundation.
 
     Args:
         space: The mesh.
@@ -90,7 +90,7 @@ def slip_at(
     w = np.matmul(shape, trace.of(u) - trace.of_before)
     if contact.tangential_stiffness is not None:
         w = w - give_way(space, contact, r, points)
-    return split(w, trace.normals_at(points))[1]
+    return split(w, trace.normals_at(points)).tangential
 
 
 class ContactData:

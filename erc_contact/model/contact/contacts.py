@@ -10,6 +10,7 @@ step leaves is the displacement relative to the foundation.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -23,6 +24,7 @@ from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import Friction, bind_friction
+from erc_contact.model.contact.friction_set import DISC, Disc, Ellipse
 from erc_contact.model.contact.normals import (
     SAME_NORMAL,
     gap_vectors,
@@ -38,6 +40,8 @@ from erc_contact.model.data.values import components, number, parameter
 from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
+from erc_contact.scene.law import Law
+from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule
 
@@ -45,6 +49,8 @@ SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
 Sides = tuple[Side, Side | None]
 """Side of a body at a contact, and the side of the other body; None on a foundation."""
+PARALLEL = 1e-6
+"""Sine of the angle between a normal and an axis of friction that is zero [-]."""
 FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
@@ -78,7 +84,8 @@ def bind_contact(
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     sides = here, there
-    normal, direction, of_corners, given_normal = _normal(space, contact, sides, surface, sign)
+    normals = _normal(space, contact, sides, surface, sign)
+    normal, of_corners = normals.field, normals.of_corners
     of_gap = None
     if of_corners is not None:
         normal = normal / ufl.sqrt(ufl.dot(normal, normal))
@@ -86,7 +93,7 @@ def bind_contact(
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
-    trace = Trace(here, direction, None, there, of_corners)
+    trace = Trace(here, normals.direction, None, there, of_corners)
     between = None
     if space.domain.distance(contact.facets, contact.against) > 0:
         # Facing facets are one facet in their parameters, so this is linear on each. A
@@ -98,7 +105,7 @@ def bind_contact(
         motion = components(space, contact.motion, f"{what}: motion")
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
-    friction = _friction(space, contact, facets)
+    friction = _friction(space, contact, facets, normals.direction)
     stiffnesses = {}
     for name in ("normal", "tangential"):
         k = getattr(contact.foundation, name, None)
@@ -122,7 +129,7 @@ def bind_contact(
         trace=replace(trace, before=before),
         ds=space.ds(space.domain.tag(part)),
         normal=normal,
-        given_normal=given_normal,
+        given_normal=normals.given,
         friction=friction,
         gap=sum_of(gaps),
         given_gap=sum_of(given_gaps),
@@ -170,7 +177,9 @@ def _mean_moduli(space: Space, here: Side, there: Side) -> np.ndarray:
     return means
 
 
-def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | None:
+def _friction(
+    space: Space, contact: Contact, facets: np.ndarray, direction: np.ndarray
+) -> Friction | None:
     """Put the law of a contact on a mesh, None without friction; collective."""
     law = contact.law
     what = f"Contact({contact.facets!r})"
@@ -187,7 +196,48 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     bound = f"{what}: the friction bound"
-    return bind_friction(space.mesh, bound, law, parameters, space.section.circumference)
+    friction = bind_friction(space.mesh, bound, law, parameters, space.section.circumference)
+    return replace(friction, allowed=_allowed(space, contact, law, facets, direction))
+
+
+def _allowed(
+    space: Space, contact: Contact, law: Law, facets: np.ndarray, direction: np.ndarray
+) -> Disc:
+    """Return the set of tangential tractions that a law allows; collective.
+
+    Raises:
+        InputError: If a law has axes in the plane, on a foundation that gives way
+            tangentially, or along the normal, or if its ratio is no number > 0.
+    """
+    axes = getattr(law, "axes", None)
+    if axes is None:
+        return DISC
+    what = f"Contact({contact.facets!r}): {type(law).__name__}"
+    if space.d == 2:
+        raise InputError(
+            f"{what} has axes, and the mesh is in the plane, where friction has one direction;"
+            " give Coulomb(friction along it)."
+        )
+    if getattr(contact.foundation, "tangential", None) is not None:
+        raise InputError(
+            f"{what} has axes, and the foundation gives way tangentially; the nearest point of an"
+            " ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
+        )
+    ratio = positive(f"{what}: ratio", parameter(law, "ratio"), "> 0")
+    axis = components(space, axes, f"{what}: axes")
+    on_facets = evaluate(axis, space.mesh, nodes(2, 0), facets)[:, 0]
+    across = np.cross(direction, on_facets)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    size = np.linalg.norm(on_facets, axis=1, keepdims=True)
+    # An undefined axis counts as one along the normal.
+    is_tangential = bool((length > PARALLEL * size).all())
+    if not space.comm.allreduce(is_tangential, MPI.LAND):
+        raise InputError(
+            f"{what}: axes is zero, not finite or along the normal on a facet; give a vector, or a"
+            " callable of x that returns one, whose tangential part is the first axis."
+        )
+    in_ufl = compiled.constant(space.mesh, ratio)
+    return Ellipse(axis, direction, across / length, ratio, in_ufl, is_of_mesh=callable(axes))
 
 
 def _true_surface(space: Space, contact: Contact) -> Ufl:
@@ -202,9 +252,25 @@ def _true_surface(space: Space, contact: Contact) -> Ufl:
     return space.x + space.domain.offset
 
 
-def _normal(
-    space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float
-) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
+class _Normals(NamedTuple):
+    """Hold the normals of a contact.
+
+    Attributes:
+        field: The unit normal, or the field N of normals that turn, UFL.
+        direction: Unit normals in the middle of each facet, shape (f, d).
+        of_corners: Unit normals at the vertices of each facet, shape (f, d, d); None
+            where they do not turn along any facet.
+        given: The normal as the scene gives it, of any length, UFL; None where it does
+            not vary.
+    """
+
+    field: Ufl
+    direction: np.ndarray
+    of_corners: np.ndarray | None = None
+    given: Ufl | None = None
+
+
+def _normal(space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float) -> _Normals:
     """Find the normal of a foundation, or the common normal of bodies; collective.
 
     Args:
@@ -213,12 +279,6 @@ def _normal(
         sides: This side, and the other side of two bodies.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
-
-    Returns:
-        The unit normal, or the field N of normals that turn, as UFL; the unit normal in
-        the middle of each facet (f, d); the unit normals at the vertices of each facet
-        (f, d, d), None where they do not turn along any facet; and the normal as the
-        scene gives it, of any length, UFL, None where it does not vary.
     """
     facets = sides[0].facets
     if contact.normal is None and contact.against is None:
@@ -228,7 +288,7 @@ def _normal(
     else:
         return _varying_normal(space, contact, sides, surface, sign)
     on_facets = np.broadcast_to(direction, (len(facets), space.d))
-    return compiled.constant(space.mesh, direction), on_facets, None, None
+    return _Normals(compiled.constant(space.mesh, direction), on_facets)
 
 
 def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarray:
@@ -255,7 +315,7 @@ def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarr
 
 def _varying_normal(
     space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float
-) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
+) -> _Normals:
     """Find a normal that varies, as :func:`_normal` returns it; collective."""
     facets = sides[0].facets
     given = None
@@ -263,16 +323,15 @@ def _varying_normal(
         flat = Trace(sides[0], space.outward_normals(facets), there=sides[1])
         of_corners = _common_normals(space, contact, flat)
         if greatest(space.comm, of_corners - flat.normals_at_vertices) <= SAME_NORMAL:
-            return space.n, flat.direction, None, None
+            return _Normals(space.n, flat.direction)
     else:
         given = _given_normal(space, contact, surface, sign)
         of_corners = _at_vertices(space, contact, facets, given)
     normal, of_corners = normal_field(space, facets, of_corners)
     middle = of_corners.sum(axis=1)
     middle /= np.linalg.norm(middle, axis=1)[:, None]
-    if not turns(space.comm, of_corners):
-        return normal, middle, None, given
-    return normal, middle, of_corners, given
+    turning = of_corners if turns(space.comm, of_corners) else None
+    return _Normals(normal, middle, turning, given)
 
 
 def _common_normals(space: Space, contact: Contact, sides: Trace) -> np.ndarray:
@@ -347,8 +406,8 @@ def foundation_motion(
 
     Returns:
         The displacement of the foundation [length], zero off the contact, and what
-        facets do not carry of its tangential part, ``int_F |d_t - I d_t|^2``
-        [length^(d+1)], shape (f,), or None where they carry all.
+        facets do not represent of its tangential part, ``int_F |d_t - I d_t|^2``
+        [length^(d+1)], shape (f,), or None where they represent all.
 
     Raises:
         InputError: If the motion is not finite.
@@ -377,9 +436,9 @@ def add_foundation_motion(
     Args:
         before: Displacement relative to the foundation at the end of the last step
             [length]; None without one.
-        lost: What facets do not carry of its tangential part, or None.
+        lost: What facets do not represent of its tangential part, or None.
         moved: Displacement of the foundation [length].
-        lost_of_motion: What facets do not carry of it, or None.
+        lost_of_motion: What facets do not represent of it, or None.
     """
     if before is None:
         return moved, lost_of_motion
