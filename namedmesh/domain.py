@@ -31,7 +31,7 @@ from namedmesh.sides import connect_facets
 from namedmesh.size_field import labels_of, size_field, sizes_at_nodes
 from namedmesh.splitting import (
     NO_INTERFACE,
-    Carried,
+    CarriedTables,
     check_opened,
     claim_facets,
     side_tags,
@@ -126,7 +126,7 @@ class Domain(Bodies):
         numbers, x = number_nodes(mesh)
         new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
-        carried = Carried(mesh, new, numbers)
+        carried = CarriedTables(mesh, new, numbers)
         self._set(
             mesh=new,
             facet_tags=carried.marks(self.facet_tags),
@@ -389,7 +389,7 @@ class Domain(Bodies):
         numbers, x = number_nodes(mesh, cut != NO_INTERFACE, self.places)
         new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
-        carried = Carried(mesh, new, numbers)
+        carried = CarriedTables(mesh, new, numbers)
         whole = self
         curved = carried.marks(self.curved_facets)
         if self.places is not None:

@@ -69,10 +69,10 @@ def admissible_tractions(
     """
     trials = [_trial(model.space, contact, solution) for contact in model.contacts]
     is_sampled = any(contact.sampled for contact in model.contacts)
-    tractions = _limit(model, trials, others, uniform=is_sampled)
+    tractions = _limit(model.space, trials, others, uniform=is_sampled)
     if is_sampled and isinstance(tractions, TooCoarse):
         # On a coarse mesh uniform pressures may leave too little to balance with.
-        return _limit(model, trials, others, uniform=False)
+        return _limit(model.space, trials, others, uniform=False)
     return tractions
 
 
@@ -99,13 +99,12 @@ def no_traction(space: Space, contact: ContactOnMesh) -> ContactTraction:
 
 
 def _limit(
-    model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
+    space: Space, trials: list[Trial], others: OtherForces, *, uniform: bool
 ) -> list[ContactTraction] | TooCoarse:
     """Limit tractions to what the law allows at all samples, and balance other forces.
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
-    space = model.space
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(space, trials, others)
         if isinstance(values, TooCoarse):

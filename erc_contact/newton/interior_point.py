@@ -29,7 +29,7 @@ Symbols: n points of this rank, d dimension, j bounds of a traction.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -39,6 +39,7 @@ from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
+from erc_contact.newton.snes import PathEnd
 
 STEPS = 40
 """Limit of interior point steps of one attempt."""
@@ -94,21 +95,9 @@ class LinearStep(Protocol):
         """
 
 
-class Path(NamedTuple):
-    """Tell how far the central path was followed.
-
-    Attributes:
-        unknowns: The last unknowns of this rank.
-        steps: Number of steps.
-        is_known: Whether the states of all points are known.
-    """
-
-    unknowns: np.ndarray
-    steps: int
-    is_known: bool
-
-
-def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool) -> Path:
+def follow(
+    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool
+) -> PathEnd:
     """Follow the central path until the states of all points are known; collective.
 
     Args:
@@ -141,7 +130,7 @@ def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corr
         # Nothing holds a motion: the tangent is singular.
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
-    return Path(u, count, is_known)
+    return PathEnd(u, count, is_known)
 
 
 class CentralPath:

@@ -20,7 +20,6 @@ from erc_contact.base.progress import at
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
-from erc_contact.newton.interior_point import Path
 from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 from namedmesh.base.communicators import lasting
@@ -134,6 +133,26 @@ class Attempted(NamedTuple):
     solution: DiscreteSolution | None = None
 
 
+class PathEnd(NamedTuple):
+    """Tell how far the central path was followed.
+
+    Attributes:
+        unknowns: The last unknowns of this rank.
+        steps: Number of steps.
+        is_known: Whether the states of all points are known.
+    """
+
+    unknowns: np.ndarray
+    steps: int
+    is_known: bool
+
+    @property
+    def outcome(self) -> Outcome:
+        """Return how the attempt ended."""
+        reason = "states are known" if self.is_known else "states are not known"
+        return Outcome(self.is_known, reason, self.steps, np.inf, (0, 0, 0))
+
+
 class Status(NamedTuple):
     """Tell the contact status of all points.
 
@@ -232,7 +251,7 @@ def attempt(
     return outcome
 
 
-class Variable(Protocol):
+class Adjustable(Protocol):
     """Represent a contact problem whose friction, gaps and springs may be changed.
 
     A state is an array of unknowns.
@@ -249,7 +268,7 @@ class Variable(Protocol):
 
 
 def solve_in_turn(
-    problem: Variable,
+    problem: Adjustable,
     solve: Callable[[np.ndarray, Attempt], tuple[np.ndarray, Outcome]],
     step: Attempt,
     state: np.ndarray,
@@ -294,12 +313,6 @@ def solve_in_turn(
     problem.set_shares(1.0, 1.0)
     problem.hold(0.0, state)
     return state, replace(outcome, steps=steps, friction=friction, contacts=contacts)
-
-
-def outcome_of_path(path: Path) -> Outcome:
-    """Tell how interior point steps ended."""
-    reason = "states are known" if path.is_known else "states are not known"
-    return Outcome(path.is_known, reason, path.steps, np.inf, (0, 0, 0))
 
 
 class _StoppingTest:

@@ -33,7 +33,7 @@ from erc_contact.output.foundations import (
     STILL_SHARE,
     SYMMETRY_COLOUR,
     UNSEEN,
-    Foundation,
+    MovingFoundation,
     closed_part,
     drawn_foundation,
     foundation_of,
@@ -368,7 +368,7 @@ def greatest_magnification(
     return factor
 
 
-def _foundations(contacts: Sequence[WholeContact]) -> list[Foundation]:
+def _foundations(contacts: Sequence[WholeContact]) -> list[MovingFoundation]:
     """Fit the foundations of contacts with a foundation; on rank 0."""
     return [foundation_of(contact) for contact in _on_foundations(contacts)]
 
@@ -412,7 +412,7 @@ def mises_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _grounds(
-    foundations: Sequence[Foundation], factor: float, size: float, drawn_size: float
+    foundations: Sequence[MovingFoundation], factor: float, size: float, drawn_size: float
 ) -> list[ShownPart]:
     """Draw the foundations.
 
@@ -442,7 +442,7 @@ def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[Shown
 
 def _title(
     contacts: Sequence[WholeContact],
-    foundations: Sequence[Foundation],
+    foundations: Sequence[MovingFoundation],
     factor: float,
     size: float,
     pull: float | None,

@@ -59,7 +59,7 @@ share of the contact [-]. A narrow part knows only the slope of what is below it
 
 
 @dataclass(frozen=True, eq=False)
-class Foundation:
+class MovingFoundation:
     """Hold a foundation and its rigid motion rho.
 
     Attributes:
@@ -139,7 +139,7 @@ def nearest_nodes(surface: WholeContact) -> np.ndarray:
     return np.broadcast_to(closed[:, None], surface.gap.shape)
 
 
-def foundation_of(surface: WholeContact) -> Foundation:
+def foundation_of(surface: WholeContact) -> MovingFoundation:
     """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
     The fit is by least squares. Of all motions with the same normal part it is the
@@ -167,10 +167,10 @@ def foundation_of(surface: WholeContact) -> Foundation:
     normal_parts = weight[:, None] * np.column_stack([n, turned])
     # The cut-off keeps a narrow closed part from turning the whole foundation.
     parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=TURNING_WIDTH)[0]
-    return Foundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
+    return MovingFoundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
 
 
-def greatest_factor(foundations: Sequence[Foundation], largest: float, size: float) -> float:
+def greatest_factor(foundations: Sequence[MovingFoundation], largest: float, size: float) -> float:
     """Find the greatest magnification of a picture by default [-].
 
     It is infinite if nothing moves.
@@ -191,7 +191,7 @@ def round_factor(factor: float) -> float:
     return float(f"{factor:.2g}") if LEAST_MAGNIFICATION < factor < np.inf else 1.0
 
 
-def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
+def drawn_foundation(foundation: MovingFoundation, factor: float, size: float) -> Any:
     """Draw the part of a foundation that is near the body, moved with the body.
 
     A plane is drawn somewhat larger than the contact. Other foundations end with the
