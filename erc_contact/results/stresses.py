@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -44,49 +43,41 @@ def mean_stress(result: Any, stress: str = "admissible") -> np.ndarray:
     """
     admissible = pair_of(result)
     model = admissible.model
-    mean = _of_stress(stress, admissible, _admissible_means, _elastic_means)
+    weights = macro_points(model.space.d, model.space.degree).weights
+    mean = _weighted_sums(stress, admissible, weights[:, None])[:, 0]
     return stress_in_space(model, mean)
 
 
-def _of_stress(
-    stress: str,
-    admissible: Admissible,
-    of_admissible: Callable[[Admissible], np.ndarray],
-    of_elastic: Callable[[Admissible], np.ndarray],
-) -> np.ndarray:
-    """Return what is linear in a stress, for the stress of a name.
+def _weighted_sums(stress: str, admissible: Admissible, weights: np.ndarray) -> np.ndarray:
+    """Sum up a stress at the points of :func:`macro_points`, Mandel components.
 
     Args:
-        stress: The name, as in :func:`mean_stress`.
+        stress: Its name, as in :func:`mean_stress`.
         admissible: The pair.
-        of_admissible: Computes it of sigma^.
-        of_elastic: Computes it of C eps(u^).
+        weights: Weights of the points in v sums, shape (q, v).
+
+    Returns:
+        Shape (owned, v, s).
 
     Raises:
         InputError: If the stress is another one.
     """
     check_stress(stress)
+    model, cells = admissible.model, admissible.cell_geometry
+    owned = model.domain.owned_cells
+    places = macro_places(model.space, cells, owned)
+    section = model.space.section
     parts = []
     if stress != "elastic":
-        parts.append(of_admissible(admissible))
+        at_points = section.over(admissible.stress_at_macro_points(places), places)
+        parts.append(np.matmul(weights.T, at_points))
     if stress != "admissible":
-        parts.append(of_elastic(admissible))
+        of_u = elastic_stress(model, cells, admissible.displacement, owned)
+        at_points = section.over(of_u, places)
+        # A stress that does not vary in cells is given at one point.
+        of_points = weights if at_points.shape[1] > 1 else weights.sum(axis=0, keepdims=True)
+        parts.append(np.matmul(of_points.T, at_points))
     return np.asarray(np.mean(parts, axis=0))
-
-
-def _admissible_means(admissible: Admissible) -> np.ndarray:
-    """Compute the mean of sigma^ in each owned cell, Mandel components."""
-    space = admissible.model.space
-    return macro_points(space.d, space.degree).weights @ _at_points(admissible)
-
-
-def _elastic_means(admissible: Admissible) -> np.ndarray:
-    """Compute the mean of C eps(u^) in each owned cell, Mandel components."""
-    at_points = _elastic_at_points(admissible)
-    if at_points.shape[1] == 1:
-        return at_points[:, 0]
-    space = admissible.model.space
-    return macro_points(space.d, space.degree).weights @ at_points
 
 
 def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
@@ -109,57 +100,12 @@ def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndar
     """
     model = admissible.model
     d = model.space.d
-    moments = _of_stress(stress, admissible, _admissible_moments, _elastic_moments)
+    _, points, weights = macro_points(d, model.space.degree)
+    # Means of the stress times the hat functions of the vertices.
+    moments = _weighted_sums(stress, admissible, barycentric(points) * weights[:, None])
     linear = from_means(d, 1, moments)
     at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
     return np.stack(at_vertices, axis=1)
-
-
-def _admissible_moments(admissible: Admissible) -> np.ndarray:
-    """Compute the means of sigma^ times the hat functions of the vertices of a cell.
-
-    They are in Mandel components, shape (owned, d+1, s).
-    """
-    weighted = _weighted_hats(admissible)
-    return np.einsum("qv,nqc->nvc", weighted, _at_points(admissible))
-
-
-def _weighted_hats(admissible: Admissible) -> np.ndarray:
-    """Return weights times the hat functions of a cell's vertices, shape (q, d+1)."""
-    space = admissible.model.space
-    _, points, weights = macro_points(space.d, space.degree)
-    return barycentric(points) * weights[:, None]
-
-
-def _elastic_moments(admissible: Admissible) -> np.ndarray:
-    """Compute the means of C eps(u^) times the hat functions of a cell's vertices.
-
-    They are in Mandel components, shape (owned, d+1, s).
-    """
-    at_points = _elastic_at_points(admissible)
-    weighted = _weighted_hats(admissible)
-    if at_points.shape[1] == 1:
-        weighted = weighted.sum(axis=0, keepdims=True)
-    return np.einsum("qv,nqc->nvc", weighted, at_points)
-
-
-def _elastic_at_points(admissible: Admissible) -> np.ndarray:
-    """Return C eps(u^) at the points of :func:`elastic_stress` [force/area]."""
-    model, cells = admissible.model, admissible.cell_geometry
-    owned = model.domain.owned_cells
-    stress = elastic_stress(model, cells, admissible.displacement, owned)
-    return model.space.section.over(stress, macro_places(model.space, cells, owned))
-
-
-def _at_points(admissible: Admissible) -> np.ndarray:
-    """Return sigma^ at the points of :func:`macro_points` [force/area].
-
-    It has Mandel components, shape (owned, q, s).
-    """
-    model = admissible.model
-    space = model.space
-    places = macro_places(model.space, admissible.cell_geometry, model.domain.owned_cells)
-    return space.section.over(admissible.stress_at_macro_points(places), places)
 
 
 def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarray:
