@@ -191,7 +191,6 @@ def _cells_that_press(
         most = model.comm.allreduce(size.max(initial=0.0), MPI.MAX)
         presses = (size > SMALL_PRESSURE * most) & (jump > SAME_MOTION * farthest)
         cells.append(trace.here.facets[presses, 0])
-        if trace.there is not None:
-            cells.append(trace.there.facets[presses, 0])
+        cells.append(trace.there.facets[presses[trace.facing], 0])
     found = np.unique(np.concatenate(cells))
     return found[found < model.domain.owned_cells]

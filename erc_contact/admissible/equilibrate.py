@@ -284,9 +284,8 @@ def _before_tightening(
         of_contact = moments(traction.area, traction.values, model.degree)
         trace = traction.contact.trace
         add_moments(model, boundary, trace.here.facets, of_contact)
-        if trace.there is not None:
-            # Action and reaction: on the other body acts the opposite traction.
-            add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
+        # Action and reaction: on the other body acts the opposite traction.
+        add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
     b = load_forces(model, cells, boundary, force)
     balanced = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
     if model.springs:

@@ -315,9 +315,7 @@ def _check_ends(model: Model, contact: ContactOnMesh, gap: np.ndarray) -> None:
         gap: Its gap at the nodes [length], shape (f, m).
     """
     trace = contact.trace
-    if trace.there is None:
-        return
-    at_end = gap[trace.here.nodes == trace.partners]
+    at_end = gap[trace.here.nodes == trace.nodes_there]
     overlap = abs(at_end) if contact.bilateral else -at_end
     worst = model.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
     if worst > 1e-12 * model.domain.extent:

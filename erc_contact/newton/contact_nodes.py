@@ -117,11 +117,10 @@ def contact_nodes(model: Model, contact: ContactOnMesh) -> ContactNodes:
     m = nodes.shape[1]
     shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
     springs = shares * trace.stiffness[side.owned][:, None]
-    there = np.full(nodes.shape, NOBODY)
-    if trace.there is not None:
-        there = model.global_numbers(trace.partners[side.owned])
+    there = np.full(side.nodes.shape, NOBODY)
+    there[trace.facing] = model.global_numbers(trace.partners)
     all_here, all_there, all_shares, all_springs = of_all(
-        model.comm, model.global_numbers(nodes), there, shares, springs
+        model.comm, model.global_numbers(nodes), there[side.owned], shares, springs
     )
     here, first, place = np.unique(all_here.ravel(), return_index=True, return_inverse=True)
     area = np.bincount(place.ravel(), all_shares.ravel())

@@ -373,7 +373,7 @@ def _foundations(contacts: Sequence[WholeContact]) -> list[Foundation]:
 
 def _on_foundations(contacts: Sequence[WholeContact]) -> list[WholeContact]:
     """Return the contacts with a foundation, without planes of symmetry."""
-    alone = [contact for contact in contacts if contact.partners is None]
+    alone = [contact for contact in contacts if len(contact.partners) == 0]
     return [contact for contact in alone if not is_symmetry(contact)]
 
 

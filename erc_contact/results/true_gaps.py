@@ -41,7 +41,7 @@ def gap_deviation(result: Any, name: str) -> float:
     model = pair.model
     contact = model.contact(name)
     trace = contact.trace
-    if trace.there is None or contact in model.ties:
+    if contact.against is None or contact in model.ties:
         raise InputError(f"gap_deviation: {name!r} is no contact between bodies; give one of them.")
     u = pair.displacement.x.array
     places = model.V.tabulate_dof_coordinates()[:, : model.d] + u.reshape(-1, model.d)

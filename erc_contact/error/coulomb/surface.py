@@ -18,6 +18,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
+from erc_contact.model.contact.groups import NOBODY
 from erc_contact.model.contact.trace import interpolate_normals, split
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
@@ -241,9 +242,9 @@ def coulomb_surface(model: Model) -> CoulombSurface:
         corners_of_contacts.append(here.corners[here.owned])
         normals_of_contacts.append(contact.trace.normals_at_vertices[here.owned])
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
-        if contact.against is None:
-            # The unknown of the solver at a node of a pair is the jump, and not u.
-            others.append(of_contact[model.connections.is_paired[facet_nodes]])
+        # The unknown of the solver at a node of a pair is the jump, and not u.
+        on_foundation = contact.trace.nodes_there[here.owned] == NOBODY
+        others.append(of_contact[on_foundation & model.connections.is_paired[facet_nodes]])
         # Nor is the jump of a contact an unknown where more than two bodies meet.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
     all_numbers = _gather(model, numbers_of_contacts)

@@ -20,6 +20,7 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.groups import NOBODY
 from erc_contact.model.contact.trace import Side, dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_ranks, sum_over_ranks
 from erc_contact.model.space import Space
@@ -47,15 +48,10 @@ class Glue:
     def __init__(self, space: Space, contacts: Sequence[ContactOnMesh], fixed: np.ndarray) -> None:
         self._space = space
         self._fixed = fixed.ravel()
-        foundations = [contact for contact in contacts if contact.trace.there is None]
-        on_nodes = nodal_glue(space, foundations).x.array
-        on_nodes[self._fixed] = 0.0
-        owned = space.V.dofmap.index_map.size_local * space.d
-        rows = np.flatnonzero(on_nodes[:owned])
-        parts = [(rows, rows, on_nodes[rows])]
+        nothing = np.zeros(0, dtype=np.int64)
+        parts = [(nothing, nothing, np.zeros(0))]
         for contact in contacts:
-            if contact.trace.there is not None:
-                parts += _couple_sides(contact, space)
+            parts += _entries(contact, space)
         self.rows, self.columns, self.values = (
             np.concatenate(part) for part in zip(*parts, strict=True)
         )
@@ -103,22 +99,26 @@ def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
     return glue
 
 
-def _couple_sides(
+def _entries(
     contact: ContactOnMesh, space: Space
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values."""
-    trace = contact.trace
-    pairs = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    side = contact.trace.here
+    pairs = np.column_stack([side.nodes.ravel(), contact.trace.nodes_there.ravel()])
     unique, place = np.unique(pairs, axis=0, return_inverse=True)
     glue = np.zeros((len(unique), space.d))
-    _add_of_facets(space, trace.here, place.reshape(trace.here.nodes.shape), glue)
-    here, there = (dofs_of(nodes, space.d) for nodes in unique.T)
-    values = glue.ravel()
+    _add_of_facets(space, side, place.reshape(side.nodes.shape), glue)
+    # A foundation has no unknowns to couple, and ghosts add nothing.
+    is_owned = glue.any(axis=1)
+    is_pair = is_owned & (unique[:, 1] != NOBODY)
+    nodes = dofs_of(unique[is_owned, 0], space.d)
+    here, there = (dofs_of(of_side, space.d) for of_side in unique[is_pair].T)
+    of_pairs = glue[is_pair].ravel()
     return [
-        (here, here, values),
-        (there, there, values),
-        (here, there, -values),
-        (there, here, -values),
+        (nodes, nodes, glue[is_owned].ravel()),
+        (there, there, of_pairs),
+        (here, there, -of_pairs),
+        (there, here, -of_pairs),
     ]
 
 
