@@ -431,7 +431,7 @@ def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[Shown
     closed: list[ShownPart] = []
     for contact in contacts:
         for nodes in (contact.traction.nodes, contact.partners):
-            lines = None if nodes is None else closed_part(contact, nodes, x)
+            lines = closed_part(contact, nodes, x)
             if lines is not None:
                 colour = SYMMETRY_COLOUR if is_symmetry(contact) else CLOSED_COLOUR
                 closed.append((lines, {"color": colour, "line_width": 8.0}))
