@@ -108,25 +108,25 @@ def equilibrated(
     data = _Data(solution, cells, force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
-    tractions = admissible_tractions(model, solution, others)
-    if bolts and isinstance(tractions, TooCoarse):
+    try:
+        tractions = admissible_tractions(model, solution, others)
+    except TooCoarse:
+        if not bolts:
+            raise
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
         tractions = admissible_tractions(model, solution, others)
-    if isinstance(tractions, TooCoarse):
-        raise tractions
     pair, balanced, bulk = _make_pair(data, tractions, tighten, near)
     kept = None
-    if is_own and bulk is not None:
+    if is_own:
         kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
-    if bulk is not None and kept is not None:
-        tractions = admissible_tractions(model, solution, kept)
-        # Beside the resultants the law may leave too little for the free motions.
-        if not isinstance(tractions, TooCoarse):
-            # Where its stress is not in equilibrium, the first pair stands.
-            with suppress(NotBalanced):
-                again, _, less = _make_pair(data, tractions, tighten, near)
-                pair = again if less is not None and less < bulk else pair
+    if kept is not None:
+        # The first pair stands where the law leaves too little for the free motions
+        # beside the resultants, and where the stress is not in equilibrium.
+        with suppress(TooCoarse, NotBalanced):
+            tractions = admissible_tractions(model, solution, kept)
+            again, _, less = _make_pair(data, tractions, tighten, near)
+            pair = again if less < bulk else pair
     seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
@@ -204,7 +204,7 @@ class _Data:
 
 def _make_pair(
     data: _Data, tractions: list[ContactTraction], tighten: int, near: Admissible | None
-) -> tuple[Admissible, Rebalanced, float | None]:
+) -> tuple[Admissible, Rebalanced, float]:
     """Reconstruct a pair with given contact tractions; collective.
 
     Args:
@@ -214,8 +214,8 @@ def _make_pair(
         near: See :func:`equilibrated`.
 
     Returns:
-        The pair, the rebalanced stress, and the bulk part of e^2 before bubbles are
-        chosen [force length]; None where nothing was tightened.
+        The pair, the rebalanced stress, and a bound of the bulk part of e^2 before
+        bubbles are chosen [force length], infinite where nothing was tightened.
     """
     cells = data.cells
     model = data.solution.model
