@@ -70,7 +70,7 @@ from erc_contact.scene.goal import (
     Slip,
     StressIntensity,
 )
-from erc_contact.scene.law import Coulomb, Law, Tresca
+from erc_contact.scene.law import Coulomb, Law, Orthotropic, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.plastic import Plastic
@@ -117,6 +117,7 @@ __all__ = [
     "NotConverged",
     "NotHeldError",
     "Opening",
+    "Orthotropic",
     "Oscillations",
     "Plastic",
     "Potential",

@@ -15,6 +15,7 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import given_strains, moduli, strains
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
+from erc_contact.model.contact.friction import depends_on_pressure
 from namedmesh.base.releases import cell_nodes
 from namedmesh.simplex import barycentric, bernstein, lagrange, rule
 
@@ -148,7 +149,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
     total, middle = 0.0, np.array([[0.5]])
     reference = ec.equilibrate(fine, tighten=0)
     for coarse, exact in zip(pair.tractions, reference.tractions, strict=True):
-        if exact.contact.friction is None:
+        if not depends_on_pressure(exact.contact.friction):
             continue
         n = exact.contact.direction[0]
         x = fine.model.V.tabulate_dof_coordinates()[:, :2][exact.nodes].mean(axis=1)

@@ -98,9 +98,10 @@ class Allowed:
         projection of the contact methods. It is not the Euclidean one
         (:meth:`Cones.nearest`).
         """
-        z_n, z_t, size = split(z, self.n)
+        z_n, z_t, _ = split(z, self.n)
         r_n = z_n if self.contact.bilateral else np.minimum(z_n, 0.0)
         bound = self.bound(np.maximum(-r_n, 0.0))
+        size = self.contact.friction_set.gauge(z_t, self.n)
         return clip(z_t, size, bound) + r_n[..., None] * self.n
 
     def limited_by_mean(self, mean: np.ndarray, best: np.ndarray) -> np.ndarray:
@@ -153,14 +154,14 @@ class Allowed:
 
         Args:
             values: Tractions with these mean pressures [force/area], shape (f, m, d).
-            slip: Vectors along the slip, of any length, shape (f, m, d).
+            slip: Vectors opposite to the friction, of any length, shape (f, m, d).
 
         Returns:
             The tractions [force/area], shape (f, m, d).
         """
         pressure = np.maximum(-(values * self.n).sum(axis=2).mean(axis=1), 0.0)
         bound = self.bound(np.broadcast_to(pressure[:, None], values.shape[:2]))
-        length = np.linalg.norm(slip, axis=2, keepdims=True)
+        length = self.contact.friction_set.gauge(slip, self.n)[..., None]
         against = np.divide(slip, length, out=np.zeros_like(slip), where=length > 0)
         return -pressure[:, None, None] * self.n - bound[..., None] * against
 

@@ -27,6 +27,7 @@ from erc_contact.admissible.balance_parts import (
     ray_part,
     spring_give,
 )
+from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.sampled import is_inside, lowering
 from erc_contact.admissible.traction import ContactTraction
@@ -131,6 +132,37 @@ def _limit(
     return _contact_tractions(safe, _allowed_at_nodes(model, safe, others))
 
 
+def _in_disc(
+    trial: Trial,
+    cones: Cones,
+    start: np.ndarray,
+    weight: np.ndarray,
+    motions: np.ndarray,
+    modulus: np.ndarray,
+) -> BalancePart:
+    """Return the balance of a contact, where the set of its friction is a disc.
+
+    Args:
+        trial: The traction of the method.
+        cones: The sets of its nodes.
+        start: Tractions r_0 [force/area], shape (f, m, d).
+        weight: As :class:`BalancePart` has it.
+        motions: Motions at the nodes, shape (f, m, d, K).
+        modulus: As :class:`BalancePart` has it.
+    """
+    allowed = trial.contact.friction_set
+    n = cones.n
+    of_motions = [allowed.from_disc(motion, n) for motion in np.moveaxis(motions, -1, 0)]
+    return BalancePart(
+        cones,
+        allowed.to_disc(start, n),
+        allowed.to_disc(trial.shift(cones.slope), n),
+        weight,
+        np.stack(of_motions, axis=-1),
+        modulus,
+    )
+
+
 def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[ContactTraction]:
     """Return the contact tractions of trials with given coefficients; collective."""
     return [trial.contact_traction(r) for trial, r in zip(trials, values, strict=True)]
@@ -168,8 +200,7 @@ def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) ->
             trials, values, start, constraints, of_facets, strict=True
         ):
             cones = trial.allowed.tangent_cones(r, peak)
-            shift = trial.shift(cones.slope)
-            part = BalancePart(cones, r_0, shift, weight, motions, modulus)
+            part = _in_disc(trial, cones, r_0, weight, motions, modulus)
             cone_parts.append(part.on_facets(~trial.uniform))
             rays = trial.at_mean_pressure(r)
             uniform = trial.uniform
@@ -183,7 +214,9 @@ def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) ->
             trials, tractions[:count], tractions[count:], strict=True
         ):
             r = np.empty_like(trial.mean)
-            r[~trial.uniform] = at_nodes
+            cones_at = np.flatnonzero(~trial.uniform)
+            n = trial.contact.direction[cones_at, None]
+            r[cones_at] = trial.contact.friction_set.from_disc(at_nodes, n, cones_at)
             r[trial.uniform] = on_rays.reshape(-1, *r.shape[1:])
             values.append(r)
             is_uniform = trial.uniform[:, None, None]

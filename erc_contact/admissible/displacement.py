@@ -126,11 +126,12 @@ def _set_status(
         else:
             entry = _best_entry(-open_by, closing[group], stiffness[group], springs[group])
             _move_normal(values, free, limit, group, limit.bound[group] + entry)
-        _, slip, size = split(limit.jump(values, group) - before[group], n)
+        _, slip, _ = split(limit.jump(values, group) - before[group], n)
         of_group = shear[group], friction[group], stiffness[group]
         if tangential_springs is None:
-            gain = friction[group] * size + (shear[group] * slip).sum(axis=1)
-            sticks = gain > stiffness[group] * size**2
+            work = contact.friction_set.support(slip[:, None], n[:, None], limit.facet[group])[:, 0]
+            gain = friction[group] * work + (shear[group] * slip).sum(axis=1)
+            sticks = gain > stiffness[group] * (slip**2).sum(axis=1)
             change = np.where(sticks[:, None], -slip, 0.0)
         else:
             change = _best_slide(slip, *of_group, tangential_springs[group]) - slip

@@ -34,6 +34,7 @@ class Limits:
             rest [-], shape (c,). Without a partner it takes all.
         normal: Normal of each limit, shape (c, d).
         bound: Limit of u_n [length], shape (c,).
+        facet: Number in the contact of a facet of each limit, shape (c,).
         of_facet: Number of the limit of each node of each facet, shape (f, m).
         groups: Groups of limits, each by their numbers. No node is twice in one group.
     """
@@ -43,6 +44,7 @@ class Limits:
     share: np.ndarray
     normal: np.ndarray
     bound: np.ndarray
+    facet: np.ndarray
     of_facet: np.ndarray
     groups: list[np.ndarray]
 
@@ -134,9 +136,10 @@ def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limi
     most = int(number.max(initial=0))
     groups = [np.flatnonzero(number == k) for k in range(most + 1)]
     of_facet = of_facet.reshape(traction.nodes.shape)
+    facet = first // traction.nodes.shape[1]
     partners = contact.trace.nodes_there.ravel()[first]
     share = _share_of_node(contact.trace, len(model.fixed))[nodes]
-    return Limits(nodes, partners, share, normals[first], bound, of_facet, groups)
+    return Limits(nodes, partners, share, normals[first], bound, facet, of_facet, groups)
 
 
 def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:

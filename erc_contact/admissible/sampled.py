@@ -27,16 +27,17 @@ ROUND_OFF_SHARE = 1e-14
 
 
 def friction_at_samples(space: Space, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
-    """Sample the friction bound and the length of r^_t [force/area]; collective.
+    """Sample the friction bound and what of it r^_t needs [force/area]; collective.
 
     Returns:
-        The bound and the length, shape (f, q) each.
+        The bound and the gauge of r^_t, shape (f, q) each.
     """
     points = space.facet_samples
     parameters = friction_parameters(space, traction.contact, points)
     pressure, tangential = traction.at_points(points)
     bound = traction.contact.friction_bound(np.maximum(pressure, 0.0), parameters)
-    return bound, np.linalg.norm(tangential, axis=-1)
+    n = traction.contact.trace.normals_at(points)
+    return bound, traction.contact.friction_set.gauge(tangential, n)
 
 
 def is_inside(space: Space, traction: ContactTraction) -> bool:

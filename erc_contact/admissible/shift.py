@@ -59,8 +59,11 @@ class Shift:
     products with the coefficients of a traction are integrals.
 
     Attributes:
-        slip: E/h times the mean of w_t [force/area], shape (f, m, d).
-        path: E/h times the mean of ``|w_t|`` [force/area], shape (f, m).
+        slip: E/h times the mean of w_t [force/area], shape (f, m, d); of ``opposing(
+            w_t)`` where friction is orthotropic, as all distances of tractions are
+            taken in the coordinates in which its ellipse is a disc.
+        path: E/h times the mean of ``|w_t|``, or ``support(w_t)`` [force/area], shape
+            (f, m).
         opening: E/h times the mean of ``max(g - w_n, 0)`` [force/area], shape (f, m).
         n: Normals, shape (f, 1, d).
 
@@ -123,15 +126,16 @@ def shift_by_slip(
         w = turning.back(w, points)
         k = turning.degree
     average = averages(d - 1, k, points, weights)
-    w_n, w_t, length = split(w, n)
+    w_n, w_t, _ = split(w, n)
+    allowed = contact.friction_set
     # A bilateral contact cannot open.
     opening = np.zeros_like(w_n)
     if not contact.bilateral:
         opening = np.maximum(gap_at_nodes(space, contact) @ shape.T - w_n, 0.0)
     stiffness = contact.trace.stiffness[:, None]
     along = _tangential_stiffness(space, contact)[:, None]
-    slip = along[..., None] * np.matmul(average, w_t)
-    mean_path = along * length @ average.T
+    slip = along[..., None] * np.matmul(average, allowed.opposing(w_t, n))
+    mean_path = along * allowed.support(w_t, n) @ average.T
     mean_opening = stiffness * opening @ average.T
     return Shift(slip, mean_path, mean_opening, n)
 

@@ -67,19 +67,25 @@ class ContactTraction:
         return -r_n, r_t
 
     def in_law(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return what the law compares: pressure, friction and its bound [force/area].
+        """Return what the law compares [force/area]: pressure, friction and its bound.
+
+        Friction counts by its gauge, a length where friction is isotropic.
 
         Coefficients are compared, whose cone contains the values. Where normals turn
         along facets, the coefficients have no cone of their own, and values at the
         nodes are compared. Shape (n, m) each.
         """
+        allowed = self.contact.friction_set
         if self.contact.trace.corner_normals is None:
-            shear = np.linalg.norm(self.tangential_part, axis=-1)
+            normals = self.contact.trace.normals
+            shear = allowed.gauge(self.tangential_part, normals)
             return -self.normal_component, shear, self.friction_bound
         here = self.contact.trace.here
-        pressure, tangential = self.at_points(nodes(here.d - 1, here.degree))
+        points = nodes(here.d - 1, here.degree)
+        pressure, tangential = self.at_points(points)
         bound = self.friction_bound @ at_nodes(here.d - 1, here.degree).T
-        return pressure, np.linalg.norm(tangential, axis=-1), bound
+        shear = allowed.gauge(tangential, self.contact.trace.normals_at(points))
+        return pressure, shear, bound
 
 
 def is_kinked(comm: MPI.Comm, contact: ContactOnMesh) -> bool:

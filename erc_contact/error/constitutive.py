@@ -181,7 +181,7 @@ class ConstitutiveError:
         """
         exact = max(self.oscillation, self.geometry_error) <= ROUND_OFF * self.scale
         # Normals that turn are interpolated, so that each mesh has its own problem.
-        of_mesh = any(contact.normals_are_of_mesh for contact in self.model.contacts)
+        of_mesh = any(contact.is_of_mesh for contact in self.model.contacts)
         return exact and not of_mesh and not self.pressure_dependent
 
     @property

@@ -220,14 +220,16 @@ def _adapted_squares(
         r = np.matmul(shape, traction.values[facet])
         w = np.matmul(shape, of_w[facet])
         s = np.matmul(shape, of_s[facet])
-        r_n, r_t, friction = split(r, n)
+        r_n, r_t, _ = split(r, n)
         gap = data.gap(facet, x)
         normal = data.normal(facet, x, n)
         bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
         stiffness = data.stiffness(facet, x)
         tangential = data.tangential_stiffness(facet, x)
         shared = cancelling[facet]
-        density = contact_density(contact, n, r, w, s, gap, bound, stiffness, tangential, shared)
+        density = contact_density(
+            contact, n, r, w, s, gap, bound, stiffness, tangential, shared, facet
+        )
 
         opening = (w * normal).sum(axis=-1) - gap
         beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
@@ -242,7 +244,7 @@ def _adapted_squares(
         beyond = np.where(beyond <= least_gap, 0.0, beyond)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
         turned = np.where(turned <= least_force, 0.0, turned)
-        excess = friction - bound
+        excess = contact.friction_set.gauge(r_t, n, facet) - bound
         excess = np.where(excess <= least_force, 0.0, excess)
         # A violation of the gap is measured like a wrong support, E/h |.|^2; a
         # violation of the normal or of the friction bound like a wrong load, h/E |.|^2.

@@ -14,7 +14,7 @@ import numpy as np
 
 from erc_contact.admissible.cones import clip
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.trace import Trace, split
+from erc_contact.model.contact.trace import ALL, Facets, Trace, split
 
 
 def contact_density(
@@ -28,11 +28,14 @@ def contact_density(
     stiffness: np.ndarray | None = None,
     tangential: np.ndarray | None = None,
     cancelling: np.ndarray | float = 0.0,
+    facet: Facets = ALL,
 ) -> np.ndarray:
     """Evaluate twice the contact term at points [force/length^(d-2)].
 
     It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, and on a compliant
-    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`.
+    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`. Where
+    friction is orthotropic ``support(w_t - s)`` takes the place of the length
+    (:mod:`erc_contact.model.contact.friction_set`).
 
     Args:
         contact: The contact.
@@ -47,13 +50,14 @@ def contact_density(
             None where it is rigid.
         tangential: k_t there, likewise.
         cancelling: Bound of :func:`bound_cancellation` [length], shape (n, 1), or 0.
+        facet: Numbers of the n facets in the contact, all of them by default.
 
     Returns:
         The term, shape (n, q).
     """
     r_n, r_t, _ = split(r, n)
     w_n = (w * n).sum(axis=-1)
-    _, w_t, slip = split(w - s, n)
+    _, w_t, _ = split(w - s, n)
     if contact.bilateral:
         # A gap that is closed everywhere, with a traction of any sign, does no work.
         density = np.zeros(r_n.shape)
@@ -64,6 +68,7 @@ def contact_density(
     if tangential is not None:
         density += law_error(*slider_of(w_t, r_t, bound, tangential))
     elif contact.friction is not None:
+        slip = contact.friction_set.support(w_t, n, facet)
         density += bound * slip + (r_t * w_t).sum(axis=-1)
     # A difference of two works that are equal up to round-off is no error. Otherwise e
     # would stop at 1e-8 of the norm.

@@ -92,7 +92,9 @@ def slip_may_vanish(contact: ContactOnMesh, slip: np.ndarray) -> np.ndarray:
         contact: The contact.
         slip: Coefficients of ``w - s`` [length], shape (f, m, d).
     """
-    _, tangential, size = split(slip, contact.trace.normals)
+    n = contact.trace.normals
+    # The length that has the kink is taken where the set of friction is a disc.
+    _, tangential, size = split(contact.friction_set.from_disc(slip, n), n)
     mean = tangential.mean(axis=1, keepdims=True)
     farthest = np.linalg.norm(tangential - mean, axis=2).max(axis=1)
     slides = size.max(axis=1) > 0

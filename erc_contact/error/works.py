@@ -242,7 +242,7 @@ def friction_works(
     floor: float,
     end: ContactTraction | None = None,
 ) -> Integral:
-    """Compute ``int b(p^) |slip|`` on each facet [force length]; collective.
+    """Compute ``int b(p^) support(slip)`` on each facet [force length]; collective.
 
     The slip is ``u_t - s``, s of the last step, less what a foundation gives way. It is
     0 for ghosts and never below zero. The integrals may leave their share or ``floor``
@@ -258,12 +258,14 @@ def friction_works(
     """
     sliding = Sliding(model, traction)
     at_end = sliding if end is None else Sliding(model, end)
+    allowed = traction.contact.friction_set
 
     def density(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        slip = np.linalg.norm(at_end.slip(facet, shape, w, n, x), axis=-1)
-        return sliding.bound(facet, shape, n, x) * slip
+        slip = at_end.slip(facet, shape, w, n, x)
+        path = allowed.support(slip, n, facet)
+        return sliding.bound(facet, shape, n, x) * path
 
     return contact_integral(model, traction.contact, u, density, floor)
 

@@ -19,6 +19,7 @@ from erc_contact.model.contact.connections import Connections
 from erc_contact.model.contact.contact_values import at_nodes, friction_parameters, gap_at_nodes
 from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.jumps import gap_by_coefficients
 from erc_contact.model.contact.ties import bind_tie
 from erc_contact.model.data.expressions import Everywhere
@@ -41,7 +42,6 @@ from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
-from erc_contact.scene.law import Coulomb
 from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential
 from erc_contact.scene.scene import Scene
@@ -435,13 +435,14 @@ class Model(Space):
     def greatest_coefficient(self, contact: ContactOnMesh) -> float:
         """Return the greatest coefficient of Coulomb friction [-]; collective.
 
-        It is zero without friction, and with another law.
+        It is zero without friction, and where the bound is no multiple of the pressure.
         """
-        if contact.friction is None or not isinstance(contact.friction.law, Coulomb):
+        if contact.friction is None or contact.friction.dependence != PROPORTIONAL:
             return 0.0
         parameters = friction_parameters(self, contact, self.facet_points)
-        _, most = self.extremes(parameters["friction"])
-        return most
+        ones = np.ones((len(contact.facets), len(self.facet_points)))
+        _, most = self.extremes(contact.friction_bound(ones, parameters))
+        return most * contact.friction_set.longest
 
     def at_nodes(self, contact: ContactOnMesh) -> ContactOnMesh:
         """Return a contact with its data as Functions; collective.

@@ -119,8 +119,8 @@ def profile_table(
         - ``gap``: the gap that is left, g - w_n [length],
         - ``slip``: length of w_t, or of its change since the last step of a history
           [length], without what a foundation gives way tangentially,
-        - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``
-          [force/area],
+        - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``: the
+          greatest length in its direction [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick, 3 closed without
           friction, see :func:`erc_contact.model.contact.status.facet_status`,
         - ``weight``: part of the contact that the point stands for [length] in 2D,
@@ -153,6 +153,8 @@ def profile_table(
     w_t = contact.sign * slip_at(model, contact, u.x.array, r, points)
     slip = np.linalg.norm(w_t, axis=-1)
     r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
+    needed = contact.friction_set.gauge(r_t, n)
+    along_shear = np.divide(shear, needed, out=np.ones_like(needed), where=needed > 0)
     gap = np.zeros(1)
     if contact.gap is not None:
         gap = evaluate(contact.gap, model.mesh, points, facets)
@@ -167,7 +169,7 @@ def profile_table(
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
     columns["shear"] = shear
-    columns["friction_bound"] = share * bound
+    columns["friction_bound"] = share * along_shear * bound
     columns["status"] = status[:, None]
     columns["weight"] = measures(named)[:, None] * profile_weights(model)
     if model.axisymmetric:

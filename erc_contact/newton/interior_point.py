@@ -36,7 +36,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.contact.contact_values import friction_parameters
-from erc_contact.model.contact.trace import tangents
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
@@ -151,18 +150,26 @@ class CentralPath:
         self._shapes: list[tuple[int, int]] = []
         self._laws = []
         axes = []
+        semi_axes = []
         opens = []
         for contact in model.contacts:
             owned = contact.trace.here.owned
             normals = evaluate(contact.normal, model.mesh, forms.points, contact.facets)[owned]
             self._shapes.append((len(normals), len(forms.points)))
-            flat = normals.reshape(-1, model.d)
-            axes.append(np.stack([flat, *tangents(flat)], axis=1))
+            allowed = contact.friction_set
+            facets = np.flatnonzero(owned)
+            # Dual axes take tractions to where the set of friction is a disc, and
+            # semi-axes take them back.
+            of_disc = np.stack([normals, *allowed.dual_axes(normals, facets)], axis=2)
+            of_set = np.stack([normals, *allowed.semi_axes(normals, facets)], axis=2)
+            axes.append(of_disc.reshape(-1, model.d, model.d))
+            semi_axes.append(of_set.reshape(-1, model.d, model.d))
             opens.append(np.full(len(axes[-1]), not contact.bilateral))
             parameters = friction_parameters(model, contact, forms.points)
             of_owned = {name: values[owned] for name, values in parameters.items()}
             self._laws.append((contact, of_owned))
         self._axes = np.concatenate(axes)
+        self._semi_axes = np.concatenate(semi_axes)
         self._opens = np.concatenate(opens)
         self._solved: list[Directions] = []
         """Directions of the solutions of this step."""
@@ -314,9 +321,9 @@ class CentralPath:
 
     def _set_affine(self, weights: np.ndarray, offsets: np.ndarray) -> None:
         """Set weights (n, d, d) and offsets (n, d) along the axes."""
-        axes = self._axes
-        of_space = np.matmul(axes.swapaxes(1, 2), np.matmul(weights, axes))
-        vectors = np.einsum("nab,na->nb", axes, offsets)
+        back = self._semi_axes
+        of_space = np.matmul(back.swapaxes(1, 2), np.matmul(weights, self._axes))
+        vectors = np.einsum("nab,na->nb", back, offsets)
         self._forms.set_affine(self._of_contacts(of_space), self._of_contacts(vectors))
 
     def _of_contacts(self, values: np.ndarray) -> list[np.ndarray]:

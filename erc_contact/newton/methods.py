@@ -44,7 +44,8 @@ class Method(Protocol):
     zero, ``jump(u)``, the displacement that the law is about, in a history since the
     last step, ``jump(v)``, its variation for a test function v, and ``project(z,
     gamma)``, the traction that the law allows for a trial traction z with ``-gamma
-    jump(u)`` in it; a compliant foundation alone needs gamma. Write a parameter as
+    jump(u)`` in it; a compliant foundation alone needs gamma. ``allowed_traction(r, u,
+    gamma)`` does both, and is what orthotropic friction needs. Write a parameter as
     ``fem.Constant(model.mesh, value)``: a plain number is compiled into the forms. A
     script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
 
@@ -99,19 +100,9 @@ class Method(Protocol):
     ) -> Ufl:
         """Return the projection of the equations [force/area], UFL, shape (d,).
 
-        It shows open, slip and stick. It is a result of ``contact.project``; without a
-        multiplier it is mostly the traction.
+        It shows open, slip and stick. It is a result of ``contact.allowed_traction`` or
+        of ``contact.project``; without a multiplier it is mostly the traction.
         """
-
-
-def _beyond(contact: ContactOnMesh, u: Ufl) -> Ufl:
-    """Return the displacement beyond first touch, ``u - s - g n`` [length].
-
-    Its tangential part counts from the last step of a history.
-    """
-    w = contact.jump(u)
-    gap = contact.first_touch
-    return w if gap is None else w - gap * contact.normal
 
 
 @dataclass(frozen=True)
@@ -190,7 +181,7 @@ class Nitsche:
         """
         stress = ufl.dot(model.stress(u), model.n)
         gamma = self._gamma(model)
-        return contact.project(stress - gamma * _beyond(contact, u), gamma)
+        return contact.allowed_traction(stress, u, gamma)
 
     projected = traction
 
@@ -281,7 +272,7 @@ class AugmentedLagrangian:
         gamma_0 = compiled.constant(model.mesh, float(self.gamma))
         gamma = model.stiffness_per_area(gamma_0, model.cell_modulus)
         nodal = model.at_nodes(contact)
-        return nodal.project(multiplier - gamma * _beyond(nodal, u), gamma)
+        return nodal.allowed_traction(multiplier, u, gamma)
 
 
 OURS = Nitsche, AugmentedLagrangian

@@ -34,7 +34,6 @@ from erc_contact.base.exceptions import together
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import CONCAVE, CONSTANT
-from erc_contact.model.contact.trace import tangents
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from namedmesh.base.percent import place_words
@@ -208,9 +207,10 @@ def _forces(model: Model, contact: ContactOnMesh, motions: np.ndarray, friction:
         upper = np.broadcast_to(most, gap.shape).ravel()
         columns.append(Forces(work, cost.ravel(), lower, upper))
 
+    facets = np.flatnonzero(owned)
     for direction in _normals(contact):
         n = np.broadcast_to(direction[owned, None, :], w.shape[:3])
-        directions = tangents(n)
+        directions = contact.friction_set.semi_axes(n, facets)
         if slope.any() and not is_free:
             around = np.cos(np.pi / DIRECTIONS) if d == 3 else 1.0
             for along in _polygon(directions):

@@ -57,6 +57,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     - ``traction``: r^ [force/area],
     - ``pressure``: -r_n [force/area],
     - ``friction_bound``: b [force/area], the greatest ``|r_t|`` that the law allows,
+      of orthotropic friction along its axis,
     - ``gap``: the gap that is left, g - w^_n [length],
     - ``slip``: w^_t, or its change since the last step of a history [length], without
       what a foundation gives way tangentially,

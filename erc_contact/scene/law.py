@@ -12,7 +12,9 @@ class with the same members, ``parameters`` and ``friction_bound``. Its b must b
 finite, not negative, never decrease and be concave in p: the tractions that it allows
 are then a convex set, and the error in the constitutive relation is what it is for
 Coulomb. A bilateral contact can pull: its b must not know the pressure. This is checked
-at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`).
+at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`). In 3D the
+set of a law may be an ellipse (:mod:`erc_contact.model.contact.friction_set`), for
+which ``|r_t|`` and the direction of w_t are those of that module.
 
 Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general
 bound are ours.
@@ -20,18 +22,25 @@ bound are ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
+import numpy as np
 import ufl
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
-from erc_contact.scene.checks import check_value
+from erc_contact.scene.checks import Vector, check_value, check_vector
+from namedmesh.base.checks import is_number
 
 
 class Law(Protocol):
     """Describe a friction law.
+
+    In 3D a law with attributes ``axes`` and ``ratio`` allows an ellipse: it is b(p)
+    along the tangential part of ``axes`` (a vector, or a callable of x), and ``ratio
+    b(p)``, a number > 0, across it.
 
     Example: ``demos/extend/law.py``.
 
@@ -117,10 +126,66 @@ class Tresca:
         return limit
 
 
+@dataclass(frozen=True)
+class Orthotropic:
+    """Declare Coulomb friction with two coefficients in 3D, along and across an axis.
+
+    The tractions that it allows lie in an ellipse, ``(r_1/mu_1)^2 + (r_2/mu_2)^2 <=
+    p^2``, as of a surface that is ground, brushed or woven. The slip is not parallel to
+    the traction: it is normal to the ellipse, so that the law dissipates the most
+    (Mroz, Stupkiewicz, Int. J. Mech. Sci. 36 (1994)).
+
+    Args:
+        friction: Friction coefficients mu_1 and mu_2, numbers > 0 [-].
+        axes: Direction of mu_1, a vector of any length, or a callable of x that returns
+            one, which is taken in the middle of each facet. Its tangential part counts.
+
+    Raises:
+        InputError: If there are no two numbers > 0, or no direction.
+
+    Example:
+        >>> brushed = ec.Orthotropic((0.1, 0.4), axes=(1.0, 0.0, 0.0))
+        >>> ec.Contact("bottom", friction=brushed)
+        Contact(facets='bottom', against=None,
+                friction=Orthotropic(friction=(0.1, 0.4), axes=(1.0, 0.0, 0.0)), ...)
+    """
+
+    friction: tuple[float, float]
+    axes: Vector
+    parameters: ClassVar[tuple[str, ...]] = ("along",)
+
+    def __post_init__(self) -> None:
+        """Check the coefficients and the direction."""
+        friction: Any = self.friction
+        is_pair = isinstance(friction, Sequence | np.ndarray) and len(friction) == 2
+        if not (is_pair and all(is_number(mu) and mu > 0 for mu in friction)):
+            raise InputError(
+                f"Orthotropic: friction is {friction!r}; give two numbers > 0, the coefficients"
+                " along the axis and across it, e.g. (0.1, 0.4)."
+            )
+        object.__setattr__(self, "friction", tuple(float(mu) for mu in friction))
+        check_vector("Orthotropic: axes", self.axes)
+
+    @property
+    def along(self) -> float:
+        """Return mu_1 [-]."""
+        return self.friction[0]
+
+    @property
+    def ratio(self) -> float:
+        """Return ``mu_2/mu_1`` [-]."""
+        return self.friction[1] / self.friction[0]
+
+    def friction_bound(self, pressure: Ufl, along: Ufl) -> Ufl:
+        """Return the bound along the axis, ``b(p) = mu_1 p`` [force/area]."""
+        return along * pressure
+
+
 def project(
     z: Ufl,
     n: Ufl,
     bound: Callable[[Ufl], Ufl] | None,
+    gauge: Callable[[Ufl, Ufl], Ufl],
     *,
     bilateral: bool = False,
 ) -> Ufl:
@@ -128,13 +193,15 @@ def project(
 
     First its normal part is projected, then its tangential part with the bound there:
     ``r_n = min(z_n, 0)``, or z_n where the contact is bilateral; ``r_t = z_t`` if
-    ``|z_t| < b(p)`` (stick), else ``b(p) z_t/|z_t|`` (slip).
+    ``gauge(z_t) < b(p)`` (stick), else ``b(p) z_t/gauge(z_t)`` (slip).
 
     Args:
         z: Trial traction [force/area], shape (d,).
         n: Unit normal of the foundation, shape (d,).
         bound: Friction bound b of the pressure, or None for no friction at all (no
             friction term is formed).
+        gauge: Gauge of the set of allowed tractions, of a tangential traction and n:
+            its length, for isotropic friction.
         bilateral: Whether the contact cannot open.
 
     Returns:
@@ -145,7 +212,7 @@ def project(
     if bound is None:
         return r_n * n
     z_t = z - z_n * n
-    size = ufl.sqrt(ufl.dot(z_t, z_t))
+    size = gauge(z_t, n)
     limit = bound(-r_n)
     # An open contact has b = 0 and may have z_t = 0: no division by zero.
     divisor = ufl.conditional(ufl.gt(size, 0), size, 1)

@@ -143,7 +143,7 @@ class CoulombCertificate:
         if not np.isfinite(self.q):
             return (
                 "Nothing is proved of other solutions: the body moves rigidly along a contact, "
-                "or the law is another."
+                "or friction is no isotropic multiple of the pressure."
             )
         q = f"q = {self.q:.3g} (+- {self.q_change:.1g})"
         if self.bound < np.inf:

@@ -18,7 +18,6 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
-from erc_contact.model.contact.groups import NOBODY
 from erc_contact.model.contact.trace import interpolate_normals, split
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
@@ -215,10 +214,10 @@ def pieces(d: int, k: int) -> np.ndarray:
 
 
 def has_coulomb(contact: ContactOnMesh) -> bool:
-    """Tell whether a contact has Coulomb friction and is tangentially rigid."""
+    """Tell whether a contact has isotropic Coulomb friction, tangentially rigid."""
     if contact.friction is None or contact.tangential_stiffness is not None:
         return False
-    return contact.friction.dependence == PROPORTIONAL
+    return contact.friction_set.is_disc and contact.friction.dependence == PROPORTIONAL
 
 
 def coulomb_surface(model: Model) -> CoulombSurface:
@@ -243,8 +242,9 @@ def coulomb_surface(model: Model) -> CoulombSurface:
         normals_of_contacts.append(contact.trace.normals_at_vertices[here.owned])
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
         # The unknown of the solver at a node of a pair is the jump, and not u.
-        on_foundation = contact.trace.nodes_there[here.owned] == NOBODY
-        others.append(of_contact[on_foundation & model.connections.is_paired[facet_nodes]])
+        foundation = here.only(contact.trace.on_foundation)
+        nodes = foundation.nodes[foundation.owned]
+        others.append(model.global_numbers(nodes[model.connections.is_paired[nodes]]))
         # Nor is the jump of a contact an unknown where more than two bodies meet.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
     all_numbers = _gather(model, numbers_of_contacts)

@@ -8,9 +8,10 @@ problem, too, with the same e.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import ufl
 
@@ -19,7 +20,6 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.friction import depends_on_pressure
 from erc_contact.scene.contact import Contact
-from erc_contact.scene.law import Tresca
 
 
 def contacts_with_given_bounds(pair: Admissible) -> list[Contact]:
@@ -37,8 +37,30 @@ def contacts_with_given_bounds(pair: Admissible) -> list[Contact]:
             contacts.append(contact)
             continue
         bound = _bound(pair, traction)
-        contacts.append(replace(contact, friction=Tresca(partial(_at_any, bound))))
+        law = friction.law
+        shape = getattr(law, "axes", None), getattr(law, "ratio", 1.0)
+        contacts.append(replace(contact, friction=_GivenBound(partial(_at_any, bound), *shape)))
     return contacts
+
+
+@dataclass(frozen=True)
+class _GivenBound:
+    """Hold a friction law whose bound does not depend on the pressure.
+
+    Attributes:
+        limit: The bound [force/area], a callable of the position.
+        axes: Axes of the law whose bound it is, None of an isotropic law.
+        ratio: Ratio of its semi-axes [-].
+    """
+
+    limit: Callable[[Any], Ufl]
+    axes: Any
+    ratio: float
+    parameters: ClassVar[tuple[str, ...]] = ("limit",)
+
+    def friction_bound(self, pressure: Ufl, limit: Ufl) -> Ufl:
+        """Return the bound [force/area]."""
+        return limit
 
 
 def _bound(pair: Admissible, traction: ContactTraction) -> Ufl:

@@ -211,6 +211,6 @@ def _pairs(space: Space, trace: Trace) -> np.ndarray:
 
 def _on_foundations(space: Space, traces: Sequence[Trace]) -> np.ndarray:
     """Gather the global numbers of the nodes on foundations; collective."""
-    nodes = [trace.here.nodes[trace.nodes_there == NOBODY] for trace in traces]
+    nodes = [trace.here.nodes[trace.on_foundation].ravel() for trace in traces]
     of_rank = space.global_numbers(np.unique(np.concatenate(nodes)))
     return distinct_rows(space.comm, of_rank)

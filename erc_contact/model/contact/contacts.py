@@ -23,6 +23,7 @@ from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import Friction, bind_friction
+from erc_contact.model.contact.friction_set import DISC, Disc, Ellipse
 from erc_contact.model.contact.normals import (
     SAME_NORMAL,
     gap_vectors,
@@ -38,6 +39,8 @@ from erc_contact.model.data.values import components, number, parameter
 from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
+from erc_contact.scene.law import Law
+from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule
 
@@ -45,6 +48,8 @@ SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
 Sides = tuple[Side, Side]
 """Side of a body at a contact, and the side of the other body or of the foundation."""
+PARALLEL = 1e-6
+"""Sine of the angle between a normal and an axis of friction that is zero [-]."""
 FLAT_NORMALS = 1e-8
 """Largest deviation of the facet normals of a contact that counts as flat [-]."""
 
@@ -98,7 +103,7 @@ def bind_contact(
         motion = components(space, contact.motion, f"{what}: motion")
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
-    friction = _friction(space, contact, facets)
+    friction = _friction(space, contact, facets, direction)
     stiffnesses = {}
     for name in ("normal", "tangential"):
         k = getattr(contact.foundation, name, None)
@@ -147,7 +152,7 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     """
     if contact.against is None:
         here = space.side(space.domain.facets(contact.facets), modulus)
-        return contact.facets, here, here.without_facets()
+        return contact.facets, here, here.only(slice(0))
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
@@ -170,7 +175,9 @@ def _mean_moduli(space: Space, here: Side, there: Side) -> np.ndarray:
     return means
 
 
-def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | None:
+def _friction(
+    space: Space, contact: Contact, facets: np.ndarray, direction: np.ndarray
+) -> Friction | None:
     """Put the law of a contact on a mesh, None without friction; collective."""
     law = contact.law
     what = f"Contact({contact.facets!r})"
@@ -187,7 +194,48 @@ def _friction(space: Space, contact: Contact, facets: np.ndarray) -> Friction | 
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     bound = f"{what}: the friction bound"
-    return bind_friction(space.mesh, bound, law, parameters, space.circumference)
+    friction = bind_friction(space.mesh, bound, law, parameters, space.circumference)
+    return replace(friction, allowed=_allowed(space, contact, law, facets, direction))
+
+
+def _allowed(
+    space: Space, contact: Contact, law: Law, facets: np.ndarray, direction: np.ndarray
+) -> Disc:
+    """Return the set of tangential tractions that a law allows; collective.
+
+    Raises:
+        InputError: If a law has axes in the plane, on a foundation that gives way
+            tangentially, or along the normal, or if its ratio is no number > 0.
+    """
+    axes = getattr(law, "axes", None)
+    if axes is None:
+        return DISC
+    what = f"Contact({contact.facets!r}): {type(law).__name__}"
+    if space.d == 2:
+        raise InputError(
+            f"{what} has axes, and the mesh is in the plane, where friction has one direction;"
+            " give Coulomb(friction along it)."
+        )
+    if getattr(contact.foundation, "tangential", None) is not None:
+        raise InputError(
+            f"{what} has axes, and the foundation gives way tangentially; the nearest point of an"
+            " ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
+        )
+    ratio = positive(f"{what}: ratio", parameter(law, "ratio"), "> 0")
+    axis = components(space, axes, f"{what}: axes")
+    on_facets = evaluate(axis, space.mesh, nodes(2, 0), facets)[:, 0]
+    across = np.cross(direction, on_facets)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    size = np.linalg.norm(on_facets, axis=1, keepdims=True)
+    # An undefined axis counts as one along the normal.
+    is_tangential = bool((length > PARALLEL * size).all())
+    if not space.comm.allreduce(is_tangential, MPI.LAND):
+        raise InputError(
+            f"{what}: axes is zero, not finite or along the normal on a facet; give a vector, or a"
+            " callable of x that returns one, whose tangential part is the first axis."
+        )
+    in_ufl = compiled.constant(space.mesh, ratio)
+    return Ellipse(axis, direction, across / length, ratio, in_ufl, is_of_mesh=callable(axes))
 
 
 def _true_surface(space: Space, contact: Contact) -> Ufl:

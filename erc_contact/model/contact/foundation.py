@@ -12,6 +12,7 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.friction import Friction
+from erc_contact.model.contact.friction_set import DISC, Disc
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.data.symbolic import has_arguments, varies_in_cells
 from erc_contact.scene.law import project
@@ -174,17 +175,30 @@ class ContactOnMesh:
         return corners
 
     @property
-    def normals_are_of_mesh(self) -> bool:
-        """Tell whether normals turn and are found by the mesh: another has others."""
-        return self.trace.corner_normals is not None and self.given_normal is None
+    def is_of_mesh(self) -> bool:
+        """Tell whether another mesh has another problem.
+
+        It has where normals turn and are found by the mesh, and where axes of friction
+        vary from facet to facet.
+        """
+        of_normals = self.trace.corner_normals is not None and self.given_normal is None
+        return of_normals or self.friction_set.is_of_mesh
 
     @property
     def sampled(self) -> bool:
         """Tell whether the friction bound must be sampled on facets.
 
-        A traction may then exceed it between the nodes alone.
+        A traction may then exceed it between the nodes alone. So may a traction that
+        turns with normals that turn: its part across the turn becomes shorter, which
+        leads out of an ellipse, but not out of a disc.
         """
-        return self.friction is not None and not self.friction.convex
+        turns = self.trace.corner_normals is not None and not self.friction_set.is_disc
+        return self.friction is not None and (turns or not self.friction.convex)
+
+    @property
+    def friction_set(self) -> Disc:
+        """Return the set of tangential tractions that its law allows."""
+        return DISC if self.friction is None else self.friction.allowed
 
     def with_shares(self, friction: Ufl, gap: Ufl) -> ContactOnMesh:
         """Return the contact with factors, by which a solver goes in steps.
@@ -253,6 +267,25 @@ class ContactOnMesh:
         """
         return self.jump(u)
 
+    def allowed_traction(self, r: Ufl, u: Ufl, gamma: Ufl) -> Ufl:
+        """Return the traction that the law allows for a traction and a displacement.
+
+        It is :meth:`project` of ``r - gamma w``, where w is the displacement beyond
+        first touch, :meth:`jump` of u less ``g n``. Where friction is orthotropic, the
+        slip is weighted as the set of allowed tractions asks, so that slip and traction
+        are those of the law.
+
+        Args:
+            r: Traction of the body, or a multiplier [force/area], UFL.
+            u: Displacement [length], as :meth:`jump` takes it.
+            gamma: Factor of the displacement [force/volume], UFL.
+        """
+        w = self.jump(u)
+        gap = self.first_touch
+        if gap is not None:
+            w = w - gap * self.normal
+        return self._project(r - gamma * self.friction_set.opposing_in_ufl(w, self.normal), gamma)
+
     def project(self, z: Ufl, gamma: Ufl | None = None) -> Ufl:
         """Return the traction that the law allows [force/area], UFL.
 
@@ -268,8 +301,19 @@ class ContactOnMesh:
                 foundation needs it.
 
         Raises:
-            InputError: If the foundation is compliant and gamma is missing.
+            InputError: If the foundation is compliant and gamma is missing, or if
+                friction is orthotropic: a trial traction does not tell its slip.
         """
+        if not self.friction_set.is_disc:
+            raise InputError(
+                f"Contact({self.name!r}) has orthotropic friction: a method calls"
+                " contact.allowed_traction(r, u, gamma) there, and not"
+                " contact.project(r - gamma * (contact.jump(u) - gap * normal), gamma)."
+            )
+        return self._project(z, gamma)
+
+    def _project(self, z: Ufl, gamma: Ufl | None) -> Ufl:
+        """Return the traction that the law allows for a trial traction, UFL."""
         bound = None if self.friction is None else self.friction.bound
         if self.is_compliant:
             if gamma is None:
@@ -280,7 +324,8 @@ class ContactOnMesh:
             z = self._of_springs(z, gamma)
         if self.projection is not None:
             return self.projection(z)
-        return project(z, self.normal, bound, bilateral=self.bilateral)
+        gauge = self.friction_set.gauge_in_ufl
+        return project(z, self.normal, bound, gauge, bilateral=self.bilateral)
 
     def _of_springs(self, z: Ufl, gamma: Ufl) -> Ufl:
         """Return the share of a trial traction that springs of the foundation carry."""
@@ -301,8 +346,9 @@ class ContactOnMesh:
         r_n = ufl.dot(r, self.normal)
         r_t = r - r_n * self.normal
         limit = self.friction.bound(-r_n) if self.friction else 0
-        # The projection makes |r_t| equal to the bound up to round-off where it slips.
-        slips = ufl.ge(ufl.dot(r_t, r_t), (1 - 1e-9) * limit**2)
+        # Where it slips the gauge is the bound up to round-off.
+        size = self.friction_set.gauge_in_ufl(r_t, self.normal)
+        slips = ufl.ge(size**2, (1 - 1e-9) * limit**2)
         closed = ufl.conditional(slips, 1, 2)
         return closed if self.bilateral else ufl.conditional(ufl.lt(r_n, 0), closed, 0)
 

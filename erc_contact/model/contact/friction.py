@@ -15,6 +15,7 @@ from ufl.classes import Division, Product, Sum
 from ufl.corealg.traversal import unique_post_traversal
 
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.contact.friction_set import DISC, Disc
 from erc_contact.model.data.expressions import OfNumbers, stand_in
 from erc_contact.model.data.symbolic import constant_value, varies, varies_in_cells
 from erc_contact.model.data.tables import write_out
@@ -42,6 +43,7 @@ class Friction:
         dependence: How its bound depends on the pressure: CONSTANT, PROPORTIONAL or
             CONCAVE.
         arithmetic: Whether its bound takes numpy arrays as well as UFL.
+        allowed: The tangential tractions that it allows.
         share: Factor of the bound, UFL, with which a solver raises friction in steps;
             None outside a solver.
     """
@@ -50,6 +52,7 @@ class Friction:
     parameters: dict[str, Ufl]
     dependence: str
     arithmetic: bool
+    allowed: Disc = DISC
     share: Ufl = None
 
     @property

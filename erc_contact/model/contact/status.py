@@ -60,10 +60,12 @@ def facet_status(
     Returns:
         OPEN, SLIP, STICK or CLOSED, shape (f,).
     """
-    r_n, r_t, _ = split(r, contact.trace.normals_at(points))
+    n = contact.trace.normals_at(points)
+    r_n, r_t, _ = split(r, n)
+    allowed = contact.friction_set
     rho = contact.trace.stiffness[:, None, None]
-    trial = r_t - rho * slip_at(space, contact, u.x.array, r, points)
-    trial_mean = np.linalg.norm(trial, axis=-1) @ weights
+    trial = r_t - rho * allowed.opposing(slip_at(space, contact, u.x.array, r, points), n)
+    trial_mean = allowed.gauge(trial, n) @ weights
     bound_mean = bound @ weights
     slips = trial_mean >= (1 - ROUND_OFF_SHEAR) * bound_mean
     with_friction = np.where(slips, SLIP, STICK)

@@ -29,6 +29,8 @@ from namedmesh.simplex import barycentric, coefficients, measures, node_vertices
 
 CONTINUOUS = 1e-9
 """Difference of two facets at a node that counts as none, over the greatest value."""
+type Facets = np.ndarray | slice
+"""Numbers of facets of a contact, or all of them."""
 ALL = slice(None)
 """All facets."""
 
@@ -116,15 +118,15 @@ class Side:
     node_count: int
     cell_count: int
 
-    def without_facets(self) -> Side:
-        """Return the side of a foundation, which has no facets and no nodes."""
+    def only(self, which: slice) -> Side:
+        """Return the side with some of its facets."""
         return replace(
             self,
-            facets=self.facets[:0],
-            nodes=self.nodes[:0],
-            corners=self.corners[:0],
-            owned=self.owned[:0],
-            modulus=self.modulus[:0],
+            facets=self.facets[which],
+            nodes=self.nodes[which],
+            corners=self.corners[which],
+            owned=self.owned[which],
+            modulus=self.modulus[which],
         )
 
     @property
@@ -225,8 +227,13 @@ class Trace:
 
     @property
     def facing(self) -> slice:
-        """Return which facets of this side face another body, and no foundation."""
+        """Return which facets of this side face another body."""
         return slice(len(self.there.facets))
+
+    @property
+    def on_foundation(self) -> slice:
+        """Return which facets of this side are on a foundation."""
+        return slice(len(self.there.facets), None)
 
     def normals_at(self, points: np.ndarray) -> np.ndarray:
         """Return the unit normals at points of the facets [-].
@@ -241,7 +248,7 @@ class Trace:
         """
         return self.normals_at_places(barycentric(points))
 
-    def normals_at_places(self, places: np.ndarray, facet: np.ndarray | slice = ALL) -> np.ndarray:
+    def normals_at_places(self, places: np.ndarray, facet: Facets = ALL) -> np.ndarray:
         """Return unit normals at barycentric coordinates, as :meth:`normals_at` does.
 
         Args:

@@ -20,7 +20,6 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.groups import NOBODY
 from erc_contact.model.contact.trace import Side, dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_ranks, sum_over_ranks
 from erc_contact.model.space import Space
@@ -48,10 +47,14 @@ class Glue:
     def __init__(self, space: Space, contacts: Sequence[ContactOnMesh], fixed: np.ndarray) -> None:
         self._space = space
         self._fixed = fixed.ravel()
-        nothing = np.zeros(0, dtype=np.int64)
-        parts = [(nothing, nothing, np.zeros(0))]
+        foundations = [contact.trace.here.only(contact.trace.on_foundation) for contact in contacts]
+        on_nodes = nodal_glue(space, foundations).x.array
+        on_nodes[self._fixed] = 0.0
+        owned = space.V.dofmap.index_map.size_local * space.d
+        rows = np.flatnonzero(on_nodes[:owned])
+        parts = [(rows, rows, on_nodes[rows])]
         for contact in contacts:
-            parts += _entries(contact, space)
+            parts += _couple_sides(contact, space)
         self.rows, self.columns, self.values = (
             np.concatenate(part) for part in zip(*parts, strict=True)
         )
@@ -89,36 +92,35 @@ class Glue:
         return diagonal.x.array
 
 
-def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
-    """Sum up D_c of contacts at the nodes of this side [force/length]; collective."""
+def nodal_glue(space: Space, sides: Sequence[Side]) -> fem.Function:
+    """Sum up D_c of sides of contacts at their nodes [force/length]; collective."""
     glue = space.function()
-    for contact in contacts:
-        side = contact.trace.here
+    for side in sides:
         _add_of_facets(space, side, side.nodes, glue.x.array.reshape(-1, space.d))
     sum_over_ranks(glue)
     return glue
 
 
-def _entries(
+def _couple_sides(
     contact: ContactOnMesh, space: Space
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values."""
-    side = contact.trace.here
-    pairs = np.column_stack([side.nodes.ravel(), contact.trace.nodes_there.ravel()])
+    """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values.
+
+    They are the facets that face another body.
+    """
+    trace = contact.trace
+    side = trace.here.only(trace.facing)
+    pairs = np.column_stack([side.nodes.ravel(), trace.partners.ravel()])
     unique, place = np.unique(pairs, axis=0, return_inverse=True)
     glue = np.zeros((len(unique), space.d))
     _add_of_facets(space, side, place.reshape(side.nodes.shape), glue)
-    # A foundation has no unknowns to couple, and ghosts add nothing.
-    is_owned = glue.any(axis=1)
-    is_pair = is_owned & (unique[:, 1] != NOBODY)
-    nodes = dofs_of(unique[is_owned, 0], space.d)
-    here, there = (dofs_of(of_side, space.d) for of_side in unique[is_pair].T)
-    of_pairs = glue[is_pair].ravel()
+    here, there = (dofs_of(nodes, space.d) for nodes in unique.T)
+    values = glue.ravel()
     return [
-        (nodes, nodes, glue[is_owned].ravel()),
-        (there, there, of_pairs),
-        (here, there, -of_pairs),
-        (there, here, -of_pairs),
+        (here, here, values),
+        (there, there, values),
+        (here, there, -values),
+        (there, here, -values),
     ]
 
 
