@@ -61,7 +61,7 @@ from true_errors import reference, true_errors  # isort: skip
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact import contact_parts
-from erc_contact.error.contact_term import contact_density
+from erc_contact.error.contact_term import AtPoints, contact_density
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import pressures
 from erc_contact.model.data.quadrature import polynomials
@@ -146,7 +146,7 @@ def kinks(seed: int = 0, count: int = 200) -> None:
         scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
         pair = ec.equilibrate(ec.solve(scene(1.0), domain, degree=degree))
         traction = pair.tractions[0]
-        part = contact_parts(pair.solution.model, pair.displacement, traction).sum()
+        part = contact_parts(pair.solution.model.space, pair.displacement, traction).sum()
         composite = composite_contact_part(pair, traction)
         if composite > 0:
             deviations.append(part / composite - 1)
@@ -159,18 +159,19 @@ def composite_contact_part(pair: ec.Admissible, traction: ContactTraction) -> fl
     The contact is one without gap, in the plane.
     """
     contact = traction.contact
-    model = pair.solution.model
+    space = pair.solution.model.space
     points, weights = np.polynomial.legendre.leggauss(4)
     starts = np.arange(PANELS)[:, None]
     places = ((starts + 0.5 * (points + 1)) / PANELS).ravel()
-    shape = polynomials(model.degree, np.stack([1 - places, places], axis=-1)[None])
+    shape = polynomials(space.degree, np.stack([1 - places, places], axis=-1)[None])
     nodal = pair.displacement.x.array.reshape(-1, 2)[traction.nodes]
-    w = shape @ (coefficients(1, model.degree) @ nodal)
+    w = shape @ (coefficients(1, space.degree) @ nodal)
     r = shape @ traction.values
     normal = contact.direction[:, None, :]
-    parameters = friction_parameters(model, contact, np.array([[0.5]]))
+    parameters = friction_parameters(space, contact, np.array([[0.5]]))
     bound = contact.friction_bound(pressures(r, normal), parameters)
-    density = contact_density(contact, normal, r, w, 0.0, 0.0, bound)
+    at = AtPoints(normal, r, w, np.zeros_like(w), 0.0, bound)
+    density = contact_density(contact, at, 0.0)
     means = density @ np.tile(0.5 * weights / PANELS, PANELS)
     return float(traction.area @ means)
 

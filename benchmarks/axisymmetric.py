@@ -212,17 +212,17 @@ def errors(pair: Admissible, fine: ec.Solution) -> tuple[float, float]:
     fine_pair = ec.equilibrate(fine, tighten=0)
     cells, coarse = fine_pair.cell_geometry, pair.cell_geometry
     points, weights = rule(2, POINT_DEGREE)
-    corners = model.V.tabulate_dof_coordinates()[:, :2][cells.vertices]
+    corners = model.space.V.tabulate_dof_coordinates()[:, :2][cells.vertices]
     n = len(corners)
     places = np.broadcast_to(barycentric(points), (n, len(points), 3))
     x = np.matmul(places, corners)
     parent = parents(pair, corners.mean(axis=1))
-    origin = pair.model.V.tabulate_dof_coordinates()[coarse.vertices[parent, 0], :2]
+    origin = pair.model.space.V.tabulate_dof_coordinates()[coarse.vertices[parent, 0], :2]
     local = np.matmul(x - origin[:, None], coarse.inverse[parent].swapaxes(1, 2))
     there = np.concatenate([1 - local.sum(axis=-1, keepdims=True), local], axis=-1)
     numbers = np.arange(n)
-    exact = CellStrains.of(model, cells, fine.u).at(numbers, places, x)
-    strain = CellStrains.of(pair.model, coarse, pair.displacement).at(parent, there, x)
+    exact = CellStrains.of(model.space, cells, fine.u).at(numbers, places, x)
+    strain = CellStrains.of(pair.model.space, coarse, pair.displacement).at(parent, there, x)
     stress = sigma_at(pair, parent, there, x)
     law = model.constitution
     volume = cells.volume[:, None] * weights
@@ -237,7 +237,7 @@ def errors(pair: Admissible, fine: ec.Solution) -> tuple[float, float]:
 
 def sigma_at(pair: Admissible, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Evaluate sigma^ with its hoop component at points of cells, (n, q, 4)."""
-    k = pair.model.degree
+    k = pair.model.space.degree
     sigma = np.empty((*x.shape[:2], 4))
     # Each point may be in another piece of its cell.
     for q in range(x.shape[1]):
@@ -250,7 +250,7 @@ def sigma_at(pair: Admissible, cell: np.ndarray, places: np.ndarray, x: np.ndarr
 def parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:
     """Return the cell of the pair that holds each point, (n,)."""
     model, coarse = pair.model, pair.cell_geometry
-    corners = model.V.tabulate_dof_coordinates()[:, :2][coarse.vertices]
+    corners = model.space.V.tabulate_dof_coordinates()[:, :2][coarse.vertices]
     centres = cKDTree(corners.mean(axis=1))
     _, near = centres.query(middles, k=min(12, len(corners)))
     near = near.reshape(len(middles), -1)

@@ -33,7 +33,7 @@ def own_imbalance(pair: ec.Admissible, rng: np.random.Generator) -> float:
 
 def _corners(pair: ec.Admissible) -> np.ndarray:
     """Return the vertices of the cells [length], shape (n, 3, 2)."""
-    return pair.model.V.tabulate_dof_coordinates()[:, :2][pair.cell_geometry.vertices]
+    return pair.model.space.V.tabulate_dof_coordinates()[:, :2][pair.cell_geometry.vertices]
 
 
 def _in_pieces(pair: ec.Admissible, rng: np.random.Generator) -> float:

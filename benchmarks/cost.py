@@ -106,16 +106,17 @@ def linear_solve(scene: ec.Scene, domain: ec.Domain, degree: int) -> tuple[float
     The contact is held by nothing but the stiffness.
     """
     model = Model(scene, domain, degree)
-    u, v = ufl.TrialFunction(model.V), ufl.TestFunction(model.V)
+    space = model.space
+    u, v = ufl.TrialFunction(space.V), ufl.TestFunction(space.V)
     loads = model.loads(v)
     if loads is None:
-        loads = ufl.inner(Function(model.V), v) * ufl.dx
+        loads = ufl.inner(Function(space.V), v) * ufl.dx
     options = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
     began = perf_counter()
     linear = petsc.LinearProblem(
         model.stiffness(u, v),
         loads,
-        u=Function(model.V),
+        u=Function(space.V),
         bcs=model.bcs,
         petsc_options_prefix="linear_",
         petsc_options=options,
@@ -158,7 +159,7 @@ def main() -> None:
                 (linear, solution.seconds, loose.seconds, admissible.seconds, error.seconds)
             )
     linear, *stages = np.median(rows, axis=0)
-    unknowns = solution.model.V.dofmap.index_map.size_global * domain.dim
+    unknowns = solution.model.space.V.dofmap.index_map.size_global * domain.dim
     print(
         f"{unknowns} degrees of freedom, {domain.cells} cells, "
         f"{solution.newton_steps} Newton steps, {counted} multigrid cycles,"

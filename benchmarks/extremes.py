@@ -103,16 +103,17 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     see above.
     """
     model = solution.model
+    space = model.space
     u = solution.u
-    points, weights = rule(model.d - 1, model.contact_degree)
-    shape = lagrange(model.d - 1, model.degree, points)
-    values = u.x.array.reshape(-1, model.d)
+    points, weights = rule(space.d - 1, space.contact_degree)
+    shape = lagrange(space.d - 1, space.degree, points)
+    values = u.x.array.reshape(-1, space.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
     tractions = [
-        evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts
+        evaluate(solution.traction(c), space.mesh, points, c.facets) for c in model.contacts
     ]
     # an open contact has round-off of the stress inside, so that this is a scale, too
-    peaks = [abs(cell_stress(model, cell_geometry(model), u).in_plane).max()]
+    peaks = [abs(cell_stress(model, cell_geometry(space), u).in_plane).max()]
     peaks += [np.linalg.norm(traction, axis=-1).max() for traction in tractions]
     peak = max(peaks) or 1.0
     work = fem.assemble_scalar(fem.form(model.stiffness(u, u / (size * peak)))) or 1.0
@@ -123,15 +124,15 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     for contact, traction in zip(model.contacts, tractions, strict=True):
         n = contact.direction[:, None, :]
         r = traction / peak
-        w = np.einsum("qm,fmi->fqi", shape, values[model.facet_nodes(contact.facets)]) / size
+        w = np.einsum("qm,fmi->fqi", shape, values[space.facet_nodes(contact.facets)]) / size
         gap: float | np.ndarray = 0.0
         if contact.gap is not None:
-            gap = evaluate(contact.gap, model.mesh, points, contact.facets) / size
-        area = model.facet_areas(contact.facets)
+            gap = evaluate(contact.gap, space.mesh, points, contact.facets) / size
+        area = space.facet_areas(contact.facets)
         r_n, r_t, shear = split(r, n)
         w_n, w_t, slip = split(w, n)
         beyond = w_n - gap
-        parameters = friction_parameters(model, contact, points)
+        parameters = friction_parameters(space, contact, points)
         bound = contact.friction_bound(np.maximum(-r_n, 0.0) * peak, parameters) / peak
         penetration = max(penetration, beyond.max())
         cone = max(cone, r_n.max(), (shear - bound).max())

@@ -65,17 +65,18 @@ def scene(kind: str, gap: str, facets: int) -> tuple[ec.Scene, ec.Domain]:
 def pressed_gap(pair: Admissible, exact: Reference) -> float:
     """Compute B, the integral of ``|r^_n| (g - [u]_n)`` [force length]."""
     model = exact.model
+    space = model.space
     (contact,) = model.contacts
-    points, weights = rule(model.d - 1, FACET_DEGREE)
+    points, weights = rule(space.d - 1, FACET_DEGREE)
     facets = contact.facets
-    x = evaluate(model.x, model.mesh, points, facets)
-    w = evaluate(contact.jump(exact.u), model.mesh, points, facets)
+    x = evaluate(space.x, space.mesh, points, facets)
+    w = evaluate(contact.jump(exact.u), space.mesh, points, facets)
     w_n = (w * contact.direction[:, None]).sum(axis=-1)
     gap = np.zeros_like(w_n)
     if contact.gap is not None:
-        gap = evaluate(contact.gap, model.mesh, points, facets).reshape(w_n.shape)
+        gap = evaluate(contact.gap, space.mesh, points, facets).reshape(w_n.shape)
     r_n = normal_traction_at(pair, 0, exact.parent[facets[:, 0]], x)
-    return float(model.facet_areas(facets) @ ((-r_n * (gap - w_n)) @ weights))
+    return float(space.facet_areas(facets) @ ((-r_n * (gap - w_n)) @ weights))
 
 
 def main() -> None:

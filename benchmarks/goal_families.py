@@ -78,8 +78,8 @@ def weighted(part: str, weights: np.ndarray) -> Wanted:
 
     def read(error: ec.ConstitutiveError) -> float:
         model = error.model
-        ds = model.ds(model.domain.tag(part))
-        density = ufl.inner(error.solution.u, weight(model.x)) * ds
+        ds = model.space.ds(model.domain.tag(part))
+        density = ufl.inner(error.solution.u, weight(model.space.x)) * ds
         return float(fem.assemble_scalar(fem.form(density)))
 
     return Wanted("weighted mean", ec.Functional(ec.Traction(part, weight)), read)
@@ -90,7 +90,7 @@ def mean(part: str, direction: np.ndarray) -> Wanted:
 
     def read(error: ec.ConstitutiveError) -> float:
         model = error.model
-        ds = model.ds(model.domain.tag(part))
+        ds = model.space.ds(model.domain.tag(part))
         along = ufl.inner(error.solution.u, ufl.as_vector(direction.tolist()))
         one = fem.Constant(model.domain.mesh, 1.0)
         area = fem.assemble_scalar(fem.form(one * ds))

@@ -34,10 +34,11 @@ from erc_contact.model.model import Model  # isort: skip
 def linear_solves(scene: ec.Scene, domain: ec.Domain) -> tuple[float, float]:
     """Measure a first linear elastic solve, and a second one on its pattern [s]."""
     model = Model(scene, domain)
+    space = model.space
     began = perf_counter()
-    form = fem.form(model.stiffness(ufl.TrialFunction(model.V), ufl.TestFunction(model.V)))
+    form = fem.form(model.stiffness(ufl.TrialFunction(space.V), ufl.TestFunction(space.V)))
     matrix = petsc.create_matrix(form)
-    ksp = PETSc.KSP().create(model.comm)
+    ksp = PETSc.KSP().create(space.comm)
     ksp.setOperators(matrix)
     ksp.setType("preonly")
     ksp.getPC().setType("lu")

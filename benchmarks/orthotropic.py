@@ -115,7 +115,7 @@ def own_contact_part(error: ec.ConstitutiveError, law: Given) -> tuple[float, fl
     The contact is a plane z = 0 below the body, without gap.
     """
     (traction,) = error.admissible.tractions
-    degree = error.model.degree
+    degree = error.model.space.degree
     rng = np.random.default_rng(0)
     places = rng.dirichlet((1.0, 1.0, 1.0), POINTS)
     shape = places if degree == 1 else quadratic(places)
@@ -167,7 +167,7 @@ def contact_part(error: ec.ConstitutiveError) -> float:
     from erc_contact.error.contact import contact_parts  # noqa: PLC0415 - its name here is another
 
     pair = error.admissible
-    return float(contact_parts(error.model, pair.displacement, pair.tractions[0]).sum())
+    return float(contact_parts(error.model.space, pair.displacement, pair.tractions[0]).sum())
 
 
 def coulomb(seed: int = 0, count: int = 40) -> None:

@@ -47,7 +47,7 @@ def ours(scene: ec.Scene, domain: ec.Domain, contact: str, accuracy: float) -> R
     evolution = ec.evolve(lambda _: scene, domain, [1.0], accuracy=accuracy, degree=2)
     seconds = process_time() - began
     error, step = evolution.error, evolution.steps[-1]
-    unknowns = error.model.d * error.model.node_count
+    unknowns = error.model.space.d * error.model.space.node_count
     said = f"at most {error.relative:.2%}, of all and of each element"
     name = "erc_contact, that mesh" if accuracy == 1.0 else f"erc_contact, to {accuracy:.2g}"
     return Row(name, error.force(contact).force, step.stored, unknowns, seconds, said)

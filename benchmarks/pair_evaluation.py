@@ -51,10 +51,11 @@ class Gathered:
 def gathered(pair: Any) -> Gathered:
     """Gather a pair on all ranks; collective."""
     model = pair.model
-    d, owned, comm = model.d, model.domain.owned_cells, model.comm
-    to_global = model.V.dofmap.index_map.local_to_global
+    space = model.space
+    d, owned, comm = space.d, model.domain.owned_cells, space.comm
+    to_global = space.V.dofmap.index_map.local_to_global
     vertices = pair.cell_geometry.nodes[:owned, : d + 1]
-    x = model.V.tabulate_dof_coordinates()[vertices, :d]
+    x = space.V.tabulate_dof_coordinates()[vertices, :d]
     global_vertices = to_global(vertices.ravel().astype(np.int32)).reshape(vertices.shape)
     u = abs(pair.displacement.x.array.reshape(-1, d)).max(axis=1)
     height = np.ptp(x, axis=1).max(axis=1)
@@ -62,7 +63,7 @@ def gathered(pair: Any) -> Gathered:
     digits = np.finfo(float).eps * modulus * u[vertices].max(axis=1, initial=0.0) / height
     parts: dict[str, set[tuple[int, ...]]] = {}
     for name in model.domain.outer:
-        facets = model.facet_nodes(model.domain.owned_facets(name))[:, :d]
+        facets = space.facet_nodes(model.domain.owned_facets(name))[:, :d]
         rows = np.sort(to_global(facets.ravel().astype(np.int32)).reshape(-1, d), axis=1)
         parts[name] = set(map(tuple, np.concatenate(comm.allgather(rows)).tolist()))
     x = np.concatenate(comm.allgather(x))

@@ -167,7 +167,10 @@ class Meshes:
         """Return the outcome of the case."""
         model = self.error.model
         return Result(
-            self.error.domain.cells, model.d * model.node_count, self.error.total, [*numbers]
+            self.error.domain.cells,
+            model.space.d * model.space.node_count,
+            self.error.total,
+            [*numbers],
         )
 
 

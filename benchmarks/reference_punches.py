@@ -223,7 +223,7 @@ def cattaneo_mindlin() -> Result:
         )
         numbers.append(says(number, Other("half-plane", 1.0, approximate=True)))
     error = fine[0].error
-    unknowns = error.model.d * error.model.node_count
+    unknowns = error.model.space.d * error.model.space.node_count
     return Result(error.domain.cells, unknowns, error.total, numbers)
 
 

@@ -62,7 +62,7 @@ def measure(options: argparse.Namespace) -> dict[str, Any] | None:
         return None
     return {
         "ranks": comm.size,
-        "unknowns": solution.model.V.dofmap.index_map.size_global * domain.dim,
+        "unknowns": solution.model.space.V.dofmap.index_map.size_global * domain.dim,
         "cells": domain.cells,
         "newton": solution.newton_steps,
         "eps": error.relative,

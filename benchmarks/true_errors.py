@@ -163,7 +163,7 @@ def reference(
     It has the degree of the solution, unless a higher one is given.
     """
     fine, origin = nested(solution.domain, levels)
-    degree = degree or solution.model.degree
+    degree = degree or solution.model.space.degree
     options = {"method": ec.AugmentedLagrangian(), "start": solution, **options}
     found = ec.solve(solution.scene, fine, degree=degree, **options)
     return Reference(found.model, origin, found.u, found)
@@ -172,8 +172,8 @@ def reference(
 def known(solution: ec.Solution, u: Any) -> Reference:
     """Make a reference of a known displacement, a callable of x, on the cut mesh."""
     fine, origin = nested(solution.domain, 0)
-    model = Model(solution.scene, fine, solution.model.degree)
-    return Reference(model, origin, u(model.x))
+    model = Model(solution.scene, fine, solution.model.space.degree)
+    return Reference(model, origin, u(model.space.x))
 
 
 def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
@@ -181,28 +181,28 @@ def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
     model, parent = exact.model, exact.parent
     hat = _displacement_on(pair, exact)
     degree = hat.function_space.element.basix_element.degree
-    basis = mandel_basis(model.d)
-    W = fem.functionspace(model.mesh, ("DG", degree, (len(basis),)))
+    basis = mandel_basis(model.space.d)
+    W = fem.functionspace(model.space.mesh, ("DG", degree, (len(basis),)))
     components = fem.Function(W)
-    corners = W.tabulate_dof_coordinates()[W.dofmap.list][..., : model.d]
+    corners = W.tabulate_dof_coordinates()[W.dofmap.list][..., : model.space.d]
     components.x.array.reshape(-1, len(basis))[W.dofmap.list] = stress_at(pair, parent, corners)
     sigma = ufl.dot(components, ufl.as_tensor(basis.tolist()))
     material, values = model.material, model.parameters
     difference, rest = strain(exact.u) - strain(hat), model.stress(exact.u) - sigma
-    of_cells = ufl.TestFunction(fem.functionspace(model.mesh, ("DG", 0)))
+    of_cells = ufl.TestFunction(fem.functionspace(model.space.mesh, ("DG", 0)))
     squares = []
     for density in (
         ufl.inner(material.stress(difference, **values), difference),
         ufl.inner(material.compliance(rest, **values), rest),
     ):
-        fine = fem.assemble_vector(fem.form(density * of_cells * model.dx)).array
+        fine = fem.assemble_vector(fem.form(density * of_cells * model.space.dx)).array
         squares.append(np.bincount(parent, fine, pair.solution.domain.cells))
     return TrueErrors(np.sqrt(squares[0]), np.sqrt(squares[1]), _third_term(pair, exact, hat))
 
 
 def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
     """Interpolate u^ on the fine mesh, which carries it exactly."""
-    V = exact.model.V
+    V = exact.model.space.V
     hat = fem.Function(V)
     cell = np.empty(len(V.tabulate_dof_coordinates()), dtype=np.int32)
     cell[V.dofmap.list] = exact.parent[:, None]
@@ -217,7 +217,9 @@ def stress_at(pair: Admissible, parent: np.ndarray, x: np.ndarray) -> np.ndarray
     q, s).
     """
     cells, d, every = pair.cell_geometry, pair.cell_geometry.d, np.arange(len(parent))
-    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.vertices[parent, 0]]
+    origin = pair.solution.model.space.V.tabulate_dof_coordinates()[:, :d][
+        cells.vertices[parent, 0]
+    ]
     local = np.einsum("nij,nqj->nqi", cells.inverse[parent], x - origin[:, None])
     local = np.concatenate([1 - local.sum(axis=2, keepdims=True), local], axis=2)
     k = local.mean(axis=1).argmin(axis=1)
@@ -248,35 +250,37 @@ def _on_contact(
     traction, model = pair.tractions[which], pair.solution.model
     facet = np.zeros(model.domain.cells, dtype=int)
     facet[traction.contact.facets[:, 0]] = np.arange(len(traction.nodes))
-    corners = model.V.tabulate_dof_coordinates()[:, : model.d][
-        traction.nodes[facet[cell], : model.d]
+    corners = model.space.V.tabulate_dof_coordinates()[:, : model.space.d][
+        traction.nodes[facet[cell], : model.space.d]
     ]
     edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     local = np.einsum("fij,fqj->fqi", np.linalg.pinv(edges), x - corners[:, :1])
-    shape = bernstein(model.d - 1, model.degree, local.reshape(-1, model.d - 1)).reshape(
-        *local.shape[:2], -1
-    )
+    shape = bernstein(
+        model.space.d - 1, model.space.degree, local.reshape(-1, model.space.d - 1)
+    ).reshape(*local.shape[:2], -1)
     return np.einsum("fqm,fm->fq", shape, coefficients[facet[cell]])
 
 
 def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
     total, model = 0.0, exact.model
-    points, weights = rule(model.d - 1, FACET_DEGREE)
+    points, weights = rule(model.space.d - 1, FACET_DEGREE)
     for which, contact in enumerate(model.contacts):
         if contact.friction is None or contact.friction.dependence == CONSTANT:
             continue
         assert exact.solution is not None, "a known solution whose friction depends on the pressure"
         n, facets = contact.direction[:, None, :], contact.facets
-        r = evaluate(exact.solution.traction(contact), model.mesh, points, facets)
-        x = evaluate(model.x, model.mesh, points, facets)
-        parameters = friction_parameters(model, contact, points)
+        r = evaluate(exact.solution.traction(contact), model.space.mesh, points, facets)
+        x = evaluate(model.space.x, model.space.mesh, points, facets)
+        parameters = friction_parameters(model.space, contact, points)
         bound = contact.friction_bound(np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):
-            w = evaluate(contact.jump(u), model.mesh, points, facets)
+            w = evaluate(contact.jump(u), model.space.mesh, points, facets)
             slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
-        total += 2 * float(model.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights))
+        total += 2 * float(
+            model.space.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights)
+        )
     return total
 
 

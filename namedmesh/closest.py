@@ -6,6 +6,7 @@ Symbols: n points, f facets, m corners of a facet (2 or 3), d dimension of space
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,21 @@ EDGES = np.array([[0, 1], [1, 2], [2, 0]])
 """Corners of the edges of a triangle."""
 
 
-def closest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+class Closest(NamedTuple):
+    """Hold the closest points on facets.
+
+    Attributes:
+        facet: Numbers of the facets, shape (n,).
+        local: Barycentric coordinates of the points on them, shape (n, m).
+        distance: Distances to them [length], shape (n,), infinite without facets.
+    """
+
+    facet: np.ndarray
+    local: np.ndarray
+    distance: np.ndarray
+
+
+def closest(x: np.ndarray, corners: np.ndarray) -> Closest:
     """Find the closest facet of each point, and the closest point on it.
 
     Points that are near to each other are worked on together, with the facets that may
@@ -24,17 +39,12 @@ def closest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     Args:
         x: Points [length], shape (n, d).
         corners: Corners of edges or triangles [length], shape (f, m, d).
-
-    Returns:
-        The numbers of the facets, shape (n,); barycentric coordinates of the closest
-        points on them, shape (n, m); the distances, shape (n,), infinite without
-        facets.
     """
     facet = np.zeros(len(x), dtype=np.int64)
     local = np.zeros((len(x), corners.shape[1]))
     distance = np.full(len(x), np.inf)
     if not len(corners):
-        return facet, local, distance
+        return Closest(facet, local, distance)
     middle = corners.mean(axis=1)
     radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
     for cluster in _clusters(x):
@@ -57,7 +67,7 @@ def closest(x: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray,
         facet[cluster] = near[chosen]
         local[cluster] = shape[chosen]
         distance[cluster] = apart[chosen]
-    return facet, local, distance
+    return Closest(facet, local, distance)
 
 
 def _feet(points: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -21,17 +21,17 @@ def energies_of_law(error):
     On rings sigma^ is times the circumference, and the integrals are of the full ring.
     """
     pair, model = error.admissible, error.model
-    law, cells, of_cells = model.linearised.law, pair.cell_geometry, model.owned_cells
-    points, weights = rule(model.d, RULE)
-    measures = cells.volume[of_cells, None] * weights / (model.d + 1)
-    strain = CellStrains.of(model, cells, pair.displacement)
+    law, cells, of_cells = model.linearised.law, pair.cell_geometry, model.space.owned_cells
+    points, weights = rule(model.space.d, RULE)
+    measures = cells.volume[of_cells, None] * weights / (model.space.d + 1)
+    strain = CellStrains.of(model.space, cells, pair.displacement)
     psi, psi_star = 0.0, 0.0
-    for sub in cell_pieces(model.d):
-        shape = len(of_cells), len(points), model.d + 1
+    for sub in cell_pieces(model.space.d):
+        shape = len(of_cells), len(points), model.space.d + 1
         places = np.broadcast_to(barycentric(points) @ sub, shape)
         x = np.matmul(places, cells.corners[of_cells])
-        sigma = macro_values(pair.stress, model.degree, of_cells, places)
-        around = circumferences(x) if model.axisymmetric else np.ones(x.shape[:2])
+        sigma = macro_values(pair.stress, model.space.degree, of_cells, places)
+        around = circumferences(x) if model.space.axisymmetric else np.ones(x.shape[:2])
         if model.hoop_load is not None:
             sigma[..., -1] += model.hoop_load(x, of_cells)
         eps = strain.at(of_cells, places, x)

@@ -45,11 +45,11 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     an edge of the sub-simplices are not exact, and there are none on a mesh that
     :func:`nested` made. The fine solution may be of another degree.
     """
-    model, d = fine.model, fine.model.d
-    cells = cell_geometry(model)
-    k = max(model.degree, pair.cell_geometry.degree)
+    model, d = fine.model, fine.model.space.d
+    cells = cell_geometry(model.space)
+    k = max(model.space.degree, pair.cell_geometry.degree)
     points, weights = rule(d, 2 * k)
-    x = model.V.tabulate_dof_coordinates()[:, :d][cells.vertices]
+    x = model.space.V.tabulate_dof_coordinates()[:, :d][cells.vertices]
     at = np.matmul(barycentric(points), x).reshape(-1, d)
     parent = np.repeat(_parents(pair, x.mean(axis=1)), len(points))
     local = _barycentric(pair, parent, at)
@@ -59,7 +59,7 @@ def true_errors(pair: Admissible, fine: ec.Solution) -> TrueErrors:
     lower = bernstein(d, coarse.degree - 1, local[:, 1:])
     strain = np.einsum("nb,nbs->ns", lower, strains(coarse, pair.displacement)[parent])
     n, q = len(cells.nodes), len(weights)
-    fine_strain = np.matmul(bernstein(d, model.degree - 1, points), strains(cells, fine.u))
+    fine_strain = np.matmul(bernstein(d, model.space.degree - 1, points), strains(cells, fine.u))
     # Moduli may differ from cell to cell, and do not vary inside.
     C, S = (moduli(model, cells, points, n, inverse=i)[:, 0] for i in (False, True))
     C, S = (np.broadcast_to(matrix, (n, *matrix.shape[1:])) for matrix in (C, S))
@@ -122,7 +122,7 @@ def _parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:
 
 def _barycentric(pair: Admissible, cells: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Barycentric coordinates of points (n, d) in coarse cells (n,)."""
-    origin = pair.solution.model.V.tabulate_dof_coordinates()[:, : x.shape[1]][
+    origin = pair.solution.model.space.V.tabulate_dof_coordinates()[:, : x.shape[1]][
         pair.cell_geometry.vertices[cells, 0]
     ]
     local = np.einsum("nij,nj->ni", pair.cell_geometry.inverse[cells], x - origin)
@@ -142,6 +142,7 @@ def _sigma(pair: Admissible, parent: np.ndarray, local: np.ndarray) -> np.ndarra
 
 def _third_term(pair: Admissible, fine: ec.Solution) -> float:
     """``2 int (b - b^)(|w_t - s| - |w^_t - s|)`` over the contacts, by the fine facets' middles (2D)."""
+    space = fine.model.space
 
     def since(solution: ec.Solution, u: fem.Function, traction: ContactTraction) -> np.ndarray:
         return traction.contact.trace.since(u.x.array)
@@ -152,9 +153,9 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
         if not depends_on_pressure(exact.contact.friction):
             continue
         n = exact.contact.direction[0]
-        x = fine.model.V.tabulate_dof_coordinates()[:, :2][exact.nodes].mean(axis=1)
-        w = (lagrange(1, fine.model.degree, middle) @ since(fine, fine.u, exact))[:, 0]
-        ends = pair.solution.model.V.tabulate_dof_coordinates()[:, :2][coarse.nodes]
+        x = space.V.tabulate_dof_coordinates()[:, :2][exact.nodes].mean(axis=1)
+        w = (lagrange(1, space.degree, middle) @ since(fine, fine.u, exact))[:, 0]
+        ends = pair.solution.model.space.V.tabulate_dof_coordinates()[:, :2][coarse.nodes]
         along = np.array([-n[1], n[0]])
         s, low = x @ along, (ends @ along)
         inside = (s[:, None] >= low.min(axis=1) - 1e-12) & (s[:, None] <= low.max(axis=1) + 1e-12)
@@ -169,7 +170,7 @@ def _third_term(pair: Admissible, fine: ec.Solution) -> float:
             np.sum(
                 2
                 * exact.area
-                * (exact.friction_bound @ bernstein(1, fine.model.degree, middle)[0] - hat_bound)
+                * (exact.friction_bound @ bernstein(1, space.degree, middle)[0] - hat_bound)
                 * slip
             )
         )

@@ -47,13 +47,13 @@ class Penalty:
 
     def equations(self, model, contact, u, v, multiplier=None):
         """What the contact adds to the residual: minus the work of its traction."""
-        ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
+        ds = contact.ds(metadata={"quadrature_degree": model.space.contact_degree})
         return -ufl.inner(self.traction(model, contact, u), contact.jump(v)) * ds
 
     def traction(self, model, contact, u, multiplier=None):
         """The contact traction on the body [force/area]."""
         gap = 0.0 if contact.gap is None else contact.gap
-        gamma = model.stiffness_per_area(fem.Constant(model.mesh, self.gamma))
+        gamma = model.stiffness_per_area(fem.Constant(model.space.mesh, self.gamma))
         return contact.project(-gamma * (contact.jump(u) - gap * contact.normal))
 
     projected = traction

@@ -18,7 +18,7 @@ from erc_contact.admissible.shift import MOBILITY
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import Trace
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 SMALL_PRESSURE = 0.01
 """Traction of a facet that presses little, over the largest one of its contact [-]."""
@@ -51,7 +51,7 @@ class OtherForces:
 
 
 def weights_and_motions(
-    model: Model, contact: ContactOnMesh, motions: list[fem.Function]
+    space: Space, contact: ContactOnMesh, motions: list[fem.Function]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the weights of the nodes of a contact, and motions there.
 
@@ -64,12 +64,12 @@ def weights_and_motions(
     area = trace.here.areas
     share = area / trace.here.nodes.shape[1]
     # A motion is linear: its values at the nodes are also its coefficients.
-    by_motion = [moments(area, trace.of(motion.x.array), model.degree) for motion in motions]
+    by_motion = [moments(area, trace.of(motion.x.array), space.degree) for motion in motions]
     weight = np.where(trace.here.owned, share, 0.0)[:, None]
     return weight, np.stack(by_motion, axis=-1) / share[:, None, None, None]
 
 
-def spring_give(model: Model, contacts: list[ContactOnMesh], others: OtherForces) -> np.ndarray:
+def spring_give(space: Space, contacts: list[ContactOnMesh], others: OtherForces) -> np.ndarray:
     """Compute D of :mod:`erc_contact.admissible.nearest` [area]; collective.
 
     The distance has the weight ``h/(kappa E)`` of :class:`Shift`, its mean here.
@@ -82,17 +82,17 @@ def spring_give(model: Model, contacts: list[ContactOnMesh], others: OtherForces
         trace = contact.trace
         areas = trace.here.owned_areas
         local += (areas.sum(), areas @ trace.stiffness)
-    area, force = model.comm.allreduce(local, MPI.SUM)
+    area, force = space.comm.allreduce(local, MPI.SUM)
     return others.stiffness * (area / (MOBILITY * force))
 
 
-def moduli(model: Model, contacts: list[ContactOnMesh]) -> list[np.ndarray]:
+def moduli(space: Space, contacts: list[ContactOnMesh]) -> list[np.ndarray]:
     """Return the moduli at the facets over their mean [-], shape (f,); collective."""
     local = np.zeros(2)
     for contact in contacts:
         areas = contact.trace.here.owned_areas
         local += (areas.sum(), areas @ contact.trace.modulus)
-    area, total = model.comm.allreduce(local, MPI.SUM)
+    area, total = space.comm.allreduce(local, MPI.SUM)
     return [contact.trace.modulus * (area / total) for contact in contacts]
 
 
@@ -139,7 +139,7 @@ class TooCoarse(NotHeldError):
 
 
 def check_balance(
-    model: Model,
+    space: Space,
     tractions: list[tuple[Trace, np.ndarray]],
     others: OtherForces,
     imbalance: np.ndarray,
@@ -148,7 +148,7 @@ def check_balance(
     """Check that tractions balance the loads; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         tractions: The trace and the tractions (f, m, d) of each contact [force/area].
         others: The other forces.
         imbalance: Work on the motions that is left [force], shape (K,).
@@ -167,12 +167,12 @@ def check_balance(
         "the forces). Look at the direction of the loads, add a Displacement or friction, or "
         "refine the mesh at the contact: adapt does so by itself and goes on, and by hand "
         "domain.refined(error.cells) refines the cells that press.",
-        _cells_that_press(model, tractions, others.motions, left),
+        _cells_that_press(space, tractions, others.motions, left),
     )
 
 
 def _cells_that_press(
-    model: Model,
+    space: Space,
     tractions: list[tuple[Trace, np.ndarray]],
     motions: list[fem.Function],
     left: np.ndarray,
@@ -180,7 +180,7 @@ def _cells_that_press(
     """Return the cells at facets that press unbalanced bodies; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         tractions: As in :func:`too_coarse`.
         motions: The motions.
         left: Work on them that is left [force], shape (K,).
@@ -189,11 +189,11 @@ def _cells_that_press(
     cells = []
     for trace, values in tractions:
         jump = abs(trace.of(np.asarray(moved))).max(axis=(1, 2), initial=0.0)
-        farthest = model.comm.allreduce(jump.max(initial=0.0), MPI.MAX)
+        farthest = space.comm.allreduce(jump.max(initial=0.0), MPI.MAX)
         size = abs(values).max(axis=(1, 2), initial=0.0)
-        most = model.comm.allreduce(size.max(initial=0.0), MPI.MAX)
+        most = space.comm.allreduce(size.max(initial=0.0), MPI.MAX)
         presses = (size > SMALL_PRESSURE * most) & (jump > SAME_MOTION * farthest)
         cells.append(trace.here.facets[presses, 0])
         cells.append(trace.there.facets[presses[trace.facing], 0])
     found = np.unique(np.concatenate(cells))
-    return found[found < model.domain.owned_cells]
+    return found[found < space.domain.owned_cells]

@@ -28,6 +28,7 @@ from erc_contact.model.data.peaks import upper_bounds
 from erc_contact.model.data.quadrature import facet_pieces, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric, coefficients, node_vertices, nodes, times_linear
 
 POLYNOMIAL = 1e-14
@@ -55,16 +56,16 @@ def gap_limits(model: Model, contact: ContactOnMesh, values: np.ndarray) -> np.n
         The coefficients [length], shape (f, m).
     """
     if contact not in model.gap_limits:
-        model.gap_limits[contact] = _minorants(model, contact)
+        model.gap_limits[contact] = _minorants(model.space, contact)
     below = model.gap_limits[contact]
     if below.shape[1] == 1:
         return below[:, 0]
-    w_n, _, _ = split(contact.trace.of(values), contact.trace.normals)
+    w_n = split(contact.trace.of(values), contact.trace.normals).normal
     change = (np.maximum(w_n[:, None] - below, 0.0) ** 2).sum(axis=2)
     return below[np.arange(len(below)), change.argmin(axis=1)]
 
 
-def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> np.ndarray:
+def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> np.ndarray:
     """Bound the excess of ``w.n`` over the gap on each facet [length]; collective.
 
     Where normals turn along a facet, ``w.n`` is no polynomial, and may exceed the gap
@@ -74,7 +75,7 @@ def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> n
     gives is searched for peaks.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         of_w: Coefficients of w [length], shape (f, m, d).
 
@@ -87,22 +88,22 @@ def excess_over_gap(model: Model, contact: ContactOnMesh, of_w: np.ndarray) -> n
         beyond = of_w
         if contact.between is not None:
             # The vectors between the bodies are linear, their coefficients are values.
-            ends = node_vertices(model.d - 1, model.degree)
+            ends = node_vertices(space.d - 1, space.degree)
             beyond = of_w - contact.between[:, ends].mean(axis=2)
         corners = trace.normals_at_vertices
-        weights = times_linear(model.d - 1, model.degree)
+        weights = times_linear(space.d - 1, space.degree)
         products = np.einsum("mnv,fni,fvi->fm", weights, beyond, corners, optimize=True)
         highest = products.max(axis=1) / _least_length(corners)
         return np.where(highest > 2 * round_off, highest, 0.0)
-    gap = Everywhere(contact.gap, model.mesh)
+    gap = Everywhere(contact.gap, space.mesh)
 
     def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        w = np.matmul(polynomials(model.degree, places), of_w[facet])
+        w = np.matmul(polynomials(space.degree, places), of_w[facet])
         w_n = (w * trace.normals_at_places(places, facet)).sum(axis=-1)
         return w_n - gap(x, contact.facets[facet])
 
-    kinks = kinks_on_facets(model, [contact.gap], contact.facets)
-    pieces = facet_pieces(model.d - 1)
+    kinks = kinks_on_facets(space, [contact.gap], contact.facets)
+    pieces = facet_pieces(space.d - 1)
     highest = upper_bounds(above, trace.here.corners, pieces, round_off, kinks)
     return np.where(highest > 2 * round_off, highest, 0.0)
 
@@ -121,32 +122,32 @@ def _least_length(normals: np.ndarray) -> np.ndarray:
     return shares
 
 
-def _minorants(model: Model, contact: ContactOnMesh) -> np.ndarray:
+def _minorants(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Return coefficients of polynomials below the gap [length]; collective.
 
     Their shape is (f, c, m), with c = 1 where no facet may have a jump.
     """
     if contact.between is not None and contact.given_gap is None and not contact.bilateral:
         return _below_distance(contact.trace, contact.between)[:, None]
-    at_nodes = gap_at_nodes(model, contact)
+    at_nodes = gap_at_nodes(space, contact)
     lengths = contact.gap_lengths
     first = lengths * contact.trace.coefficients(at_nodes / lengths)
     if not contact.gap_varies or not varies_in_cells(contact.gap) or contact.bilateral:
         return first[:, None]
-    excess, distance = _excess(model, contact, first, np.arange(len(first)))
+    excess, distance = _excess(space, contact, first, np.arange(len(first)))
     below = (first - excess[:, None])[:, None]
     poor = np.flatnonzero((excess > 0) & (distance > POOR * np.ptp(at_nodes, axis=1)))
-    if not model.comm.allreduce(len(poor) > 0, MPI.LOR):
+    if not space.comm.allreduce(len(poor) > 0, MPI.LOR):
         return below
-    poor = poor[jumps(model, contact, at_nodes, poor)]
+    poor = poor[jumps(space, contact, at_nodes, poor)]
     further = [np.zeros((len(poor), first.shape[1]))]
-    if model.degree > 1:
+    if space.degree > 1:
         # Coefficients of a line are its values at the nodes.
-        ends = node_vertices(model.d - 1, model.degree)
+        ends = node_vertices(space.d - 1, space.degree)
         further.append(at_nodes[poor][:, ends].mean(axis=2))
     below = np.repeat(below, 1 + len(further), axis=1)
     for number, polynomial in enumerate(further, start=1):
-        excess, _ = _excess(model, contact, polynomial, poor)
+        excess, _ = _excess(space, contact, polynomial, poor)
         below[poor, number] = polynomial - excess[:, None]
     return below
 
@@ -186,12 +187,12 @@ def _below_distance(trace: Trace, between: np.ndarray) -> np.ndarray:
 
 
 def _excess(
-    model: Model, contact: ContactOnMesh, coefficients: np.ndarray, chosen: np.ndarray
+    space: Space, contact: ContactOnMesh, coefficients: np.ndarray, chosen: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Bound the excess of polynomials over the gap on facets [length]; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         coefficients: Bernstein coefficients of the polynomials [length], shape (s, m).
         chosen: Numbers of the facets, shape (s,).
@@ -200,11 +201,11 @@ def _excess(
         The bounds, and the greatest distance from the gap at samples, shape (s,) each.
     """
     facets = contact.facets[chosen]
-    gap = Everywhere(contact.gap, model.mesh)
+    gap = Everywhere(contact.gap, space.mesh)
     distance = np.zeros(len(facets))
 
     def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree, places)
+        shape = polynomials(space.degree, places)
         polynomial = np.matmul(shape, coefficients[facet][..., None])[..., 0]
         excess = polynomial - gap(x, facets[facet])
         np.maximum.at(distance, facet, abs(excess).max(axis=1))
@@ -213,6 +214,6 @@ def _excess(
     # A polynomial gap is met to round-off, which is no excess.
     round_off = POLYNOMIAL * abs(coefficients).max(axis=1, initial=0.0)
     corners = contact.trace.here.corners[chosen]
-    kinks = kinks_on_facets(model, [contact.gap], facets)
-    highest = upper_bounds(above, corners, facet_pieces(model.d - 1), round_off, kinks)
+    kinks = kinks_on_facets(space, [contact.gap], facets)
+    highest = upper_bounds(above, corners, facet_pieces(space.d - 1), round_off, kinks)
     return np.where(distance > round_off, highest, 0.0), distance

@@ -22,14 +22,14 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
     owned = model.domain.owned_cells
     first = given.first_moments(given.fixed)
     # From degree 2 on, the tractions leave the bubbles of sigma^ to be chosen.
-    has_bubbles = model.degree > 1
+    has_bubbles = model.space.degree > 1
     law = None
     if given.tighten > 0 or has_bubbles:
         elastic = elastic_coefficients(model, cells, given.displacement, owned)
         law = CellLaw(elastic, macro_moduli(model, cells, len(cells.nodes), inverse=True))
 
     def balanced(moment: np.ndarray, law: CellLaw | None) -> Tight:
-        forces = force_coefficients(moments_of_cells(cells, moment)[:owned], model.degree)
+        forces = force_coefficients(moments_of_cells(cells, moment)[:owned], model.space.degree)
         stress = macro_stress(cells, owned, given.balanced.in_plane, forces, force)
         if has_bubbles and law is not None:
             stress = relax(cells, stress, *law)
@@ -38,7 +38,9 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
     free = cells.has_second[:, None] | given.fixed
 
     def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
-        moment, done, square = tighten_moments(model, cells, moment, force, free, *law, ending)
+        moment, done, square = tighten_moments(
+            model.space, cells, moment, force, free, *law, ending
+        )
         return replace(balanced(moment, law), iterations=done, square=square)
 
     correction = None
@@ -50,5 +52,10 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         tight = balanced(first, law)
     missing = unbalanced_cells(cells, tight.stress, tight.forces, force)
     return BulkStress(
-        tight.stress, tight.moment, tight.iterations, correction, tight.square, missing
+        stress=tight.stress,
+        moment=tight.moment,
+        iterations=tight.iterations,
+        correction=correction,
+        square=tight.square,
+        missing=missing,
     )

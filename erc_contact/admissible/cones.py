@@ -101,7 +101,7 @@ class Cones:
         tangential = np.where(is_free, q_t, -slope * on_surface)
 
         # A turn of z_t turns r_t, which is shorter.
-        _, r_t, _ = split(r, self.n)
+        r_t = split(r, self.n).tangential
         length = np.linalg.norm(r_t, axis=-1)
         share = np.divide(length, size, out=np.zeros_like(size), where=size > 0)
         turned = np.where(inside, 1.0, share)[..., None, None] * across

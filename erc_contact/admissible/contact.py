@@ -34,6 +34,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.admissible.trial import Trial, contact_traction, trial_of
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 CONTACT_PASSES = 10
 """Limit of the passes that lower the friction bound where it is sampled.
@@ -68,7 +69,7 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
         TooCoarse: If no allowed traction balances the other forces on a free motion.
             Who asks may have less to balance.
     """
-    trials = [_trial(model, contact, solution) for contact in model.contacts]
+    trials = [_trial(model.space, contact, solution) for contact in model.contacts]
     if any(contact.sampled for contact in model.contacts):
         # On a coarse mesh uniform pressures may leave too little to balance with.
         with suppress(TooCoarse):
@@ -76,26 +77,26 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     return _limit(model, trials, others, uniform=False)
 
 
-def _trial(model: Model, contact: ContactOnMesh, solution: Any) -> Trial:
+def _trial(space: Space, contact: ContactOnMesh, solution: Any) -> Trial:
     """Return the traction of the method, not yet limited; collective.
 
     Where normals turn and all of a contact sticks, or is open, any polynomial of degree
     k may be allowed: also a constant stress, whose traction does not turn.
     """
     if contact.trace.corner_normals is not None and contact.friction is not None:
-        trial = trial_of(model, contact, solution, turned=False)
-        if is_inside(model, trial.contact_traction(trial.best)):
-            return replace(trial, otherwise=trial_of(model, contact, solution))
-    return trial_of(model, contact, solution)
+        trial = trial_of(space, contact, solution, turned=False)
+        if is_inside(space, trial.contact_traction(trial.best)):
+            return replace(trial, otherwise=trial_of(space, contact, solution))
+    return trial_of(space, contact, solution)
 
 
-def no_traction(model: Model, contact: ContactOnMesh) -> ContactTraction:
+def no_traction(space: Space, contact: ContactOnMesh) -> ContactTraction:
     """Return the traction of a contact that transmits nothing; collective.
 
     Its friction bound is the bound at zero pressure.
     """
-    values = np.zeros((*contact.trace.here.nodes.shape, model.d))
-    return contact_traction(model, contact, values)
+    values = np.zeros((*contact.trace.here.nodes.shape, space.d))
+    return contact_traction(space, contact, values)
 
 
 def _limit(
@@ -105,11 +106,12 @@ def _limit(
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
+    space = model.space
     for _ in range(CONTACT_PASSES):
-        values = _allowed_at_nodes(model, trials, others)
+        values = _allowed_at_nodes(space, trials, others)
         tractions = _contact_tractions(trials, values)
         outside = [
-            trial.otherwise is not None and not is_inside(model, traction)
+            trial.otherwise is not None and not is_inside(space, traction)
             for trial, traction in zip(trials, tractions, strict=True)
         ]
         if any(outside):
@@ -119,17 +121,17 @@ def _limit(
         changes = []
         is_changed = False
         for trial, r, traction in zip(trials, values, tractions, strict=True):
-            factor = lowering(model, traction)
+            factor = lowering(space, traction)
             become = trial.becomes_uniform(r) & uniform
             changes.append((factor, become))
             is_changed = is_changed or bool(np.any(factor < 1.0) or np.any(become))
         # All ranks go on together, because every pass is collective.
-        if not model.comm.allreduce(is_changed, MPI.LOR):
+        if not space.comm.allreduce(is_changed, MPI.LOR):
             return tractions
         trials = [trial.lower(*change) for trial, change in zip(trials, changes, strict=True)]
     # The passes do not settle: take the least bound on each facet, which is safe.
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
-    return _contact_tractions(safe, _allowed_at_nodes(model, safe, others))
+    return _contact_tractions(safe, _allowed_at_nodes(space, safe, others))
 
 
 def _in_disc(
@@ -168,7 +170,7 @@ def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[Co
     return [trial.contact_traction(r) for trial, r in zip(trials, values, strict=True)]
 
 
-def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) -> list[np.ndarray]:
+def _allowed_at_nodes(space: Space, trials: list[Trial], others: OtherForces) -> list[np.ndarray]:
     """Limit tractions at the nodes, and balance the other forces; collective.
 
     The result is the allowed tractions nearest to the shifted ones. A set of the
@@ -187,10 +189,10 @@ def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) ->
     start = [trial.limit() for trial in trials]
     if not others.motions:
         return start
-    comm = model.comm
-    constraints = [trial.weights_and_motions(model, others.motions) for trial in trials]
-    of_facets = moduli(model, [trial.contact for trial in trials])
-    give = spring_give(model, [trial.contact for trial in trials], others)
+    comm = space.comm
+    constraints = [trial.weights_and_motions(space, others.motions) for trial in trials]
+    of_facets = moduli(space, [trial.contact for trial in trials])
+    give = spring_give(space, [trial.contact for trial in trials], others)
     values = start
     for _ in range(CONTACT_PASSES):
         peak = largest_component(comm, values)
@@ -225,7 +227,7 @@ def _allowed_at_nodes(model: Model, trials: list[Trial], others: OtherForces) ->
         by_contact = [
             (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)
         ]
-        check_balance(model, by_contact, others, imbalance, max(others.size, sizes))
+        check_balance(space, by_contact, others, imbalance, max(others.size, sizes))
         if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:
             break
     return values

@@ -27,7 +27,7 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
-from erc_contact.model.space import OnFacets
+from erc_contact.model.space import OnFacets, Space
 
 CORNER_PASSES = 100
 """Limit of the passes over nodes with several normals."""
@@ -62,10 +62,11 @@ def admissible_displacement(
     Returns:
         u^ [length].
     """
-    u_hat = model.function()
+    space = model.space
+    u_hat = space.function()
     u_hat.name = "displacement"
     u_hat.x.array[:] = u.x.array
-    values = u_hat.x.array.reshape(-1, model.d)
+    values = u_hat.x.array.reshape(-1, space.d)
     # Contacts with common nodes are set one after the other: by their names, so that
     # their order in the scene changes nothing.
     tractions = sorted(tractions, key=lambda traction: traction.contact.side_names[0])
@@ -73,7 +74,7 @@ def admissible_displacement(
     # Limits of Bernstein coefficients hold between the nodes, too.
     sides: list[OnFacets] = list(contacts)
     sides += [contact.trace.there for contact in contacts]
-    model.to_coefficients(values, sides)
+    space.to_coefficients(values, sides)
     gaps = [gap_limits(model, contact, values) for contact in contacts]
     limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]
     free = ~model.fixed
@@ -82,8 +83,8 @@ def admissible_displacement(
     _limit_normal(values, free, tractions, limits)
     for traction, limit in zip(tractions, limits, strict=True):
         if traction.contact.trace.corner_normals is not None:
-            _limit_between_nodes(model, u_hat, free, traction.contact, limit)
-    model.to_coefficients(values, sides, back=True)
+            _limit_between_nodes(space, u_hat, free, traction.contact, limit)
+    space.to_coefficients(values, sides, back=True)
     u_hat.x.scatter_forward()
     return u_hat
 
@@ -104,15 +105,16 @@ def _set_status(
         traction: r^ on the contact.
         limit: Its limits.
     """
+    space = model.space
     # The contact part of e^2 is a sum of these forces times displacements.
     weight = 2 * traction.area[:, None] / traction.nodes.shape[1]
     closing = limit.sum_up(-weight * traction.normal_component)
     contact = traction.contact
-    springs = _foundation_stiffness(model, traction, limit, contact.stiffness)
-    tangential_springs = _foundation_stiffness(model, traction, limit, contact.tangential_stiffness)
+    springs = _foundation_stiffness(space, traction, limit, contact.stiffness)
+    tangential_springs = _foundation_stiffness(space, traction, limit, contact.tangential_stiffness)
     friction = limit.sum_up(weight * traction.friction_bound)
     tangential = weight[..., None] * traction.tangential_part
-    by_component = [limit.sum_up(tangential[..., i]) for i in range(model.d)]
+    by_component = [limit.sum_up(tangential[..., i]) for i in range(space.d)]
     shear = np.column_stack(by_component)
     stiffness = _nodal_stiffness(model, traction)[limit.nodes]
     before = _slip_before(traction, limit)
@@ -166,7 +168,7 @@ def _limit_normal(
 
 
 def _limit_between_nodes(
-    model: Model, u_hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
+    space: Space, u_hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
 ) -> None:
     """Lower u_n where it exceeds the gap between nodes, in place; collective.
 
@@ -175,7 +177,7 @@ def _limit_between_nodes(
     in the change of the slip along the facet, and none for a rigid motion.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         u_hat: u^ by coefficients on the contacts [length].
         free: Components that no support fixes, shape (nodes, d).
         contact: A contact whose normals turn.
@@ -184,14 +186,14 @@ def _limit_between_nodes(
     if contact.bilateral or contact.stiffness is not None:
         return
     trace = contact.trace
-    values = u_hat.x.array.reshape(-1, model.d)
+    values = u_hat.x.array.reshape(-1, space.d)
     corners = trace.normals_at_vertices
     least_cosine = np.einsum("fid,fjd->fij", corners, corners).min(axis=(1, 2), initial=1.0)
     for _ in range(TURNING_PASSES):
         # A rank does not see all facets at the nodes of others.
         u_hat.x.scatter_forward()
-        excess = excess_over_gap(model, contact, trace.of(values))
-        if not model.comm.allreduce(bool(excess.any()), MPI.LOR):
+        excess = excess_over_gap(space, contact, trace.of(values))
+        if not space.comm.allreduce(bool(excess.any()), MPI.LOR):
             break
         lower = np.zeros(len(limit.nodes))
         of_facets = np.broadcast_to((excess / least_cosine)[:, None], limit.of_facet.shape)
@@ -283,7 +285,7 @@ def _slip_before(traction: ContactTraction, limit: Limits) -> np.ndarray:
 
 
 def _foundation_stiffness(
-    model: Model, traction: ContactTraction, limit: Limits, stiffness: Ufl | None
+    space: Space, traction: ContactTraction, limit: Limits, stiffness: Ufl | None
 ) -> np.ndarray | None:
     """Return the share of each limit in a stiffness of the foundation [force/length].
 
@@ -292,7 +294,7 @@ def _foundation_stiffness(
     if stiffness is None:
         return None
     facets = traction.contact.facets
-    at_nodes = evaluate(stiffness, model.mesh, model.facet_points, facets)
+    at_nodes = evaluate(stiffness, space.mesh, space.facet_points, facets)
     share = traction.area[:, None] / traction.nodes.shape[1]
     return limit.sum_up(share * at_nodes)
 

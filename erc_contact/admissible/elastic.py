@@ -17,6 +17,7 @@ from erc_contact.model.data.quadrature import polynomials
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.law.constitution import act
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import (
     barycentric,
     bernstein,
@@ -48,10 +49,10 @@ class CellStrains:
     radial: np.ndarray | None
 
     @classmethod
-    def of(cls, model: Model, cells: CellGeometry, u: fem.Function) -> Self:
+    def of(cls, space: Space, cells: CellGeometry, u: fem.Function) -> Self:
         """Return the strains of a displacement [length] in all cells of this rank."""
         radial = None
-        if model.axisymmetric:
+        if space.axisymmetric:
             nodal = u.x.array.reshape(-1, cells.d)[cells.nodes, 0]
             radial = nodal @ coefficients(cells.d, cells.degree).T
         return cls(cells.degree, strains(cells, u), radial)
@@ -159,7 +160,7 @@ def strain_digits(cells: CellGeometry, u: fem.Function, count: int) -> np.ndarra
 
 def greatest_moduli(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the greatest entry of C in each cell [force/area], or in all cells."""
-    matrices = moduli(model, cells, nodes(model.d, 0), count)
+    matrices = moduli(model, cells, nodes(model.space.d, 0), count)
     return np.asarray(matrices[:, 0].max(axis=(1, 2)))
 
 
@@ -173,8 +174,8 @@ def elastic_coefficients(
     sub-simplices.
     """
     d, k = cells.d, cells.degree
-    _, points, _ = macro_points(d, k)
-    if model.axisymmetric:
+    points = macro_points(d, k).points
+    if model.space.axisymmetric:
         return _coefficients_of_rings(model, cells, u, count)
     stiffness = macro_moduli(model, cells, count)
     strain = strains(cells, u)[:count]
@@ -193,8 +194,8 @@ def _coefficients_of_rings(
     model: Model, cells: CellGeometry, u: fem.Function, count: int
 ) -> np.ndarray:
     """Return :func:`elastic_coefficients` of an axisymmetric body."""
-    strain = CellStrains.of(model, cells, u)
-    _, points, _ = macro_points(cells.d, cells.degree)
+    strain = CellStrains.of(model.space, cells, u)
+    points = macro_points(cells.d, cells.degree).points
     values = np.empty((count, len(points), strain.in_plane.shape[2] + 1))
     for chunk in _chunks(count):
         x = np.matmul(barycentric(points), cells.corners[chunk])
@@ -211,26 +212,26 @@ def elastic_stress(model: Model, cells: CellGeometry, u: fem.Function, count: in
     """
     d, k = cells.d, cells.degree
     values = elastic_coefficients(model, cells, u, count)
-    _, points, _ = macro_points(d, k)
+    points = macro_points(d, k).points
     if values.shape[1] in (1, len(points)):
         return values
     return np.matmul(bernstein(d, k - 1, points), values)
 
 
 def strains_at(
-    model: Model, cells: CellGeometry, u: fem.Function, points: np.ndarray, count: int
+    space: Space, cells: CellGeometry, u: fem.Function, points: np.ndarray, count: int
 ) -> np.ndarray:
     """Evaluate the strain of a displacement at reference points of the cells [-].
 
     See :func:`moduli` for the arguments. Shape (count, q, s).
     """
     x = _places(cells, points, count, True)
-    return CellStrains.of(model, cells, u).at_points(slice(count), points, x)
+    return CellStrains.of(space, cells, u).at_points(slice(count), points, x)
 
 
-def macro_places(model: Model, cells: CellGeometry, count: int) -> np.ndarray:
+def macro_places(space: Space, cells: CellGeometry, count: int) -> np.ndarray:
     """Return the points of :func:`macro_points` in the first cells, (count, q, d)."""
-    _, points, _ = macro_points(model.d, model.degree)
+    points = macro_points(space.d, space.degree).points
     return _places(cells, points, count, True)
 
 
@@ -299,7 +300,7 @@ def macro_moduli(
         Mandel components, shape (count, (d+1) q, s, s). The first number is 1 if all
         cells have the same matrix, the second is 1 if no matrix varies inside a cell.
     """
-    _, points, _ = macro_points(model.d, model.degree)
+    points = macro_points(model.space.d, model.space.degree).points
     return moduli(model, cells, points, count, inverse=inverse)
 
 
@@ -320,7 +321,7 @@ def cell_stress(
     d, k = cells.d, cells.degree
     points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
-    if model.axisymmetric:
+    if model.space.axisymmetric:
         return _stress_of_rings(model, cells, u, change)
     stiffness = moduli(model, cells, points, count)
     strain = strains(cells, u)
@@ -347,7 +348,7 @@ def _stress_of_rings(
     points, weights = rule(d, DATA_DEGREE)
     to_hoop = weights[:, None] * bernstein(d, k, points)
     to_in_plane = projection(d, k - 1, points, weights)
-    strain = CellStrains.of(model, cells, u)
+    strain = CellStrains.of(model.space, cells, u)
     law = model.constitution
     stress = law.stress_change if change else law.stress
     count = len(cells.nodes)

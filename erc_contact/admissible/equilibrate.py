@@ -9,9 +9,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import comb
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
@@ -48,7 +48,7 @@ from erc_contact.admissible.springs import (
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.tied import Preload
 
@@ -97,10 +97,11 @@ def equilibrated(
     """
     began = perf_counter()
     model = solution.model
-    cells = cell_geometry(model)
+    space = model.space
+    cells = cell_geometry(space)
     if solution.at_rest:
         pair = _at_rest(solution, cells)
-        return replace(pair, seconds=model.comm.allreduce(perf_counter() - began, MPI.MAX))
+        return replace(pair, seconds=space.comm.allreduce(perf_counter() - began, MPI.MAX))
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported_components(model, cells)
@@ -116,18 +117,19 @@ def equilibrated(
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
         tractions = admissible_tractions(model, solution, others)
-    pair, balanced, bulk = _make_pair(data, tractions, tighten, near)
+    made = _make_pair(data, tractions, tighten, near)
+    pair = made.pair
     kept = None
     if is_own:
-        kept = with_soft_contacts(model, others, pair.tractions, balanced, bulk)
+        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, made.bulk)
     if kept is not None:
         # The first pair stands where the law leaves too little for the free motions
         # beside the resultants, and where the stress is not in equilibrium.
         with suppress(TooCoarse, NotBalanced):
             tractions = admissible_tractions(model, solution, kept)
-            again, _, less = _make_pair(data, tractions, tighten, near)
-            pair = again if less < bulk else pair
-    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
+            again = _make_pair(data, tractions, tighten, near)
+            pair = again.pair if again.bulk < made.bulk else pair
+    seconds = space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
 
@@ -157,16 +159,17 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
     facets do not carry the gap.
     """
     model = solution.model
+    space = model.space
     cell_count = len(cells.nodes)
-    moment = np.zeros((model.facet_count, len(model.facet_points), model.d))
-    fe_stress = np.zeros((cell_count, comb(model.degree - 1 + model.d, model.d), model.d, model.d))
+    moment = np.zeros((space.facet_count, len(space.facet_points), space.d))
+    d, k = space.d, space.degree
+    fe_stress = np.zeros((cell_count, comb(k - 1 + d, d), d, d))
     components = model.constitution.metric.size
-    coefficients = comb(model.degree + model.d, model.d)
-    sigma = np.zeros((model.domain.owned_cells, model.d + 1, coefficients, components))
+    sigma = np.zeros((space.domain.owned_cells, d + 1, comb(k + d, d), components))
     return Admissible(
         solution=solution,
         displacement=solution.u,
-        tractions=[no_traction(model, contact) for contact in model.contacts],
+        tractions=[no_traction(space, contact) for contact in model.contacts],
         spring_tractions=chosen_tractions(model, moment, moment),
         cell_geometry=cells,
         balanced=CellStress(fe_stress),
@@ -202,9 +205,24 @@ class _Data:
     fixed: np.ndarray
 
 
+class _Made(NamedTuple):
+    """Hold a pair, and what it was made from.
+
+    Attributes:
+        pair: The pair.
+        balanced: The rebalanced stress.
+        bulk: Bound of the bulk part of e^2 before bubbles are chosen [force length];
+            infinite where nothing was tightened.
+    """
+
+    pair: Admissible
+    balanced: Rebalanced
+    bulk: float
+
+
 def _make_pair(
     data: _Data, tractions: list[ContactTraction], tighten: int, near: Admissible | None
-) -> tuple[Admissible, Rebalanced, float]:
+) -> _Made:
     """Reconstruct a pair with given contact tractions; collective.
 
     Args:
@@ -212,14 +230,23 @@ def _make_pair(
         tractions: r^ on each contact.
         tighten: Greatest number of iterations that tighten sigma^.
         near: See :func:`equilibrated`.
-
-    Returns:
-        The pair, the rebalanced stress, and a bound of the bulk part of e^2 before
-        bubbles are chosen [force length], infinite where nothing was tightened.
     """
     cells = data.cells
     model = data.solution.model
-    u_hat, tractions, balanced, boundary = _before_tightening(data, tractions)
+    space = model.space
+    u = data.solution.u
+    u_hat = u
+    if tractions:
+        if space.comm.size > 1:
+            tractions = _of_owners(space, cells, tractions)
+        u_hat = admissible_displacement(model, u, tractions)
+    boundary = _boundary(data, tractions)
+    b = load_forces(model, cells, boundary, data.force)
+    balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b)
+    if model.springs:
+        # They pull at the displacement that is in equilibrium with their pull.
+        pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
+        boundary += np.where(data.fixed[:, None, :], 0.0, pulled)
     given = Reconstruction(
         model=model,
         cells=cells,
@@ -231,12 +258,11 @@ def _make_pair(
         tighten=tighten,
         correction=None if near is None else near.correction,
     )
-    bulk = axisymmetric_bulk(given) if model.axisymmetric else plane_bulk(given)
-    if model.axisymmetric:
+    bulk = axisymmetric_bulk(given) if space.axisymmetric else plane_bulk(given)
+    if space.axisymmetric:
         # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary = boundary_off_axis(model, cells, boundary)
+        boundary = boundary_off_axis(space, cells, boundary)
     of_boundary = Given(boundary, data.fixed, tractions)
-    u = data.solution.u
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
@@ -257,58 +283,39 @@ def _make_pair(
         imbalance=imbalance,
         seconds=0.0,
     )
-    return pair, balanced, bulk.square
+    return _Made(pair, balanced, bulk.square)
 
 
-def _before_tightening(
-    data: _Data, tractions: list[ContactTraction]
-) -> tuple[fem.Function, list[ContactTraction], Rebalanced, np.ndarray]:
-    """Reconstruct the pair but for sigma^; collective.
+def _boundary(data: _Data, tractions: list[ContactTraction]) -> np.ndarray:
+    """Return moments of loads and r^ on all facets [force], shape (facets, m, d).
 
-    See :func:`_make_pair` for the arguments.
-
-    Returns:
-        u^; r^ on each contact; the rebalanced stress; moments of the tractions that are
-        given on the boundary [force], shape (facets, m, d).
+    A support takes up the load on its components.
     """
-    solution, cells, force, fixed = data.solution, data.cells, data.force, data.fixed
-    model = solution.model
-    if model.comm.size > 1 and tractions:
-        tractions = _of_owners(model, cells, tractions)
-    # A support takes up the load on its components.
-    boundary = np.where(fixed[:, None, :], 0.0, data.loads)
-    u_hat = solution.u
-    if tractions:
-        u_hat = admissible_displacement(model, solution.u, tractions)
+    space = data.solution.model.space
+    boundary = np.where(data.fixed[:, None, :], 0.0, data.loads)
     for traction in tractions:
-        of_contact = moments(traction.area, traction.values, model.degree)
+        of_contact = moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
-        add_moments(model, boundary, trace.here.facets, of_contact)
+        add_moments(space, boundary, trace.here.facets, of_contact)
         # Action and reaction: on the other body acts the opposite traction.
-        add_moments(model, boundary, trace.there.facets, -trace.on_there(of_contact))
-    b = load_forces(model, cells, boundary, force)
-    balanced = rebalanced_stress(model, solution.stiffness, cells, solution.u, b)
-    if model.springs:
-        # They pull at the displacement that is in equilibrium with their pull.
-        pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
-        boundary += np.where(fixed[:, None, :], 0.0, pulled)
-    return u_hat, tractions, balanced, boundary
+        add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
+    return boundary
 
 
 def _of_owners(
-    model: Model, cells: CellGeometry, tractions: list[ContactTraction]
+    space: Space, cells: CellGeometry, tractions: list[ContactTraction]
 ) -> list[ContactTraction]:
     """Return r^ as the owner of each facet has computed it; collective.
 
     After a large slide the round-off of two ranks differs by more than the balance
     allows.
     """
-    shared = SharedMoments(model, cells)
+    shared = SharedMoments(space, cells)
     result = []
     for traction in tractions:
         side = traction.contact.trace.here
-        total = np.zeros((model.facet_count, len(model.facet_points), model.d))
-        add_moments(model, total, side.facets[side.owned], traction.values[side.owned])
-        values = values_on(model, shared.total(total), side.facets)
+        total = np.zeros((space.facet_count, len(space.facet_points), space.d))
+        add_moments(space, total, side.facets[side.owned], traction.values[side.owned])
+        values = values_on(space, shared.total(total), side.facets)
         result.append(replace(traction, values=values))
     return result

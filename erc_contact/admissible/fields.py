@@ -25,7 +25,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.quadrature import cell_pieces, polynomials
 from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
+from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import tensor_basis
 from namedmesh.simplex import barycentric, rule
 
@@ -45,20 +45,20 @@ def _sub_rule(d: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
     return places.reshape(-1, d + 1)[:, 1:], np.tile(weights, d + 1) * volume / (d + 1)
 
 
-def sub_dx(model: Model, degree: int) -> Ufl:
+def sub_dx(space: Space, degree: int) -> Ufl:
     """Return the measure of the body by a rule of the sub-simplices, UFL.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         degree: Degree of the polynomials that it integrates exactly there.
     """
-    points, weights = _sub_rule(model.d, degree)
+    points, weights = _sub_rule(space.d, degree)
     metadata = {
         "quadrature_rule": "custom",
         "quadrature_points": points,
         "quadrature_weights": weights,
     }
-    return ufl.Measure("dx", domain=model.mesh, metadata=metadata)
+    return ufl.Measure("dx", domain=space.mesh, metadata=metadata)
 
 
 def stress_function(
@@ -76,22 +76,23 @@ def stress_function(
         A Function of quadrature points, of shape (d, d) [force/area], of an
         axisymmetric body (3, 3) with the rows r, z and hoop.
     """
-    d = model.d
+    space = model.space
+    d = space.d
     basis = tensor_basis(model.scene.material, d)
     rows = basis.shape[1]
     owned = model.domain.owned_cells
     points, weights = _sub_rule(d, degree)
-    cell = model.mesh.basix_cell()
+    cell = space.mesh.basix_cell()
     element = basix.ufl.quadrature_element(cell, (rows, rows), points=points, weights=weights)
-    function = fem.Function(fem.functionspace(model.mesh, element))
+    function = fem.Function(fem.functionspace(space.mesh, element))
     # The coefficients of sigma^ belong to the vertices in another order.
     places = barycentric(points)[:, cells.order[:owned]].swapaxes(0, 1)
     of_cells = np.arange(owned)
     parts = np.split(places, d + 1, axis=1)
-    of_parts = [macro_values(stress, model.degree, of_cells, part) for part in parts]
+    of_parts = [macro_values(stress, space.degree, of_cells, part) for part in parts]
     components = np.concatenate(of_parts, axis=1)
-    if model.axisymmetric:
-        x = np.matmul(barycentric(points), model.cell_corners()[:owned])
+    if space.axisymmetric:
+        x = np.matmul(barycentric(points), space.cell_corners()[:owned])
         if model.hoop_load is not None:
             components[..., -1] += model.hoop_load(x, of_cells)
         components /= circumferences(x)[..., None]
@@ -130,23 +131,24 @@ def traction_function(
     Raises:
         InputError: If no part has this name, or two facets of it have a common cell.
     """
-    d = model.d
+    space = model.space
+    d = space.d
     facets = sides_of(model, part)
     cells, local = facets.T
     twice = bool(len(np.unique(cells)) < len(cells))
-    if model.comm.allreduce(twice, MPI.LOR):
+    if space.comm.allreduce(twice, MPI.LOR):
         raise InputError(
             f"traction_function: two facets of {part!r} belong to one cell, where a Function has"
             " one value at their common point. Give them two names, or take the profile."
         )
-    function = fem.Function(fem.functionspace(model.mesh, ("DG", model.degree, (d,))))
-    coefficients = tractions_of(model, moments, facets)
+    function = fem.Function(fem.functionspace(space.mesh, ("DG", space.degree, (d,))))
+    coefficients = tractions_of(space, moments, facets)
     # The moments are those on the first cell of a facet.
-    first = geometry.side[0][model.facet_numbers(facets)] // (d + 1)
+    first = geometry.side[0][space.facet_numbers(facets)] // (d + 1)
     coefficients = np.where(first == cells, 1.0, -1.0)[:, None, None] * coefficients
     # The vertices of a facet may have another order than in its cell.
-    of_facets = model.facet_nodes(facets)[:, :d]
-    of_cells = model.V.dofmap.list[cells][:, : d + 1]
+    of_facets = space.facet_nodes(facets)[:, :d]
+    of_cells = space.V.dofmap.list[cells][:, : d + 1]
     vertex = (of_cells[:, None, :] == of_facets[:, :, None]).argmax(axis=2)
     nodes = barycentric(function.function_space.element.interpolation_points)
     nodal = function.x.array.reshape(-1, d)
@@ -155,17 +157,17 @@ def traction_function(
         of_number = local == number
         on_facet = abs(nodes[:, number]) < ON_FACET
         places = nodes[on_facet][:, vertex[of_number]].swapaxes(0, 1)
-        values = np.matmul(polynomials(model.degree, places), coefficients[of_number])
+        values = np.matmul(polynomials(space.degree, places), coefficients[of_number])
         nodal[dofs[cells[of_number]][:, on_facet]] = values
     function.x.scatter_forward()
     return function
 
 
-def integral(model: Model, density: Ufl, degree: int) -> float:
+def integral(space: Space, density: Ufl, degree: int) -> float:
     """Integrate a density over the body by the measure :func:`sub_dx`; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         density: A scalar, UFL.
         degree: Degree up to which it is exact in sub-simplices.
 
@@ -178,5 +180,5 @@ def integral(model: Model, density: Ufl, degree: int) -> float:
             f"integrate: the density has the shape {expression.ufl_shape}; return a scalar, e.g."
             " ufl.inner(sigma, sigma)."
         )
-    form = compiled.form(model.on_meridian(expression) * sub_dx(model, degree))
-    return float(model.comm.allreduce(fem.assemble_scalar(form), MPI.SUM))
+    form = compiled.form(space.on_meridian(expression) * sub_dx(space, degree))
+    return float(space.comm.allreduce(fem.assemble_scalar(form), MPI.SUM))

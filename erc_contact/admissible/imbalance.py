@@ -46,6 +46,7 @@ from erc_contact.base.exceptions import NotBalanced
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_faces import RigidFace
 from erc_contact.model.motions.rigid_motions import greatest_of_bodies
+from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.simplex import local_facet_nodes
 
@@ -101,20 +102,21 @@ def proved_imbalance(
     Raises:
         NotBalanced: If it is more than round-off.
     """
+    space = model.space
     missing, size = of_cells
     greatest = _by_body(model, cells, size)
     # One solve is for all bodies: the greatest forces set its last digits.
     greatest = np.maximum(greatest, np.finfo(float).eps / UNBALANCED * greatest.max())
-    of_boundary = _of_boundary(model, cells, moment, given)
+    of_boundary = _of_boundary(space, cells, moment, given)
     found = [("in a cell", missing, np.arange(len(size))), ("on the boundary", *of_boundary)]
-    if model.comm.size > 1:
-        found.append(("between two ranks", *_between_ranks(model, cells, moment)))
+    if space.comm.size > 1:
+        found.append(("between two ranks", *_between_ranks(space, cells, moment)))
     found += [_of_law(traction) for traction in given.tractions]
     for face in model.loose_faces:
-        found.append(_of_face(model, cells, face, moment))
+        found.append(_of_face(space, cells, face, moment))
     amounts = np.concatenate([of_place for _, of_place, _ in found])
     nodes = cells.nodes[np.concatenate([of_cells for _, _, of_cells in found]), 0]
-    most = greatest_of_bodies(model.comm, model.bodies, nodes, amounts)
+    most = greatest_of_bodies(space.comm, model.bodies, nodes, amounts)
     ratio = float(_ratios(most, greatest).max())
     if ratio > UNBALANCED:
         digits = strain_digits(cells, u, len(size)) * greatest_moduli(model, cells, len(size))
@@ -131,7 +133,7 @@ def proved_imbalance(
 
 def _by_body(model: Model, cells: CellGeometry, forces: np.ndarray) -> np.ndarray:
     """Return the greatest of some forces of owned cells in each body; collective."""
-    return greatest_of_bodies(model.comm, model.bodies, cells.nodes[: len(forces), 0], forces)
+    return greatest_of_bodies(model.space.comm, model.bodies, cells.nodes[: len(forces), 0], forces)
 
 
 def _greatest_areas(cells: CellGeometry, count: int) -> np.ndarray:
@@ -163,7 +165,7 @@ def _worst(model: Model, cells: CellGeometry, found: list[Found], scales: np.nda
             at = int(np.argmax(ratios))
             middle = cells.corners[of_cells[at]].mean(axis=0)
             worst = _Worst(float(ratios[at]), float(amounts[at]), where, tuple(middle.tolist()))
-    return max(model.comm.allgather(worst), key=lambda found: found.ratio)
+    return max(model.space.comm.allgather(worst), key=lambda found: found.ratio)
 
 
 @dataclass(frozen=True)
@@ -203,11 +205,11 @@ def _ratios(amounts: np.ndarray, scales: np.ndarray) -> np.ndarray:
 
 
 def _of_boundary(
-    model: Model, cells: CellGeometry, moment: np.ndarray, given: Given
+    space: Space, cells: CellGeometry, moment: np.ndarray, given: Given
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the missing force on each facet of the boundary [force], and its cell."""
     cell = cells.side[0] // (cells.d + 1)
-    is_owned = (cell >= 0) & (cell < model.domain.owned_cells)
+    is_owned = (cell >= 0) & (cell < space.domain.owned_cells)
     facets = np.flatnonzero(is_owned & ~cells.has_second)
     difference = moment[facets] - given.boundary[facets]
     difference *= ~given.fixed[facets, None]
@@ -226,17 +228,17 @@ def _of_law(traction: ContactTraction) -> Found:
     return f"in the law of Contact({traction.contact.name!r})", forces, side.facets[side.owned, 0]
 
 
-def _of_face(model: Model, cells: CellGeometry, face: RigidFace, moment: np.ndarray) -> Found:
+def _of_face(space: Space, cells: CellGeometry, face: RigidFace, moment: np.ndarray) -> Found:
     """Return the force missing in the resultants of a rigid face; collective.
 
     Moments are divided by the size of the body.
     """
-    facets = model.facet_numbers(face.facets)
+    facets = space.facet_numbers(face.facets)
     on_face = np.zeros_like(moment)
     on_face[facets] = moment[facets]
-    nodal = nodal_forces(model, cells, on_face, None)
+    nodal = nodal_forces(space, cells, on_face, None)
     nodal.x.scatter_reverse(la.InsertMode.add)
-    works = face.work(nodal.x.array.reshape(-1, model.d)) - face.resultants
+    works = face.work(nodal.x.array.reshape(-1, space.d)) - face.resultants
     missing = abs(works / face.sizes)[face.free].max(initial=0.0)
     # Each rank with a part of the face tells it.
     cell = face.facets[:1, 0]
@@ -244,7 +246,7 @@ def _of_face(model: Model, cells: CellGeometry, face: RigidFace, moment: np.ndar
 
 
 def _between_ranks(
-    model: Model, cells: CellGeometry, moment: np.ndarray
+    space: Space, cells: CellGeometry, moment: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the missing force on each facet between two ranks [force], and its cell.
 
@@ -254,13 +256,13 @@ def _between_ranks(
     """
     d = cells.d
     cell = cells.side // (d + 1)
-    is_mine = (cells.side >= 0) & (cell < model.domain.owned_cells)
+    is_mine = (cells.side >= 0) & (cell < space.domain.owned_cells)
     facets = np.flatnonzero(cells.has_second & (is_mine[0] != is_mine[1]))
     sign = np.where(is_mine[0, facets], 1.0, -1.0)
     of_cell, i = np.divmod(cells.side[0, facets], d + 1)
     nodes = cells.nodes[of_cell[:, None], local_facet_nodes(d, cells.degree)[i]]
-    weight = 1.0 + (model.global_numbers(nodes) * GOLDEN) % 1.0
-    total = la.vector(model.mesh.topology.index_map(d - 1), d)
+    weight = 1.0 + (space.global_numbers(nodes) * GOLDEN) % 1.0
+    total = la.vector(space.mesh.topology.index_map(d - 1), d)
     rows = total.array.reshape(-1, d)
     rows[facets] = sign[:, None] * np.einsum("fm,fmi->fi", weight, moment[facets])
     total.scatter_reverse(la.InsertMode.add)

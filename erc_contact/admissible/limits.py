@@ -124,7 +124,7 @@ def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limi
 
     # One limit for each pair of a node and a normal, and the least gap of its facets.
     normals = np.broadcast_to(contact.trace.normals, traction.values.shape)
-    normals = normals.reshape(-1, model.d)
+    normals = normals.reshape(-1, model.space.d)
     key = np.column_stack([traction.nodes.ravel(), np.round(normals, 12)])
     _, first, of_facet = np.unique(key, axis=0, return_index=True, return_inverse=True)
     bound = np.full(len(first), np.inf)

@@ -22,16 +22,17 @@ from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import bernstein, from_means, nodes, rule
 
 
-def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndarray:
+def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndarray:
     """Compute the moments ``int_F t B_m`` of a traction on facets [force]; collective.
 
     On the axis the projection of a traction that has these moments is zero.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         facets: Pairs (cell, local facet), shape (facets, 2).
         traction: The traction, UFL [force/area], shape (d,).
 
@@ -39,29 +40,29 @@ def traction_moments(model: Model, facets: np.ndarray, traction: Ufl) -> np.ndar
         The moments [force], shape (facets, m, d), in the order of
         :meth:`Model.facet_nodes`.
     """
-    d, k = model.d, model.degree
-    area = model.facet_areas(facets)
+    d, k = space.d, space.degree
+    area = space.facet_areas(facets)
     if not varies_in_cells(traction):
         points, weights = rule(d - 1, DATA_DEGREE)
-        values = evaluate(traction, model.mesh, points, facets)
+        values = evaluate(traction, space.mesh, points, facets)
         weighted = weights[:, None] * bernstein(d - 1, k, points)
         moments = np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
-        return moments_off_axis(model, facets, moments)
-    load = Everywhere(traction, model.mesh)
+        return moments_off_axis(space, facets, moments)
+    load = Everywhere(traction, space.mesh)
 
     def products(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k, places), load(x, facets[entity]))
 
     total = integrate(
-        model.comm,
+        space.comm,
         products,
-        model.facet_corners(facets),
+        space.facet_corners(facets),
         area,
         facet_pieces(d - 1),
-        cuts=kinks_on_facets(model, [traction], facets),
+        cuts=kinks_on_facets(space, [traction], facets),
     )
-    of_facets = total.value.reshape(len(facets), len(model.facet_points), d)
-    return moments_off_axis(model, facets, of_facets)
+    of_facets = total.value.reshape(len(facets), len(space.facet_points), d)
+    return moments_off_axis(space, facets, of_facets)
 
 
 def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
@@ -73,23 +74,24 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     Returns:
         Coefficients, shape (n, N_(k-1), d), or None without body force.
     """
+    space = model.space
     if model.body_force is None:
         return None
     d, k = cells.d, cells.degree
     of_cells = np.arange(len(cells.nodes), dtype=np.int32)
     if not varies_in_cells(model.body_force):
-        values = model.at_middles(model.body_force, of_cells)[:, None]
+        values = space.at_middles(model.body_force, of_cells)[:, None]
         return np.repeat(values, len(nodes(d, k - 1)), axis=1) * cells.volume[:, None, None]
-    load = Everywhere(model.body_force, model.mesh)
+    load = Everywhere(model.body_force, space.mesh)
 
     def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k - 1, places), load(x, of_cells[entity]))
 
     # All ranks have DOLFINx's order of the vertices, and so the same integration points
     # and forces of a cell. Only then the vertices are sorted.
-    total = integrate(model.comm, moments, model.cell_corners(), cells.volume, cell_pieces(d))
+    total = integrate(space.comm, moments, space.cell_corners(), cells.volume, cell_pieces(d))
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
-    if model.axisymmetric:
+    if space.axisymmetric:
         means[..., 0] = 0.0
     forces = from_means(d, k - 1, means)
     if k == 1:
@@ -113,8 +115,9 @@ def load_moments(model: Model, cells: CellGeometry) -> np.ndarray:
     Returns:
         Moments [force], shape (facets, m, d).
     """
-    result = np.zeros((cells.side.shape[1], len(model.facet_points), cells.d))
+    space = model.space
+    result = np.zeros((cells.side.shape[1], len(space.facet_points), cells.d))
     for load in model.surface_loads:
         facets = model.domain.facets(load.facets)
-        add_moments(model, result, facets, traction_moments(model, facets, load.density))
+        add_moments(space, result, facets, traction_moments(space, facets, load.density))
     return result

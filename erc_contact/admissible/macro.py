@@ -18,6 +18,7 @@ barycentre.
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -110,18 +111,25 @@ def macro_values(stress: np.ndarray, k: int, cell: np.ndarray, places: np.ndarra
     return np.matmul(polynomials(k, local), stress[cell, sub])
 
 
-@cache
-def macro_points(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a quadrature on the sub-simplices.
+class MacroPoints(NamedTuple):
+    """Hold a quadrature on the sub-simplices of the reference cell.
 
-    It is exact for the square of a polynomial of degree k.
-
-    Returns:
-        Bernstein polynomials of a sub-simplex at its points (q, N_k); points of the
-        cell ((d+1) q, d), which a permutation of the vertices permutes; their weights,
-        with sum 1.
+    Attributes:
+        shape: Bernstein polynomials of a sub-simplex at its points, shape (q, N_k).
+        points: Points of the cell, which a permutation of the vertices permutes, shape
+            ((d+1) q, d).
+        weights: Their weights, with sum 1, shape ((d+1) q,).
     """
+
+    shape: np.ndarray
+    points: np.ndarray
+    weights: np.ndarray
+
+
+@cache
+def macro_points(d: int, k: int) -> MacroPoints:
+    """Return a quadrature that is exact for the square of a polynomial of degree k."""
     points, weights = rule(d, 2 * k)
     places = np.matmul(barycentric(points), cell_pieces(d)).reshape(-1, d + 1)[:, 1:]
     shape = np.ascontiguousarray(bernstein(d, k, points))
-    return shape, places, np.tile(weights / (d + 1), d + 1)
+    return MacroPoints(shape, places, np.tile(weights / (d + 1), d + 1))

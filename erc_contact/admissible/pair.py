@@ -93,7 +93,7 @@ class Admissible:
         Nothing is computed, so one rank alone may ask.
         """
         return (
-            f"<Admissible pair of degree {self.model.degree} on {self.domain.cells} cells, "
+            f"<Admissible pair of degree {self.model.space.degree} on {self.domain.cells} cells, "
             f"{len(self.tractions)} contacts, tightened {self.tightening} times>"
         )
 
@@ -134,12 +134,12 @@ class Admissible:
 
     def _traction_through(self, tie: ContactOnMesh) -> ContactTraction:
         """Return the traction of sigma^ on the first side of a tied joint."""
-        model = self.model
+        space = self.model.space
         here = tie.trace.here
         cells = self.cell_geometry
-        first = cells.side[0][model.facet_numbers(here.facets)] // (model.d + 1)
+        first = cells.side[0][space.facet_numbers(here.facets)] // (space.d + 1)
         sign = np.where(first == here.facets[:, 0], 1.0, -1.0)
-        values = sign[:, None, None] * tractions_of(model, self.facet_moments, here.facets)
+        values = sign[:, None, None] * tractions_of(space, self.facet_moments, here.facets)
         # A tied joint carries any shear.
         bound = np.full(values.shape[:2], np.inf)
         return ContactTraction(tie, here.nodes, here.areas, values, bound)
@@ -150,16 +150,16 @@ class Admissible:
         It is the traction on the side that the scene names first. On rings it
         interpolates the traction at the nodes of facets.
         """
-        model = self.model
+        space = self.model.space
         corners = traction.contact.trace.here.corners
         named = traction.contact.named_corners
-        share = area_ratio(model, corners, named, model.facet_points)[..., None]
-        to_coefficients = coefficients(model.d - 1, model.degree)
+        share = area_ratio(space, corners, named, space.facet_points)[..., None]
+        to_coefficients = coefficients(space.d - 1, space.degree)
 
         def shown(values: np.ndarray) -> np.ndarray:
-            if not model.axisymmetric:
+            if not space.axisymmetric:
                 return share * values
-            nodal = share * per_area(model, corners, values, model.facet_points)
+            nodal = share * per_area(space, corners, values, space.facet_points)
             return np.matmul(to_coefficients, nodal)
 
         bound = traction.friction_bound
@@ -174,30 +174,31 @@ class Admissible:
         Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
         """
         model = self.model
-        points = profile_points(model)
+        space = model.space
+        points = profile_points(space)
         corners = traction.contact.trace.here.corners
-        r = per_area(model, corners, traction.values, points)
+        r = per_area(space, corners, traction.values, points)
         if traction.contact in model.ties:
             return r, np.full(r.shape[:2], np.inf)
-        return r, per_area(model, corners, traction.friction_bound, points)
+        return r, per_area(space, corners, traction.friction_bound, points)
 
     def status(self, traction: ContactTraction) -> np.ndarray:
         """Tell which facets are open, slip, stick or are closed, (f,); collective.
 
         See :func:`erc_contact.model.contact.status.facet_status`.
         """
-        model = self.model
+        space = self.model.space
         r, bound = self.at_profile_points(traction)
-        points, weights = profile_points(model), profile_weights(model)
+        points, weights = profile_points(space), profile_weights(space)
         u = self.displacement
-        return facet_status(model, traction.contact, u, r, bound, points, weights)
+        return facet_status(space, traction.contact, u, r, bound, points, weights)
 
     def dx(self, degree: int = FIELD_DEGREE) -> Ufl:
         """Return the measure of the body for forms with sigma^, UFL.
 
         Its rule is exact up to this degree in each sub-simplex.
         """
-        return sub_dx(self.model, degree)
+        return sub_dx(self.model.space, degree)
 
     def stress_function(self, degree: int = FIELD_DEGREE) -> fem.Function:
         """Return sigma^ as a Function of shape (d, d) [force/area]; collective.

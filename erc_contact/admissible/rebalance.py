@@ -31,6 +31,7 @@ from erc_contact.model.motions.held_motions import held_products
 from erc_contact.model.motions.rigid_motions import greatest_of_bodies, motions_not_held
 from erc_contact.model.motions.unheld import is_round_off, taking_up, works_on
 from erc_contact.model.preload import motions_of_halves
+from erc_contact.model.space import Space
 from erc_contact.newton.linear.solver import ElasticSolver
 from namedmesh.simplex import coefficients, local_facet_nodes, mass, nodes
 
@@ -51,22 +52,22 @@ SOLVE_SHARE = 0.3
 
 
 def nodal_forces(
-    model: Model, cells: CellGeometry, moments: np.ndarray, force: np.ndarray | None
+    space: Space, cells: CellGeometry, moments: np.ndarray, force: np.ndarray | None
 ) -> fem.Function:
     """Assemble nodal forces from moments on facets and cell forces [force].
 
     They are not yet summed over ranks.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         cells: Geometry, n cells.
         moments: Moments of tractions on facets [force], shape (facets, m, d).
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
             None.
     """
-    d, k = model.d, model.degree
-    owned = model.domain.owned_cells
-    b = model.function()
+    d, k = space.d, space.degree
+    owned = space.domain.owned_cells
+    b = space.function()
     nodal = b.x.array.reshape(-1, d)
     # The rank that owns the first cell of a facet adds its force, and no other one.
     first = cells.side[0]
@@ -86,7 +87,7 @@ def load_forces(
     model: Model, cells: CellGeometry, moments: np.ndarray, force: np.ndarray | None
 ) -> fem.Function:
     """Add the forces of rigid faces to the nodal forces of :func:`nodal_forces`."""
-    b = nodal_forces(model, cells, moments, force)
+    b = nodal_forces(model.space, cells, moments, force)
     if model.face_forces is not None:
         b.x.array[:] += model.face_forces.x.array
     return b
@@ -116,15 +117,16 @@ def balanced_forces(
         The body force that is in balance, and what it has more [force/volume], constant
         in cells, shape (n, d); None without.
     """
+    space = model.space
     functions = model.unheld.functions
     if not functions:
         return force, None
     b = load_forces(model, cells, np.where(fixed[:, None, :], 0.0, loads), force)
-    works, sizes = works_on(model, functions, b)
+    works, sizes = works_on(space, functions, b)
     if is_round_off(works, sizes):
         return force, None
-    relief = taking_up(model, functions, works)
-    shape = (len(cells.volume), len(nodes(model.d, model.degree - 1)), model.d)
+    relief = taking_up(space, functions, works)
+    shape = (len(cells.volume), len(nodes(space.d, space.degree - 1)), space.d)
     before = np.zeros(shape) if force is None else force
     return before + (relief * cells.volume[:, None])[:, None], relief
 
@@ -156,13 +158,14 @@ def other_forces(
         u: Displacement of the contact solve [length].
         bolts: Forces that sigma^ has in bolts, by the names of preloads [force].
     """
+    space = model.space
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
         values = model.unheld.motions_of_bodies.values
         fixed = model.held_or_anchored
-        held = held_products(model, model.bodies, values, fixed, faces=model.loose_faces)
-        motions = motions_not_held(model, model.bodies[0], values, held)
+        held = held_products(space, model.bodies, values, fixed, faces=model.loose_faces)
+        motions = motions_not_held(space, model.bodies[0], values, held)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
@@ -174,7 +177,7 @@ def other_forces(
     b = load_forces(model, cells, boundary, force)
     works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])
-    total = model.comm.allreduce(local, MPI.SUM)
+    total = space.comm.allreduce(local, MPI.SUM)
     motions = [*motions, *of_halves]
     works = [*total[:-1], *works_on_halves]
     size = float(total[-1]) + float(np.sum(np.abs(works_on_halves)))
@@ -231,7 +234,7 @@ def rebalanced_stress(
             forces = b
             if model.springs:
                 pulled = spring_moments(model, spring_tractions(model, balanced))
-                forces = nodal_forces(model, cells, pulled, None)
+                forces = nodal_forces(model.space, cells, pulled, None)
                 forces.x.array[:] += b.x.array
             residual, size = _residual(model, cells, forces, stress)
             if size <= FORCE_ROUND_OFF:
@@ -243,39 +246,39 @@ def rebalanced_stress(
             stress = stress.plus(cell_stress(model, cells, change, change=True))
             if model.springs:
                 balanced.x.array[:] += change.x.array
-    return Rebalanced(_stress_of_owners(model, cells, stress), balanced, missing, first)
+    return Rebalanced(_stress_of_owners(model.space, cells, stress), balanced, missing, first)
 
 
-def _stress_of_owners(model: Model, cells: CellGeometry, stress: CellStress) -> CellStress:
+def _stress_of_owners(space: Space, cells: CellGeometry, stress: CellStress) -> CellStress:
     """Return the stress of each cell as its owner has computed it; collective.
 
     After a large slide the round-off of two ranks differs by more than the balance
     allows. So a rank that has the cell as a ghost takes the stress of the owner.
     """
-    if model.comm.size == 1:
+    if space.comm.size == 1:
         return stress
     is_constant = stress.in_plane.shape[1] == 1
     order = None if is_constant else cells.order
-    in_plane = _values_of_owners(model, stress.in_plane, order)
+    in_plane = _values_of_owners(space, stress.in_plane, order)
     hoop = None
     if stress.hoop is not None:
-        hoop = _values_of_owners(model, stress.hoop, cells.places)
+        hoop = _values_of_owners(space, stress.hoop, cells.places)
     return CellStress(in_plane, hoop)
 
 
-def _values_of_owners(model: Model, values: np.ndarray, order: np.ndarray | None) -> np.ndarray:
+def _values_of_owners(space: Space, values: np.ndarray, order: np.ndarray | None) -> np.ndarray:
     """Return values of cells as their owners have them; collective.
 
     The ranks do not agree on the order of the vertices that sorts them, but on
     DOLFINx's order, in which the values are sent.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         values: Values at nodes of the cells, shape (n, nodes, ...).
         order: Place of each node in DOLFINx's order, shape (n, nodes); None for one
             value a cell.
     """
-    vector = la.vector(model.mesh.topology.index_map(model.d), int(np.prod(values.shape[1:])))
+    vector = la.vector(space.mesh.topology.index_map(space.d), int(np.prod(values.shape[1:])))
     shared = vector.array.reshape(values.shape)
     if order is None:
         shared[:] = values
@@ -297,7 +300,8 @@ def _residual(
         greatest force of b or, see :func:`_forces_that_stay`, of the stress on a facet
         in the same body [-].
     """
-    d, k = model.d, model.degree
+    space = model.space
+    d, k = space.d, space.degree
     owned = model.domain.owned_cells
     to_cells = divergence(d, k)
     on_facets = facet_forces(cells.area[:owned], stress.in_plane[:owned])
@@ -305,7 +309,7 @@ def _residual(
     of_cells = np.matmul(coefficients(d, k).T @ to_cells, by_cell)
     if stress.hoop is not None:
         of_cells[..., 0] -= stress.hoop[:owned] @ coefficients(d, k)
-    residual = model.function()
+    residual = space.function()
     residual.x.array[:] = b.x.array
     np.add.at(residual.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)
 
@@ -314,13 +318,13 @@ def _residual(
     total.x.scatter_reverse(la.InsertMode.add)
     nodal = total.x.array.reshape(-1, d)
     bodies = model.bodies
-    nodes = np.arange(model.V.dofmap.index_map.size_local)
+    nodes = np.arange(space.V.dofmap.index_map.size_local)
     left = np.where(model.supported[nodes], 0.0, abs(nodal[nodes]))
-    unbalanced = greatest_of_bodies(model.comm, bodies, nodes, left)
+    unbalanced = greatest_of_bodies(space.comm, bodies, nodes, left)
     loads = np.where(model.supported, 0.0, abs(b.x.array.reshape(-1, d)))
-    of_loads = greatest_of_bodies(model.comm, bodies, np.arange(len(loads)), loads)
+    of_loads = greatest_of_bodies(space.comm, bodies, np.arange(len(loads)), loads)
     forces = _forces_that_stay(cells, stress.in_plane[:owned], on_facets)
-    of_stress = greatest_of_bodies(model.comm, bodies, cells.nodes[:owned, 0], forces)
+    of_stress = greatest_of_bodies(space.comm, bodies, cells.nodes[:owned, 0], forces)
     greatest = np.maximum(of_loads, of_stress)
     for face in model.loose_faces:
         # On the free motions of a face its resultants and the reactions do no work.

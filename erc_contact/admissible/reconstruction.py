@@ -62,7 +62,7 @@ class Reconstruction:
             body[..., 0] -= self.balanced.hoop
         # A rank has all cells around the nodes of its own cells, but not around others.
         complete = np.zeros(len(model.fixed), dtype=bool)
-        complete[model.nodes[: model.domain.owned_cells]] = True
+        complete[model.space.nodes[: model.domain.owned_cells]] = True
         stress = self.balanced.in_plane
         return equilibrated_moments(cells, stress, body, self.boundary, fixed, complete)
 

@@ -23,6 +23,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_motions import block_diagonal
 from erc_contact.model.motions.rigid_shapes import translations_and_rotations
+from erc_contact.model.space import Space
 from namedmesh.base.ranks import box
 
 SOFT_SHARE = 0.15
@@ -51,9 +52,10 @@ def with_soft_contacts(
     Returns:
         What r^ has to balance, or None where nothing soft holds a contact.
     """
+    space = model.space
     if balanced.missing is None or balanced.change is None:
         return None
-    comm = model.comm
+    comm = space.comm
     local_work = float(balanced.missing.x.array @ balanced.change.x.array)
     if comm.allreduce(local_work, MPI.SUM) <= SOFT_SHARE * bulk:
         return None
@@ -66,7 +68,7 @@ def with_soft_contacts(
             continue
         local = [balanced.missing.x.array @ motion.x.array for motion in of_contact]
         left = comm.allreduce(np.array(local), MPI.SUM)
-        moved = _rigid_part(model, traction, of_contact, balanced.change)
+        moved = _rigid_part(space, traction, of_contact, balanced.change)
         energy = float(left @ moved)
         if energy > SOFT_SHARE * bulk:
             motions += of_contact
@@ -75,7 +77,7 @@ def with_soft_contacts(
     if not motions:
         return None
     # What is missing is the work of r^ and of all other forces together.
-    works = np.concatenate(missing) - _works_of(model, tractions, motions)
+    works = np.concatenate(missing) - _works_of(space, tractions, motions)
     free = np.zeros((len(others.motions) + len(motions), others.free.shape[1]))
     free[: len(others.motions)] = others.free
     return OtherForces(
@@ -94,10 +96,11 @@ def _motions_of(model: Model, traction: ContactTraction) -> list[fem.Function]:
     components that supports fix. Rotations are about the middle of the nodes, and
     divided by their extent. A contact that is open everywhere has none.
     """
-    comm, d = model.comm, model.d
+    space = model.space
+    comm, d = space.comm, space.d
     acts = traction.values.any(axis=(1, 2))
     nodes = np.unique(traction.nodes[acts])
-    x = model.V.tabulate_dof_coordinates()[nodes, :d]
+    x = space.V.tabulate_dof_coordinates()[nodes, :d]
     low, high = box(comm, x)
     if not np.isfinite(low).all():
         return []  # nothing is transmitted
@@ -106,7 +109,7 @@ def _motions_of(model: Model, traction: ContactTraction) -> list[fem.Function]:
     free = ~model.fixed[nodes]
     motions = []
     for number in range(shapes.shape[2]):
-        motion = model.function()
+        motion = space.function()
         motion.x.array.reshape(-1, d)[nodes] = free * shapes[:, :, number]
         # A rank may not have all facets of a node that is another one's.
         motion.x.scatter_forward()
@@ -115,7 +118,7 @@ def _motions_of(model: Model, traction: ContactTraction) -> list[fem.Function]:
 
 
 def _rigid_part(
-    model: Model, traction: ContactTraction, motions: list[fem.Function], w: fem.Function
+    space: Space, traction: ContactTraction, motions: list[fem.Function], w: fem.Function
 ) -> np.ndarray:
     """Fit rigid motions to the displacement of a contact [length]; collective.
 
@@ -130,17 +133,17 @@ def _rigid_part(
     weighted = weight[..., None] * shapes
     products = np.einsum("kfmi,lfmi->kl", weighted, shapes)
     right = np.einsum("kfmi,fmi->k", weighted, jump)
-    total = model.comm.allreduce(np.column_stack([products, right]), MPI.SUM)
+    total = space.comm.allreduce(np.column_stack([products, right]), MPI.SUM)
     return np.linalg.lstsq(total[:, :-1], total[:, -1], rcond=None)[0]
 
 
 def _works_of(
-    model: Model, tractions: list[ContactTraction], motions: list[fem.Function]
+    space: Space, tractions: list[ContactTraction], motions: list[fem.Function]
 ) -> np.ndarray:
     """Compute the works of tractions on motions [force], shape (K,); collective."""
     total = np.zeros(len(motions))
     for traction in tractions:
-        weight, shapes = weights_and_motions(model, traction.contact, motions)
+        weight, shapes = weights_and_motions(space, traction.contact, motions)
         forces = weight[..., None] * traction.values
         total += np.einsum("fmi,fmik->k", forces, shapes)
-    return model.comm.allreduce(total, MPI.SUM)
+    return space.comm.allreduce(total, MPI.SUM)

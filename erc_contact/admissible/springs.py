@@ -76,7 +76,7 @@ def chosen_tractions(
         Bernstein coefficients, shape (f, m, d) each.
     """
     of_springs = facet_moments - loads
-    return [tractions_of(model, of_springs, spring.side.facets) for spring in model.springs]
+    return [tractions_of(model.space, of_springs, spring.side.facets) for spring in model.springs]
 
 
 def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
@@ -85,10 +85,11 @@ def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
     Returns:
         Shape (facets, m, d).
     """
-    total = np.zeros((model.facet_count, len(model.facet_points), model.d))
+    space = model.space
+    total = np.zeros((space.facet_count, len(space.facet_points), space.d))
     for spring, t in zip(model.springs, tractions, strict=True):
-        moment = moments(spring.side.areas, t, model.degree)
-        add_moments(model, total, spring.side.facets, moment)
+        moment = moments(spring.side.areas, t, space.degree)
+        add_moments(space, total, spring.side.facets, moment)
     return total
 
 
@@ -98,19 +99,20 @@ def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
     Returns:
         Shape (K, K), zero without springs.
     """
+    space = model.space
     total = np.zeros((len(motions), len(motions)))
     if not model.springs:
         return total
     for spring in model.springs:
         side = spring.side
         owned = side.owned
-        pulls = [moments(side.areas, spring.pull(m.x.array), model.degree) for m in motions]
+        pulls = [moments(side.areas, spring.pull(m.x.array), space.degree) for m in motions]
         # A motion is linear: its values at the nodes of a facet are its coefficients.
-        values = [m.x.array.reshape(-1, model.d)[side.nodes] for m in motions]
+        values = [m.x.array.reshape(-1, space.d)[side.nodes] for m in motions]
         by_facets = np.stack(pulls)[:, owned]
         of_motions = np.stack(values)[:, owned]
         total += np.einsum("kfmi,lfmi->kl", by_facets, of_motions)
-    return model.comm.allreduce(total, MPI.SUM)
+    return space.comm.allreduce(total, MPI.SUM)
 
 
 def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray:
@@ -122,11 +124,11 @@ def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray
     if not model.springs:
         return np.eye(len(motions))
     total = np.zeros((len(motions), len(motions)))
-    at_nodes = np.stack([m.x.array.reshape(-1, model.d) for m in motions], axis=-1)
+    at_nodes = np.stack([m.x.array.reshape(-1, model.space.d) for m in motions], axis=-1)
     for spring in model.springs:
         _, resisted = spring.resist(at_nodes)
         total += np.einsum("ndk,ndl->kl", resisted, resisted)
-    return kernel(model.comm.allreduce(total, MPI.SUM))
+    return kernel(model.space.comm.allreduce(total, MPI.SUM))
 
 
 def spring_squares(
@@ -144,10 +146,11 @@ def spring_squares(
     Returns:
         The squares on each owned cell [force length].
     """
+    space = model.space
     result = np.zeros((2, model.domain.owned_cells))
     # On rings the squares are rational.
-    points, weights = rule(model.d - 1, RING_DEGREE if model.axisymmetric else 2 * model.degree)
-    shape = bernstein(model.d - 1, model.degree, points)
+    points, weights = rule(space.d - 1, RING_DEGREE if space.axisymmetric else 2 * space.degree)
+    shape = bernstein(space.d - 1, space.degree, points)
     for spring, t in zip(model.springs, tractions, strict=True):
         owned = spring.side.owned
         cells = spring.side.facets[owned, 0]
@@ -167,12 +170,13 @@ def spring_work(model: Model, v: fem.Function, tractions: list[np.ndarray]) -> f
         v: A displacement [length].
         tractions: t^ on each part with springs.
     """
+    space = model.space
     work = 0.0
     for spring, t in zip(model.springs, tractions, strict=True):
         side = spring.side
-        nodal = v.x.array.reshape(-1, model.d)[side.nodes]
-        of_v = np.matmul(coefficients(model.d - 1, model.degree), nodal)
-        of_facets = (moments(side.areas, t, model.degree) * of_v).sum(axis=(1, 2))
+        nodal = v.x.array.reshape(-1, space.d)[side.nodes]
+        of_v = np.matmul(coefficients(space.d - 1, space.degree), nodal)
+        of_facets = (moments(side.areas, t, space.degree) * of_v).sum(axis=(1, 2))
         work -= float(of_facets[side.owned].sum())
     return work
 
@@ -184,7 +188,7 @@ def supported_components(model: Model, cells: CellGeometry) -> np.ndarray:
     """
     fixed = np.zeros((cells.side.shape[1], cells.d), dtype=bool)
     for facets, components in model.fixed_facets:
-        fixed[model.facet_numbers(facets)] |= components
+        fixed[model.space.facet_numbers(facets)] |= components
     for spring in model.springs:
-        fixed[model.facet_numbers(spring.side.facets)] |= stiff_components(spring)
+        fixed[model.space.facet_numbers(spring.side.facets)] |= stiff_components(spring)
     return fixed

@@ -23,7 +23,6 @@ from erc_contact.model.contact.friction import CONSTANT
 from erc_contact.model.contact.turning import Turning, turning_of
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.meridian import off_axis, vertices_off_axis, without_axis
-from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from namedmesh.simplex import (
     at_nodes,
@@ -155,24 +154,24 @@ class Trial:
         )
 
     def weights_and_motions(
-        self, model: Model, motions: list[fem.Function]
+        self, space: Space, motions: list[fem.Function]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the weights of the coefficients, and motions there.
 
         They are as :func:`weights_and_motions` returns them, for the tractions of the
         trial.
         """
-        weight, of_nodes = self._weights_and_motions(model, motions)
+        weight, of_nodes = self._weights_and_motions(space, motions)
         if self.off_axis is not None:
             of_nodes = of_nodes * self.off_axis[..., None, None]
         return weight, of_nodes
 
     def _weights_and_motions(
-        self, model: Model, motions: list[fem.Function]
+        self, space: Space, motions: list[fem.Function]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return :meth:`weights_and_motions`, on the axis, too."""
         if self.turning is None:
-            return weights_and_motions(model, self.contact, motions)
+            return weights_and_motions(space, self.contact, motions)
         trace = self.contact.trace
         # A motion is linear: its values at the nodes are also its coefficients.
         turned = [self.turning.means(trace.of(motion.x.array)) for motion in motions]

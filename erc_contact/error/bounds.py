@@ -120,6 +120,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     refuse_potential(error.solution.scene.material, "resultant()", BY_FORCE)
     pair = error.admissible
     model = pair.model
+    space = model.space
     bound = model.contact(contact)
     if bound in model.ties:
         raise InputError(
@@ -128,8 +129,8 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
         )
     which = model.contacts.index(bound)
     a = np.asarray(direction, dtype=float)
-    if a.shape != (model.d,) or not np.isfinite(a).all():
-        raise InputError(f"The direction is {direction!r}; give {model.d} finite numbers.")
+    if a.shape != (space.d,) or not np.isfinite(a).all():
+        raise InputError(f"The direction is {direction!r}; give {space.d} finite numbers.")
     if contact != bound.side_names[0]:
         # Action and reaction: the traction on the other body is the opposite one.
         a = -a
@@ -141,7 +142,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     # If phi is a rigid motion, (b) is the balance of forces, which needs no friction
     # law.
-    stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
+    stiffest = model.stiffest() * model.domain.extent ** (space.d - 2)
     is_rigid = bool(size <= RIGID_ENERGY * np.linalg.norm(a) * np.sqrt(stiffest))
     from_loads = is_rigid and error.geometry_error <= ROUND_OFF * error.scale
     proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)
@@ -178,8 +179,8 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     stored = strain_energy(pair, u, UNKNOWN_SHARE * error.absolute**2 / 2)
     J = stored - load_work(model, u) - work_on_jumps(pair)
     for traction in pair.tractions:
-        J += friction_work(model, traction, u, 2 * ROUND_OFF * stored.value)
-        J += foundation_energy(model, traction, u, 2 * ROUND_OFF * stored.value)
+        J += friction_work(model.space, traction, u, 2 * ROUND_OFF * stored.value)
+        J += foundation_energy(model.space, traction, u, 2 * ROUND_OFF * stored.value)
     facets = error.geometry_error**2 / 2
     # The round-off of strains does work on the stresses.
     unknown = J.bound + error.round_off * (error.scale + error.absolute)

@@ -37,21 +37,22 @@ def body_error(admissible: Admissible) -> LawError:
     strain vary inside cells, the gap contains what its integral leaves unknown.
     """
     model = admissible.model
+    space = model.space
     if model.constitution.varies_in_cells:
         return _adapted_squares(admissible)
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
-    shape, points, weights = macro_points(model.d, model.degree)
+    shape, points, weights = macro_points(space.d, space.degree)
     compliance = macro_moduli(model, cells, owned, inverse=True)
     elastic = elastic_coefficients(model, cells, admissible.displacement, owned)
     stress = admissible.stress
     sizes = (owned, *stress.shape[1:3], len(shape))
     rule = (shape, weights, cells.volume)
-    of_elastic = np.ascontiguousarray(bernstein(model.d, model.degree - 1, points))
+    of_elastic = np.ascontiguousarray(bernstein(space.d, space.degree - 1, points))
     stresses = (stress, elastic.shape[1], of_elastic, np.ascontiguousarray(elastic))
     material = (len(compliance) > 1, compliance.shape[1], np.ascontiguousarray(compliance))
     difference, of_sum = np.empty((2, owned))
-    kernels(model.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, of_sum)
+    kernels(space.d)("stress_squares", *sizes, *rule, *stresses, *material, difference, of_sum)
     return LawError(difference, of_sum)
 
 
@@ -65,11 +66,12 @@ def spring_error(admissible: Admissible) -> LawError:
 def _adapted_squares(admissible: Admissible) -> LawError:
     """Compute the result of :func:`body_error` for data that vary; collective."""
     model = admissible.model
+    space = model.space
     cells = admissible.cell_geometry
-    k = model.degree
+    k = space.degree
     owned = model.domain.owned_cells
-    of_cells = model.owned_cells
-    strain = CellStrains.of(model, cells, admissible.displacement)
+    of_cells = space.owned_cells
+    strain = CellStrains.of(space, cells, admissible.displacement)
 
     def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         sigma = macro_values(admissible.stress, k, cell, places)
@@ -84,17 +86,17 @@ def _adapted_squares(admissible: Admissible) -> LawError:
     if is_rational(model):
         value, bound, is_done = squares_of_rings(model, cells, admissible.stress, strain)
     left = np.flatnonzero(~is_done)
-    middles = np.full((len(left), 1, model.d + 1), 1 / (model.d + 1))
+    middles = np.full((len(left), 1, space.d + 1), 1 / (space.d + 1))
     in_middles = squares(left, middles, corners[left].mean(axis=1, keepdims=True))
     size = float(value[:, 1].sum() + volume[left] @ in_middles[:, 0, 1])
     # An error that is round-off of the stresses need not be resolved.
-    floor = np.array([DATA_ROUND_OFF**2 * model.comm.allreduce(size, MPI.SUM), 0.0])
+    floor = np.array([DATA_ROUND_OFF**2 * space.comm.allreduce(size, MPI.SUM), 0.0])
     total = integrate(
-        model.comm,
+        space.comm,
         squares,
         corners,
         np.where(is_done, 0.0, volume),
-        cell_pieces(model.d),
+        cell_pieces(space.d),
         share=UNKNOWN_SHARE,
         floor=floor,
     )
@@ -115,8 +117,8 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
         of_sum: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
             length].
     """
-    model = admissible.model
-    domain = model.domain
+    space = admissible.model.space
+    domain = space.domain
     cells = admissible.cell_geometry
     result = np.zeros(len(of_sum))
     if domain.offset is None or domain.curved_facets is None:
@@ -128,13 +130,13 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
     values = density.x.array
 
     # The cell beyond a facet is the cell itself on the boundary of the body.
-    sides = sides_of_facets(model.mesh, domain.curved_facets.indices)
-    sides = sides[model.owned(sides)]
+    sides = sides_of_facets(space.mesh, domain.curved_facets.indices)
+    sides = sides[space.owned(sides)]
     cell = sides[:, 0]
-    both_cells = cells.side[:, model.facet_numbers(sides)] // (model.d + 1)
+    both_cells = cells.side[:, space.facet_numbers(sides)] // (space.d + 1)
     beyond = np.where(both_cells[0] == cell, both_cells[1], both_cells[0])
     inside = beyond != cell
     jump = values[cell] - np.where(inside, values[beyond], 0.0)
-    square = GEOMETRY_MARGIN * abs(jump) * swept(domain.offset, sides, model.facet_areas(sides))
+    square = GEOMETRY_MARGIN * abs(jump) * swept(domain.offset, sides, space.facet_areas(sides))
     np.add.at(result, cell, np.where(inside, 0.5, 1.0) * square)
     return result

@@ -182,11 +182,11 @@ def certify(
     for contact in model.contacts:
         if contact.stiffness is not None:
             continue  # a compliant foundation may be entered
-        w_n, _, _ = split(contact.trace.of(solution.u.x.array), contact.trace.normals)
-        beyond = w_n - gap_at_nodes(model, contact)
+        w_n = split(contact.trace.of(solution.u.x.array), contact.trace.normals).normal
+        beyond = w_n - gap_at_nodes(model.space, contact)
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     moved = float(abs(solution.u.x.array).max(initial=0.0))
-    penetration, size = np.max(model.comm.allgather([penetration, moved]), axis=0)
+    penetration, size = np.max(model.space.comm.allgather([penetration, moved]), axis=0)
     pair = equilibrated(solution, tighten, None, is_own=traction is None)
     error = constitutive_error(pair)
     # On curved contacts that are partly closed, reactions of coarse meshes give an e
@@ -217,21 +217,22 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     The stress of u_r is the rebalanced one of the pair.
     """
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
-    _, points, weights = macro_points(model.d, model.degree)
+    _, points, weights = macro_points(space.d, space.degree)
     balanced = np.matmul(
-        bernstein(model.d, model.degree - 1, points), mandel(pair.fe_stress[:owned])
+        bernstein(space.d, space.degree - 1, points), mandel(pair.fe_stress[:owned])
     )
     elastic = elastic_stress(model, cells, pair.displacement, owned)
     if pair.balanced.hoop is not None:
         # Of the hoop force, its projection on degree k is in equilibrium.
-        places = macro_places(model, cells, owned)
+        places = macro_places(space, cells, owned)
         means = pair.balanced.hoop[:owned, :, None] / cells.volume[:owned, None, None]
-        force = from_means(model.d, model.degree, means)
-        hoop = places[..., :1] * np.matmul(bernstein(model.d, model.degree, points), force)
+        force = from_means(space.d, space.degree, means)
+        hoop = places[..., :1] * np.matmul(bernstein(space.d, space.degree, points), force)
         if model.hoop_load is not None:
-            hoop[..., 0] += model.hoop_load(places, model.owned_cells)
+            hoop[..., 0] += model.hoop_load(places, space.owned_cells)
         balanced = np.concatenate([balanced, hoop], axis=-1)
     difference = balanced - elastic
     compliance = macro_moduli(model, cells, owned, inverse=True)
@@ -240,4 +241,4 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     # Springs pull at u_r, so that all of the error in their law is this distance.
     of_springs, _ = spring_squares(model, pair.displacement, pair.spring_tractions)
     local += float(of_springs.sum())
-    return float(model.comm.allreduce(local, MPI.SUM))
+    return float(space.comm.allreduce(local, MPI.SUM))

@@ -202,7 +202,7 @@ class ConstitutiveError:
     @property
     def degree(self) -> int:
         """Return the degree of the displacement."""
-        return self.model.degree
+        return self.model.space.degree
 
     def force(self, part: str) -> Force:
         """Return a part's force, see :func:`erc_contact.results.force`; collective."""
@@ -233,7 +233,7 @@ class ConstitutiveError:
         """
         pair = self.admissible
         value = density(pair.displacement, pair.stress_function(degree))
-        return integral(self.model, value, degree)
+        return integral(self.model.space, value, degree)
 
     def maximum(self, quantity: str, stress: str = "admissible") -> Maximum:
         """Return the greatest value of a quantity and its place; collective.
@@ -281,6 +281,7 @@ class ConstitutiveError:
         Raises:
             InputError: If a potential does not tell its convexity.
         """
+        space = self.model.space
         linearised = self.model.linearised
         if linearised is None:
             return self.absolute
@@ -291,10 +292,10 @@ class ConstitutiveError:
                 f"displacement_error: {material} does not tell its convexity; give it a method"
                 " convexity(**parameters). absolute bounds both energies."
             )
-        cells = self.model.owned_cells
-        corners = self.model.cell_corners()[cells]
-        x = np.matmul(barycentric(lattice(self.model.d, DATA_DEGREE)), corners)
-        least, _ = self.model.extremes(law.convexity(x, cells))
+        cells = space.owned_cells
+        corners = space.cell_corners()[cells]
+        x = np.matmul(barycentric(lattice(space.d, DATA_DEGREE)), corners)
+        least, _ = space.extremes(law.convexity(x, cells))
         return self.absolute / float(np.sqrt(least))
 
     @property
@@ -324,7 +325,8 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     """
     began = perf_counter()
     model = admissible.model
-    comm = model.comm
+    space = model.space
+    comm = space.comm
     measure = body_error if model.linearised is None else fenchel_error
     body = measure(admissible)
     springs = spring_error(admissible)
@@ -334,7 +336,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     geometry_cells_2 = geometry_squares(admissible, body.of_sum)
     bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
     floor = UNKNOWN_SHARE * float(bulk_2)
-    contacts = contact_law_error(model, admissible.displacement, admissible.tractions, floor)
+    contacts = contact_law_error(space, admissible.displacement, admissible.tractions, floor)
     cells_2 = bulk_cells_2 + contacts.gap
     sums_2 = body.of_sum + springs.of_sum + contacts.of_sum
     # In the order of the attributes of Oscillations.
@@ -359,7 +361,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
-    tell_tiny_edges(model, cells_2, float(bulk_2 + contact_2), float(scale_2))
+    tell_tiny_edges(space, cells_2, float(bulk_2 + contact_2), float(scale_2))
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible=admissible,

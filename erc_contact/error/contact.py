@@ -20,11 +20,10 @@ from mpi4py import MPI
 
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.error.contact_term import (
+    AtPoints,
     bound_cancellation,
     contact_density,
-    law_sum,
-    slider_of,
-    spring_of,
+    foundation_sum,
 )
 from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, OSCILLATION_SHARE, UNKNOWN_SHARE
@@ -38,7 +37,7 @@ from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import sums_of_cells
 from erc_contact.model.data.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 CONTACT_DEGREE = 21
 """Quadrature degree where the integrand is smooth, but no polynomial.
@@ -64,16 +63,32 @@ class ContactSquares(NamedTuple):
     friction: float = 0.0
 
 
-def contact_parts(model: Model, u_hat: fem.Function, traction: ContactTraction) -> np.ndarray:
+class Squares[T](NamedTuple):
+    """Hold a number for each density that a contact integrates adaptively.
+
+    Attributes:
+        term: Twice the contact term.
+        of_sum: Square of the sum of both tractions of a compliant foundation.
+        of_gap: Square of the oscillation of the gap and of the normal.
+        of_friction: Square of the oscillation of the friction bound.
+    """
+
+    term: T
+    of_sum: T
+    of_gap: T
+    of_friction: T
+
+
+def contact_parts(space: Space, u_hat: fem.Function, traction: ContactTraction) -> np.ndarray:
     """Integrate twice the contact term over each facet [force length]; collective.
 
     Facets of ghosts get 0.
     """
-    return contact_squares(model, u_hat, traction, 0.0).parts
+    return contact_squares(space, u_hat, traction, 0.0).parts
 
 
 def contact_squares(
-    model: Model, u_hat: fem.Function, traction: ContactTraction, floor: float
+    space: Space, u_hat: fem.Function, traction: ContactTraction, floor: float
 ) -> ContactSquares:
     """Compute the contact part of each facet, and oscillations; collective.
 
@@ -85,7 +100,7 @@ def contact_squares(
     unknown, and contain what they leave unknown.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         u_hat: The admissible displacement u^ [length].
         traction: r^ on the contact.
         floor: What the integrals may leave unknown [force length].
@@ -99,44 +114,44 @@ def contact_squares(
     cancelling = bound_cancellation(trace, u_hat.x.array)
     concave = friction is not None and friction.dependence == CONCAVE
     if contact.varies or concave or contact.is_compliant:
-        return _adapted_squares(model, traction, of_w, of_s, area, floor, cancelling)
+        return _adapted_squares(space, traction, of_w, of_s, area, floor, cancelling)
     turns = trace.corner_normals is not None
     if friction is None and not turns:
-        points, weights = same_rule(model.d, 2 * model.degree)
-    elif model.d == 2 and not turns:
+        points, weights = same_rule(space.d, 2 * space.degree)
+    elif space.d == 2 and not turns:
         points, weights = rule_between_zeros(contact, of_w - of_s)
     else:
-        points, weights = same_rule(model.d, CONTACT_DEGREE)
-    parts = area * _means(model, traction, of_w, of_s, points, weights, cancelling)
+        points, weights = same_rule(space.d, CONTACT_DEGREE)
+    parts = area * _means(space, traction, of_w, of_s, points, weights, cancelling)
     no_sum = np.zeros(len(parts))
-    if friction is None or (model.d == 2 and not turns):
+    if friction is None or (space.d == 2 and not turns):
         return ContactSquares(parts, no_sum)
     # The length of a slip that may vanish has a kink at a point that is no corner of a
     # piece.
     kinked = slip_may_vanish(contact, of_w - of_s)
     adapted = _adapted_squares(
-        model, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, cancelling
+        space, traction, of_w, of_s, np.where(kinked, area, 0.0), floor, cancelling
     )
     parts = np.where(kinked, adapted.parts, parts)
     return ContactSquares(parts, adapted.of_sum, adapted.gaps, adapted.friction)
 
 
 def contact_law_error(
-    model: Model, u_hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
+    space: Space, u_hat: fem.Function, tractions: Sequence[ContactTraction], floor: float
 ) -> LawError:
     """Measure how far a pair is from the laws of all contacts; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         u_hat: The admissible displacement u^ [length].
         tractions: r^ on each contact.
         floor: What the integral over each contact may leave unknown [force length].
     """
-    gap, of_sum = np.zeros((2, len(model.nodes)))
+    gap, of_sum = np.zeros((2, len(space.nodes)))
     gaps = 0.0
     friction = 0.0
     for traction in tractions:
-        squares = contact_squares(model, u_hat, traction, floor)
+        squares = contact_squares(space, u_hat, traction, floor)
         trace = traction.contact.trace
         # below 0 by round-off only
         gap += trace.share(np.maximum(squares.parts, 0.0))
@@ -144,12 +159,12 @@ def contact_law_error(
         gaps += squares.gaps
         friction += squares.friction
     # The other body of a facet may be on another rank.
-    of_owners = sums_of_cells(model, gap), sums_of_cells(model, of_sum)
+    of_owners = sums_of_cells(space, gap), sums_of_cells(space, of_sum)
     return LawError(*of_owners, gaps=gaps, friction=friction)
 
 
 def _means(
-    model: Model,
+    space: Space,
     traction: ContactTraction,
     of_w: np.ndarray,
     of_s: np.ndarray,
@@ -162,7 +177,7 @@ def _means(
     The data of the contact must not vary inside the facets.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         traction: r^ on the contact.
         of_w: Coefficients of u^ [length], shape (f, m, d).
         of_s: Coefficients of w in the last step [length], shape (f, m, d).
@@ -175,21 +190,21 @@ def _means(
         The means, shape (f,).
     """
     contact = traction.contact
-    middle = np.full((1, model.d - 1), 1 / model.d)
-    shape = polynomials(model.degree, points)
+    middle = np.full((1, space.d - 1), 1 / space.d)
+    shape = polynomials(space.degree, points)
     r = np.matmul(shape, traction.values)
     w = np.matmul(shape, of_w)
     s = np.matmul(shape, of_s)
     n = contact.trace.normals_at_places(points)
-    gap = 0.0 if contact.gap is None else evaluate(contact.gap, model.mesh, middle, contact.facets)
-    parameters = friction_parameters(model, contact, middle)
+    gap = 0.0 if contact.gap is None else evaluate(contact.gap, space.mesh, middle, contact.facets)
+    parameters = friction_parameters(space, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
-    density = contact_density(contact, n, r, w, s, gap, bound, cancelling=cancelling)
+    density = contact_density(contact, AtPoints(n, r, w, s, gap, bound), cancelling)
     return (density * weights).sum(axis=1)
 
 
 def _adapted_squares(
-    model: Model,
+    space: Space,
     traction: ContactTraction,
     of_w: np.ndarray,
     of_s: np.ndarray,
@@ -200,7 +215,7 @@ def _adapted_squares(
     """Compute the numbers of :func:`contact_squares` by adapted integrals; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         traction: r^ on the contact.
         of_w: Coefficients of u^ [length], shape (f, m, d).
         of_s: Coefficients of w in the last step [length], shape (f, m, d).
@@ -209,61 +224,72 @@ def _adapted_squares(
         cancelling: What cancels between two bodies [length], shape (f, 1).
     """
     contact = traction.contact
-    data = ContactData(contact, model.mesh)
-    least_gap = _round_off(model, of_w)
-    least_force = _round_off(model, traction.values)
+    data = ContactData(contact, space.mesh)
+    least_gap = _round_off(space, of_w)
+    least_force = _round_off(space, traction.values)
 
-    def terms(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the contact term, what data are exceeded by, and the law's sum."""
+    def squares(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the densities of :class:`Squares`, in its order."""
         n = contact.trace.normals_at_places(places, facet)
-        shape = polynomials(model.degree, places)
+        shape = polynomials(space.degree, places)
         r = np.matmul(shape, traction.values[facet])
         w = np.matmul(shape, of_w[facet])
         s = np.matmul(shape, of_s[facet])
-        r_n, r_t, _ = split(r, n)
         gap = data.gap(facet, x)
-        normal = data.normal(facet, x, n)
-        bound = data.bound(facet, x, np.maximum(-r_n, 0.0))
-        stiffness = data.stiffness(facet, x)
-        tangential = data.tangential_stiffness(facet, x)
-        shared = cancelling[facet]
-        density = contact_density(
-            contact, n, r, w, s, gap, bound, stiffness, tangential, shared, facet
-        )
+        bound = data.bound(facet, x, pressures(r, n))
+        springs = data.stiffness(facet, x), data.tangential_stiffness(facet, x)
+        at = AtPoints(n, r, w, s, gap, bound, *springs, facet)
 
-        opening = (w * normal).sum(axis=-1) - gap
-        beyond = abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
-        of_sum = np.zeros(opening.shape)
-        if stiffness is not None:
-            beyond = np.zeros(opening.shape)  # the foundation gives way
-            entry = (w * n).sum(axis=-1) - gap
-            of_sum += law_sum(*spring_of(entry, np.maximum(-r_n, 0.0), stiffness))
-        if tangential is not None:
-            _, slide, _ = split(w - s, n)
-            of_sum += law_sum(*slider_of(slide, r_t, bound, tangential))
-        beyond = np.where(beyond <= least_gap, 0.0, beyond)
+        normal = data.normal(facet, x, n)
+        beyond = _above(_beyond_gap(contact, at, normal), least_gap)
         turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
-        turned = np.where(turned <= least_force, 0.0, turned)
-        excess = contact.friction_set.gauge(r_t, n, facet) - bound
-        excess = np.where(excess <= least_force, 0.0, excess)
+        turned = _above(turned, least_force)
+        friction = contact.friction_set.gauge(split(r, n).tangential, n, facet)
+        excess = _above(friction - bound, least_force)
         # A violation of the gap is measured like a wrong support, E/h |.|^2; a
         # violation of the normal or of the friction bound like a wrong load, h/E |.|^2.
         compliance = (1 / contact.trace.stiffness)[facet][:, None]
-        gaps = beyond**2 / compliance + turned**2 * compliance
-        return np.stack([density, gaps, excess**2 * compliance, of_sum], axis=-1)
+        densities = Squares(
+            term=contact_density(contact, at, cancelling[facet]),
+            of_sum=foundation_sum(at),
+            of_gap=beyond**2 / compliance + turned**2 * compliance,
+            of_friction=excess**2 * compliance,
+        )
+        return np.stack(densities, axis=-1)
 
-    corners = contact.trace.here.corners
+    share = Squares(
+        term=UNKNOWN_SHARE,
+        of_sum=UNKNOWN_SHARE,
+        of_gap=OSCILLATION_SHARE,
+        of_friction=OSCILLATION_SHARE,
+    )
     total = integrate(
-        model.comm,
-        terms,
-        corners,
+        space.comm,
+        squares,
+        contact.trace.here.corners,
         area,
-        facet_pieces(model.d - 1),
-        share=np.array([UNKNOWN_SHARE, OSCILLATION_SHARE, OSCILLATION_SHARE, UNKNOWN_SHARE]),
-        floor=np.array([floor, 0.0, 0.0, 0.0]),
-        cuts=kinks_on_facets(model, contact.data, contact.facets),
+        facet_pieces(space.d - 1),
+        share=np.array(share),
+        floor=np.array(Squares(term=floor, of_sum=0.0, of_gap=0.0, of_friction=0.0)),
+        cuts=kinks_on_facets(space, contact.data, contact.facets),
     )
     return _with_unknown(contact, total)
+
+
+def _beyond_gap(contact: ContactOnMesh, at: AtPoints, normal: np.ndarray) -> np.ndarray:
+    """Return how far w is beyond the gap along a normal [length], shape (n, q).
+
+    A compliant foundation gives way, so that it is zero.
+    """
+    opening = (at.w * normal).sum(axis=-1) - at.gap
+    if at.stiffness is not None:
+        return np.zeros(opening.shape)
+    return abs(opening) if contact.bilateral else np.maximum(opening, 0.0)
+
+
+def _above(values: np.ndarray, round_off: float) -> np.ndarray:
+    """Return values with zero for what is round-off or negative."""
+    return np.where(values <= round_off, 0.0, values)
 
 
 def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
@@ -271,26 +297,22 @@ def _with_unknown(contact: ContactOnMesh, total: Integral) -> ContactSquares:
 
     Args:
         contact: The contact.
-        total: Integrals of the contact term, of the oscillations of the gap and of the
-            friction bound, and of the sum of both tractions, on each facet.
+        total: Integrals of the densities of :class:`Squares` over each facet.
     """
-    parts, of_gap, of_friction, of_sum = total.value.T
-    parts_unknown = total.bound[:, 0]
-    gap_unknown = 0.0
-    friction_unknown = 0.0
-    if not total.resolved[0]:
+    value, unknown = Squares(*total.value.T), Squares(*total.bound.T)
+    gaps = float(value.of_gap.sum())
+    friction = float(value.of_friction.sum())
+    if not Squares(*total.resolved).term:
         # A varying gap is the likely reason, otherwise the friction bound.
         of_normal = [value for value in (contact.gap, contact.stiffness) if value is not None]
         if any(varies_in_cells(value) for value in of_normal):
-            gap_unknown = float(parts_unknown.sum())
+            gaps += float(unknown.term.sum())
         else:
-            friction_unknown = float(parts_unknown.sum())
-    gaps_2 = float(of_gap.sum()) + gap_unknown
-    friction_2 = float(of_friction.sum()) + friction_unknown
-    return ContactSquares(parts + parts_unknown, of_sum, gaps_2, friction_2)
+            friction += float(unknown.term.sum())
+    return ContactSquares(value.term + unknown.term, value.of_sum, gaps, friction)
 
 
-def _round_off(model: Model, values: np.ndarray) -> float:
+def _round_off(space: Space, values: np.ndarray) -> float:
     """Return the round-off of data of the size of values; collective."""
     local = float(abs(values).max(initial=0.0))
-    return DATA_ROUND_OFF * model.comm.allreduce(local, MPI.MAX)
+    return DATA_ROUND_OFF * space.comm.allreduce(local, MPI.MAX)

@@ -10,7 +10,7 @@ from dolfinx import fem
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
 from erc_contact.model.data.quadrature import Cuts, Integral, facet_pieces, integrate, polynomials
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 type ContactDensity = Callable[
     [np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray
@@ -20,7 +20,7 @@ d); returns (f, q)."""
 
 
 def contact_integral(
-    model: Model,
+    space: Space,
     contact: ContactOnMesh,
     u: fem.Function,
     density: ContactDensity,
@@ -32,7 +32,7 @@ def contact_integral(
     It is 0 for ghosts; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         u: u^.
         density: The density.
@@ -45,13 +45,13 @@ def contact_integral(
     of_before = trace.coefficients(trace.of_before)
 
     def values(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        shape = polynomials(model.degree, places)
+        shape = polynomials(space.degree, places)
         n = trace.normals_at_places(places, facet)
-        _, s, _ = split(np.matmul(shape, of_before[facet]), n)
+        s = split(np.matmul(shape, of_before[facet]), n).tangential
         w = np.matmul(shape, of_w[facet]) - s
         return density(facet, shape, w, n, x)[..., None]
 
-    pieces = facet_pieces(model.d - 1)
+    pieces = facet_pieces(space.d - 1)
     area = trace.here.owned_areas
     corners = trace.here.corners
-    return integrate(model.comm, values, corners, area, pieces, floor=floor, cuts=cuts)
+    return integrate(space.comm, values, corners, area, pieces, floor=floor, cuts=cuts)

@@ -17,67 +17,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import ALL, Facets, Trace, split
 
 
-def contact_density(
-    contact: ContactOnMesh,
-    n: np.ndarray,
-    r: np.ndarray,
-    w: np.ndarray,
-    s: np.ndarray | float,
-    gap: np.ndarray | float,
-    bound: np.ndarray,
-    stiffness: np.ndarray | None = None,
-    tangential: np.ndarray | None = None,
-    cancelling: np.ndarray | float = 0.0,
-    facet: Facets = ALL,
-) -> np.ndarray:
-    """Evaluate twice the contact term at points [force/length^(d-2)].
-
-    It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, and on a compliant
-    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`. Where
-    friction is orthotropic ``support(w_t - s)`` takes the place of the length
-    (:mod:`erc_contact.model.contact.friction_set`).
-
-    Args:
-        contact: The contact.
-        n: Normals of the foundation, shape (n, q or 1, d).
-        r: r^ at the points [force/area], shape (n, q, d).
-        w: u^ there [length], shape (n, q, d).
-        s: The displacement of the last step there, of which the tangential part counts
-            [length], shape (n, q, d), or 0 without history.
-        gap: The gap there [length], shape (n, q), or a number.
-        bound: The friction bound there [force/area], shape (n, q).
-        stiffness: k_n of a compliant foundation there [force/length^3], shape (n, q);
-            None where it is rigid.
-        tangential: k_t there, likewise.
-        cancelling: Bound of :func:`bound_cancellation` [length], shape (n, 1), or 0.
-        facet: Numbers of the n facets in the contact, all of them by default.
-
-    Returns:
-        The term, shape (n, q).
-    """
-    r_n, r_t, _ = split(r, n)
-    w_n = (w * n).sum(axis=-1)
-    _, w_t, _ = split(w - s, n)
-    if contact.bilateral:
-        # A gap that is closed everywhere, with a traction of any sign, does no work.
-        density = np.zeros(r_n.shape)
-    elif stiffness is None:
-        density = r_n * (w_n - gap)
-    else:
-        density = law_error(*spring_of(w_n - gap, np.maximum(-r_n, 0.0), stiffness))
-    if tangential is not None:
-        density += law_error(*slider_of(w_t, r_t, bound, tangential))
-    elif contact.friction is not None:
-        slip = contact.friction_set.support(w_t, n, facet)
-        density += bound * slip + (r_t * w_t).sum(axis=-1)
-    # A difference of two works that are equal up to round-off is no error. Otherwise e
-    # would stop at 1e-8 of the norm.
-    size = np.linalg.norm(w, axis=-1) + np.linalg.norm(np.broadcast_to(s, w.shape), axis=-1)
-    size = size + abs(gap) + cancelling
-    resolution = 16 * np.finfo(float).eps * np.linalg.norm(r, axis=-1) * size
-    return 2 * np.where(abs(density) <= resolution, 0.0, density)
-
-
 class SpringLaw(NamedTuple):
     """Hold a spring that carries what a convex set K allows, at points.
 
@@ -93,6 +32,111 @@ class SpringLaw(NamedTuple):
     allowed: np.ndarray
     traction: np.ndarray
     stiffness: np.ndarray
+
+
+class AtPoints(NamedTuple):
+    """Hold the tractions, displacements and data of a contact at points.
+
+    They are at q points of each of n facets.
+
+    Attributes:
+        n: Normals of the foundation, shape (n, q or 1, d).
+        r: r^ [force/area], shape (n, q, d).
+        w: u^ [length], shape (n, q, d).
+        s: The displacement of the last step, of which the tangential part counts
+            [length], shape (n, q, d).
+        gap: The gap [length], shape (n, q or 1), or a number.
+        bound: The friction bound [force/area], shape (n, q).
+        stiffness: k_n of a compliant foundation [force/length^3], shape (n, q); None
+            where it is rigid.
+        tangential: k_t, likewise.
+        facet: Numbers of the n facets in the contact, all of them by default.
+    """
+
+    n: np.ndarray
+    r: np.ndarray
+    w: np.ndarray
+    s: np.ndarray
+    gap: np.ndarray | float
+    bound: np.ndarray
+    stiffness: np.ndarray | None = None
+    tangential: np.ndarray | None = None
+    facet: Facets = ALL
+
+    @property
+    def entry(self) -> np.ndarray:
+        """Return ``w_n - g``, how far the body enters a foundation [length], (n, q)."""
+        return np.asarray((self.w * self.n).sum(axis=-1) - self.gap)
+
+    @property
+    def spring(self) -> SpringLaw | None:
+        """Return the spring of a compliant foundation along its normal."""
+        if self.stiffness is None:
+            return None
+        r_n = split(self.r, self.n).normal
+        return spring_of(self.entry, np.maximum(-r_n, 0.0), self.stiffness)
+
+    @property
+    def slider(self) -> SpringLaw | None:
+        """Return the tangential spring of a compliant foundation."""
+        if self.tangential is None:
+            return None
+        r_t = split(self.r, self.n).tangential
+        slide = split(self.w - self.s, self.n).tangential
+        return slider_of(slide, r_t, self.bound, self.tangential)
+
+
+def contact_density(
+    contact: ContactOnMesh, at: AtPoints, cancelling: np.ndarray | float
+) -> np.ndarray:
+    """Evaluate twice the contact term at points [force/length^(d-2)].
+
+    It is ``2 (b(p^) |w_t - s| + r^_t.(w_t - s) + r^_n (w_n - g))``, and on a compliant
+    foundation twice the left side of (F) in :mod:`erc_contact.error.foundations`. Where
+    friction is orthotropic ``support(w_t - s)`` takes the place of the length
+    (:mod:`erc_contact.model.contact.friction_set`).
+
+    Args:
+        contact: The contact.
+        at: What it has at the points.
+        cancelling: Bound of :func:`bound_cancellation` [length], shape (n, 1), or 0.
+
+    Returns:
+        The term, shape (n, q).
+    """
+    r_n, r_t, _ = split(at.r, at.n)
+    w_t = split(at.w - at.s, at.n).tangential
+    spring, slider = at.spring, at.slider
+    if contact.bilateral:
+        # A gap that is closed everywhere, with a traction of any sign, does no work.
+        density = np.zeros(r_n.shape)
+    elif spring is None:
+        density = r_n * at.entry
+    else:
+        density = law_error(spring)
+    if slider is not None:
+        density += law_error(slider)
+    elif contact.friction is not None:
+        path = contact.friction_set.support(w_t, at.n, at.facet)
+        density += at.bound * path + (r_t * w_t).sum(axis=-1)
+    # A difference of two works that are equal up to round-off is no error. Otherwise e
+    # would stop at 1e-8 of the norm.
+    size = np.linalg.norm(at.w, axis=-1) + np.linalg.norm(at.s, axis=-1)
+    size = size + abs(at.gap) + cancelling
+    resolution = 16 * np.finfo(float).eps * np.linalg.norm(at.r, axis=-1) * size
+    return 2 * np.where(abs(density) <= resolution, 0.0, density)
+
+
+def foundation_sum(at: AtPoints) -> np.ndarray:
+    """Evaluate :func:`law_sum` of the springs of a foundation, shape (n, q).
+
+    It is 0 on a rigid foundation.
+    """
+    total = np.zeros(at.bound.shape)
+    for law in (at.spring, at.slider):
+        if law is not None:
+            total += law_sum(law)
+    return total
 
 
 def spring_of(entry: np.ndarray, pressure: np.ndarray, stiffness: np.ndarray) -> SpringLaw:
@@ -123,30 +167,24 @@ def slider_of(
     return SpringLaw(pull, allowed, -r_t, stiffness)
 
 
-def law_error(
-    pull: np.ndarray, allowed: np.ndarray, traction: np.ndarray, stiffness: np.ndarray
-) -> np.ndarray:
+def law_error(law: SpringLaw) -> np.ndarray:
     """Evaluate the error in the law of a spring with a limit [force/length^(d-2)].
 
     It is ``(|t - P|^2/2 + (P - t).(k d - P))/k``, the left side of (F) in
     :mod:`erc_contact.error.foundations` without cancellation. Both terms are >= 0: P is
-    the nearest point of a convex set that t is in. The arguments are in
-    :class:`SpringLaw`.
+    the nearest point of a convex set that t is in.
     """
-    square = 0.5 * ((traction - allowed) ** 2).sum(axis=-1)
-    beyond = ((allowed - traction) * (pull - allowed)).sum(axis=-1)
-    return (square + beyond) / stiffness
+    square = 0.5 * ((law.traction - law.allowed) ** 2).sum(axis=-1)
+    beyond = ((law.allowed - law.traction) * (law.pull - law.allowed)).sum(axis=-1)
+    return (square + beyond) / law.stiffness
 
 
-def law_sum(
-    pull: np.ndarray, allowed: np.ndarray, traction: np.ndarray, stiffness: np.ndarray
-) -> np.ndarray:
+def law_sum(law: SpringLaw) -> np.ndarray:
     """Evaluate the square of the sum of both tractions [force/length^(d-2)].
 
-    It is ``|t + P|^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body. The arguments are in
-    :class:`SpringLaw`.
+    It is ``|t + P|^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body.
     """
-    return ((traction + allowed) ** 2).sum(axis=-1) / stiffness
+    return ((law.traction + law.allowed) ** 2).sum(axis=-1) / law.stiffness
 
 
 def bound_cancellation(trace: Trace, u: np.ndarray) -> np.ndarray:

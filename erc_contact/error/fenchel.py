@@ -46,20 +46,21 @@ def fenchel_error(admissible: Admissible) -> LawError:
     eps_r without stress in the middle of each cell, which a plastic strain leaves.
     """
     model = admissible.model
-    comm = model.comm
+    space = model.space
+    comm = space.comm
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
-    of_cells = model.owned_cells
-    k = model.degree
+    of_cells = space.owned_cells
+    k = space.degree
     volume = cells.volume[:owned]
-    strain = CellStrains.of(model, cells, admissible.displacement)
+    strain = CellStrains.of(space, cells, admissible.displacement)
     near = _LinearLaws(admissible, strain)
 
     constitution = model.constitution
     assert model.linearised is not None
     assert isinstance(constitution, ConvexConstitution)
     law = model.linearised.law
-    is_constant = k == 1 and not model.axisymmetric and not law.varies_in_cells
+    is_constant = k == 1 and not space.axisymmetric and not law.varies_in_cells
 
     def beyond(
         law: PointLaw, cell: np.ndarray, sigma: np.ndarray, places: np.ndarray, x: np.ndarray
@@ -84,7 +85,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
     size = comm.allreduce(of_linear.sum(axis=0), MPI.SUM)
     floor = UNKNOWN_SHARE * size + ROUND_OFF * size[1]
     corners = cells.corners[:owned]
-    pieces = cell_pieces(model.d)
+    pieces = cell_pieces(space.d)
     left = volume
     if near.taken:
         left = np.where(_is_linear(beyond, law, near, admissible), 0.0, volume)
@@ -125,7 +126,7 @@ def _is_linear(
         admissible: The pair.
     """
     cells, stress = admissible.cell_geometry, admissible.stress
-    of_cells = admissible.model.owned_cells
+    of_cells = admissible.model.space.owned_cells
     d = cells.d
     if law.varies_in_cells and not law.knows_ranges:
         return np.zeros(len(stress), dtype=bool)
@@ -184,15 +185,16 @@ class _LinearLaws:
 
     def __init__(self, admissible: Admissible, strain: CellStrains) -> None:
         model = admissible.model
+        space = model.space
         assert model.linearised is not None
         law = model.linearised.law
-        owned = model.owned_cells
+        owned = space.owned_cells
         size = len(law.rows)
         x = admissible.cell_geometry.corners[: len(owned)].mean(axis=1, keepdims=True)
-        middles = np.full((len(owned), 1, model.d + 1), 1 / (model.d + 1))
+        middles = np.full((len(owned), 1, space.d + 1), 1 / (space.d + 1))
         self._pair = admissible
         self._of_displacement = strain
-        self.taken = not model.axisymmetric
+        self.taken = not space.axisymmetric
         self._strain = strain.at(owned, middles, x)
         whole_stress = law.whole_stress(self._strain, x, owned)
         whole_tangent = law.whole_tangent(self._strain, x, owned)[:, 0]
@@ -249,15 +251,16 @@ class _LinearLaws:
         """Integrate :meth:`squares` by the rule of the sub-simplices, (owned, 2)."""
         pair = self._pair
         model = pair.model
-        shape, points, weights = macro_points(model.d, model.degree)
+        space = model.space
+        shape, points, weights = macro_points(space.d, space.degree)
         owned = len(volume)
         sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[-1])
         x = np.matmul(barycentric(points), pair.cell_geometry.corners[:owned])
         eps = self._of_displacement.at_points(slice(owned), points, x)
         around: np.ndarray | float = 1.0
-        if model.axisymmetric:
+        if space.axisymmetric:
             around = circumferences(x)[..., None]
         if model.hoop_load is not None:
-            sigma[..., -1] += model.hoop_load(x, model.owned_cells)
+            sigma[..., -1] += model.hoop_load(x, space.owned_cells)
         squares = self.squares(np.arange(owned), eps, sigma, around)
         return np.asarray(volume[:, None] * np.einsum("nqi,q->ni", squares, weights))

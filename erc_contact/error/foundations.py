@@ -56,11 +56,11 @@ from erc_contact.model.contact.foundation import pressures
 from erc_contact.model.contact.jumps import kinks_on_facets
 from erc_contact.model.contact.trace import split
 from erc_contact.model.data.quadrature import Integral
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 
 
 def foundation_energies(
-    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+    space: Space, traction: ContactTraction, u: fem.Function, floor: float
 ) -> Integral:
     """Compute what a foundation stores on each facet [force length]; collective.
 
@@ -68,13 +68,13 @@ def foundation_energies(
     0 for ghosts. The integrals may leave their share or ``floor`` unknown.
     """
     contact = traction.contact
-    data = ContactData(contact, model.mesh)
-    sliding = Sliding(model, traction)
+    data = ContactData(contact, space.mesh)
+    sliding = Sliding(space, traction)
 
     def energy(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        w_n, _, _ = split(w, n)
+        w_n = split(w, n).normal
         stored = np.zeros(w_n.shape)
         stiffness = data.stiffness(facet, x)
         if stiffness is not None:
@@ -85,8 +85,8 @@ def foundation_energies(
             stored += 0.5 * tangential * np.sum(given_way**2, axis=-1)
         return stored
 
-    cuts = kinks_on_facets(model, contact.data, contact.facets)
-    return contact_integral(model, contact, u, energy, floor, cuts)
+    cuts = kinks_on_facets(space, contact.data, contact.facets)
+    return contact_integral(space, contact, u, energy, floor, cuts)
 
 
 class Sliding:
@@ -100,9 +100,9 @@ class Sliding:
         traction: r^ on the contact.
     """
 
-    def __init__(self, model: Model, traction: ContactTraction) -> None:
+    def __init__(self, space: Space, traction: ContactTraction) -> None:
         self._traction = traction
-        self._data = ContactData(traction.contact, model.mesh)
+        self._data = ContactData(traction.contact, space.mesh)
 
     def bound(
         self, facet: np.ndarray, shape: np.ndarray, n: np.ndarray, x: np.ndarray
@@ -121,7 +121,7 @@ class Sliding:
         tangential = self._data.tangential_stiffness(facet, x)
         if tangential is None:
             return 0.0
-        _, slide, _ = split(w, n)
+        slide = split(w, n).tangential
         spring = slider_of(slide, 0.0 * slide, self.bound(facet, shape, n, x), tangential)
         return spring.allowed / tangential[..., None]
 
@@ -129,5 +129,5 @@ class Sliding:
         self, facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
         """Return the slip ``w_t - s - v`` [length], shape (f, q, d)."""
-        _, slide, _ = split(w, n)
+        slide = split(w, n).tangential
         return slide - self.give_way(facet, shape, w, n, x)

@@ -48,7 +48,7 @@ def hidden_by_data(law: PointLaw, of_cells: np.ndarray, integrands: OfLaw) -> Hi
     ) -> np.ndarray:
         low, high = law.data_ranges(corners, of_cells[cell])
         data = law.data_at(x, of_cells[cell])
-        _, every_weight, _ = piece_points(x.shape[2])
+        every_weight = piece_points(x.shape[2]).weights
         inside = np.flatnonzero(every_weight)
         weights = every_weight[inside]
         least = data.min(axis=1)

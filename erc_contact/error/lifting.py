@@ -55,7 +55,7 @@ def lifting(
         another contact fixes it there.
     """
     phi = _least_energy(model, elastic, which, a)
-    values = phi.x.array.reshape(-1, model.d)
+    values = phi.x.array.reshape(-1, model.space.d)
     contact = model.contacts[which]
     surface = _ContactNodes(model, contact)
     others = [_ContactNodes(model, beside) for beside in model.contacts if beside is not contact]
@@ -71,7 +71,7 @@ def lifting(
         nodes.set_to_zero(values, wrong > tolerance)
     phi.x.scatter_forward()
     missing = abs(_working_part(contact, a - surface.jump(values))).max(initial=0.0) > tolerance
-    return phi, bool(model.comm.allreduce(bool(missing) or surface.has_joint, MPI.LOR))
+    return phi, bool(model.space.comm.allreduce(bool(missing) or surface.has_joint, MPI.LOR))
 
 
 class _ContactNodes:
@@ -90,16 +90,17 @@ class _ContactNodes:
     """
 
     def __init__(self, model: Model, contact: ContactOnMesh) -> None:
+        space = model.space
         self.contact = contact
         nodes = fem.locate_dofs_topological(
-            model.V, model.d - 1, model.facet_numbers(contact.facets)
+            space.V, space.d - 1, space.facet_numbers(contact.facets)
         )
         # Where more than two bodies meet, phi is zero: the jumps are not independent.
         is_joint = model.connections.is_joint[nodes]
         self.has_joint = bool(is_joint.any())
         nodes = nodes[~is_joint]
         pairs = model.connections.pairs[model.contacts.index(contact)]
-        pairs = model.local_nodes(pairs.ravel()).reshape(-1, 2)
+        pairs = space.local_nodes(pairs.ravel()).reshape(-1, 2)
         on_foundation = np.setdiff1d(nodes, pairs[:, 0])
         # The owners of both nodes of a pair have both of them.
         pairs = pairs[np.isin(pairs[:, 0], nodes) & (pairs[:, 1] >= 0)]
@@ -133,38 +134,39 @@ class _ContactNodes:
 
 def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> fem.Function:
     """Compute phi with stiff springs that hold it on the contacts; collective."""
-    gamma = model.stiffness_per_area(compiled.constant(model.mesh, SPRING_FACTOR))
+    space = model.space
+    gamma = model.stiffness_per_area(compiled.constant(space.mesh, SPRING_FACTOR))
     matrix = _springs(model, gamma)
     contact = model.contacts[which]
-    v = ufl.TestFunction(model.V)
-    direction = compiled.constant(model.mesh, a)
+    v = ufl.TestFunction(space.V)
+    direction = compiled.constant(space.mesh, a)
     pull = gamma * ufl.inner(_working_part_ufl(contact, direction), v) * contact.ds
-    b = model.function()
+    b = space.function()
     fem.assemble_vector(b.x.array, compiled.form(pull))
-    start = model.function()
+    start = space.function()
     if not model.connections.any:
         # The solver starts from a rigid motion, if the body is free to make it.
-        start.x.array.reshape(-1, model.d)[:] = _working_part(contact, a[None])
+        start.x.array.reshape(-1, space.d)[:] = _working_part(contact, a[None])
         start.x.array[model.fixed.ravel()] = 0.0
     if contact.against is not None:
         # The springs pull at the jump.
         b.x.scatter_reverse(la.InsertMode.add)
-        b = product(model, model.connections.jump(which), b, transpose=True)
-        b.x.array[model.V.dofmap.index_map.size_local * model.d :] = 0.0
+        b = product(space, model.connections.jump(which), b, transpose=True)
+        b.x.array[space.V.dofmap.index_map.size_local * space.d :] = 0.0
     with elastic.in_memory():
         phi = elastic.solve_with_springs(matrix, b, start)
     matrix.destroy()
     error = None
     if not np.isfinite(phi.x.array).all():
         error = InputError("The body cannot be factorised; look at its moduli.")
-    raise_together(model.comm, error)
+    raise_together(space.comm, error)
     return phi
 
 
 def _springs(model: Model, gamma: Ufl) -> PETSc.Mat:
     """Assemble the springs of all contacts; collective."""
-    u = ufl.TrialFunction(model.V)
-    v = ufl.TestFunction(model.V)
+    u = ufl.TrialFunction(model.space.V)
+    v = ufl.TestFunction(model.space.V)
     on_foundations: list[Ufl] = []
     matrices = []
     # Without supports: fixed components beside the contacts have no entry, and DOLFINx

@@ -44,7 +44,7 @@ def other_solutions(solution: Solution | Run, most: int = 4) -> list[Constitutiv
     model = solution.model
     start = "Solve from other starts, solve(start=), or with another method."
     refuse_potential(solution.scene.material, "other_solutions()", start)
-    comm = model.comm
+    comm = model.space.comm
     raise_together(comm, None)
     most = together(comm, whole, "other_solutions: most", most, 1)
     # Without friction that depends on the pressure there is no other solution.

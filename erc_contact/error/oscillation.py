@@ -38,6 +38,7 @@ from erc_contact.model.data.quadrature import (
 )
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import coefficients, from_means
 
 DATA_ROUND_OFF = 1e-12
@@ -99,7 +100,8 @@ def of_loads(
         relief: What it has more than the projected loads [force/volume], constant in
             cells, shape (n, d), or None.
     """
-    d, k = model.d, model.degree
+    space = model.space
+    d, k = space.d, space.degree
     total = 0.0
     if model.body_force is not None and varies_in_cells(_force_in_cells(model)):
         total += _of_body_force(model, cells, force, relief)
@@ -110,12 +112,12 @@ def of_loads(
             facets = model.domain.owned_facets(load.facets)
             # The reconstruction projects the load, too: sigma^ balances this
             # projection.
-            moments = traction_moments(model, facets, load.density)
-            means = moments / model.facet_areas(facets)[:, None, None]
+            moments = traction_moments(space, facets, load.density)
+            means = moments / space.facet_areas(facets)[:, None, None]
             projected = from_means(d - 1, k, means)
-            square = _on_facets(model, Everywhere(load.density, model.mesh), facets, projected)
-            modulus = model.at_middles(model.modulus, facets[:, 0])
-            total += float(np.sum(square * facet_sizes(model, facets) / modulus))
+            square = _on_facets(space, Everywhere(load.density, space.mesh), facets, projected)
+            modulus = space.at_middles(model.modulus, facets[:, 0])
+            total += float(np.sum(square * facet_sizes(space, facets) / modulus))
     return total
 
 
@@ -125,9 +127,10 @@ def _of_relief(model: Model, cells: CellGeometry, relief: np.ndarray) -> float:
     Their means in cells are not zero, so the size of the body stands for the cell size.
     The least modulus does for the modulus.
     """
+    space = model.space
     owned = model.domain.owned_cells
     square = cells.volume[:owned] @ (relief[:owned] ** 2).sum(axis=1)
-    modulus, _ = model.extremes(model.at_middles(model.modulus, model.owned_cells))
+    modulus, _ = space.extremes(space.at_middles(model.modulus, space.owned_cells))
     return float(model.domain.extent**2 / np.pi**2 * square / modulus)
 
 
@@ -135,7 +138,8 @@ def _of_body_force(
     model: Model, cells: CellGeometry, force: np.ndarray | None, relief: np.ndarray | None
 ) -> float:
     """Compute the square of the oscillation of the body force; collective."""
-    d, k = model.d, model.degree
+    space = model.space
+    d, k = space.d, space.degree
     owned = model.domain.owned_cells
     volume = cells.volume[:owned]
     corners = cells.corners[:owned]
@@ -143,13 +147,13 @@ def _of_body_force(
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:
         projected = projected - relief[:owned, None]
-    data = Everywhere(_force_in_cells(model), model.mesh)
-    difference = _squares(model, data, model.owned_cells, projected, k - 1)
+    data = Everywhere(_force_in_cells(model), space.mesh)
+    difference = _squares(space, data, space.owned_cells, projected, k - 1)
     integral = integrate(
-        model.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
+        space.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
     )
     square = integral.value[:, 0]
-    modulus = model.at_middles(model.modulus, model.owned_cells)
+    modulus = space.at_middles(model.modulus, space.owned_cells)
     return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
 
 
@@ -159,7 +163,7 @@ def _force_in_cells(model: Model) -> Ufl:
     The radial one of an axisymmetric body is a hoop stress.
     """
     force: Ufl = model.body_force
-    if not model.axisymmetric:
+    if not model.space.axisymmetric:
         return force
     return ufl.as_vector([0.0, force[1]])
 
@@ -169,7 +173,8 @@ def of_supports(model: Model) -> float:
 
     It is summed over the facets of this rank.
     """
-    d, k = model.d, model.degree
+    space = model.space
+    d, k = space.d, space.degree
     prescribed = model.prescribed.x.array.reshape(-1, d)
     total = 0.0
     for support in model.scene.supports:
@@ -178,12 +183,12 @@ def of_supports(model: Model) -> float:
                 continue
             facets = model.domain.owned_facets(support.facets)
             # u^ interpolates the support at the nodes.
-            nodal = prescribed[model.facet_nodes(facets), i]
+            nodal = prescribed[space.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
-            data = Everywhere(field_of(component, model.x), model.mesh)
-            square = _on_facets(model, data, facets, interpolated)
-            modulus = model.at_middles(model.modulus, facets[:, 0])
-            total += float(np.sum(square * modulus / facet_sizes(model, facets)))
+            data = Everywhere(field_of(component, space.x), space.mesh)
+            square = _on_facets(space, data, facets, interpolated)
+            modulus = space.at_middles(model.modulus, facets[:, 0])
+            total += float(np.sum(square * modulus / facet_sizes(space, facets)))
     return total
 
 
@@ -203,12 +208,12 @@ def of_history(model: Model) -> float:
 
 
 def _on_facets(
-    model: Model, data: Everywhere, facets: np.ndarray, coefficients: np.ndarray
+    space: Space, data: Everywhere, facets: np.ndarray, coefficients: np.ndarray
 ) -> np.ndarray:
     """Compute ``int_F |data - polynomial|^2`` on each facet; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         data: The data, of c components.
         facets: Pairs (cell, local facet), shape (f, 2).
         coefficients: Bernstein coefficients of the polynomials, shape (f, m, c).
@@ -216,17 +221,22 @@ def _on_facets(
     Returns:
         The integrals, shape (f,).
     """
-    difference = _squares(model, data, facets, coefficients, model.degree)
-    corners = model.facet_corners(facets)
-    area = model.facet_areas(facets)
+    difference = _squares(space, data, facets, coefficients, space.degree)
+    corners = space.facet_corners(facets)
+    area = space.facet_areas(facets)
     integral = integrate(
-        model.comm, difference, corners, area, facet_pieces(model.d - 1), share=OSCILLATION_SHARE
+        space.comm,
+        difference,
+        corners,
+        area,
+        facet_pieces(space.d - 1),
+        share=OSCILLATION_SHARE,
     )
     return integral.value[:, 0]
 
 
 def _squares(
-    model: Model, data: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int
+    space: Space, data: Everywhere, entities: np.ndarray, coefficients: np.ndarray, degree: int
 ) -> Integrand:
     """Return the integrand ``|data - polynomial|^2`` on cells or facets; collective.
 
@@ -234,7 +244,7 @@ def _squares(
     """
     local = float(abs(coefficients).max(initial=0.0))
     # All ranks must agree, also those that have none of the facets.
-    least = DATA_ROUND_OFF * model.comm.allreduce(local, MPI.MAX)
+    least = DATA_ROUND_OFF * space.comm.allreduce(local, MPI.MAX)
 
     def square(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         polynomial = np.matmul(polynomials(degree, places), coefficients[entity])
@@ -245,6 +255,6 @@ def _squares(
     return square
 
 
-def facet_sizes(model: Model, facets: np.ndarray) -> np.ndarray:
+def facet_sizes(space: Space, facets: np.ndarray) -> np.ndarray:
     """Return approximate diameters of facets [length]."""
-    return model.facet_areas(facets) ** (1 / (model.d - 1))
+    return space.facet_areas(facets) ** (1 / (space.d - 1))

@@ -55,12 +55,12 @@ def round_off(admissible: Admissible) -> tuple[float, bool]:
     """
     model = admissible.model
     cells = admissible.cell_geometry
-    comm = model.comm
+    comm = model.space.comm
     owned = model.domain.owned_cells
     largest = float(abs(admissible.displacement.x.array).max(initial=0.0))
     size = comm.allreduce(largest, MPI.MAX)
     volume = cells.volume[:owned]
-    local = np.sum(greatest_moduli(model, cells, owned) * volume ** (1 - 2 / model.d))
+    local = np.sum(greatest_moduli(model, cells, owned) * volume ** (1 - 2 / model.space.d))
     floor = float((RESOLUTION * size) ** 2 * comm.allreduce(float(local), MPI.SUM))
     return floor, size > 0.0 and floor == 0.0
 
@@ -93,22 +93,23 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
         floor_2: Square of the accuracy of energy norms, see :func:`round_off`.
     """
     model = admissible.model
-    comm = model.comm
+    space = model.space
+    comm = space.comm
     u = admissible.displacement.x.array
     rigid = _nearest_motion(model, u)
     violation = abs(rigid - model.prescribed.x.array)[model.held.ravel()].max(initial=0.0)
-    moved = model.function()
+    moved = space.function()
     moved.x.array[:] = rigid
     friction = 0.0
     for traction in admissible.tractions:
         contact = traction.contact
         beyond = (contact.trace.of(rigid) * contact.trace.normals).sum(axis=-1)
-        beyond -= gap_at_nodes(model, contact)
+        beyond -= gap_at_nodes(space, contact)
         if contact.bilateral:
             beyond = abs(beyond)
         violation = max(violation, beyond.max(initial=0.0))
         without_pressure = replace(traction, values=np.zeros_like(traction.values))
-        friction += float(contact_parts(model, moved, without_pressure).sum())
+        friction += float(contact_parts(space, moved, without_pressure).sum())
     # The loads are not summed over ranks: their sizes are enough.
     loads = admissible.solution.stiffness.load_vector().x.array
     sizes = np.array([violation, abs(loads).max(initial=0.0), abs(u).max(initial=0.0)])
@@ -131,10 +132,11 @@ def _nearest_motion(model: Model, u: np.ndarray) -> np.ndarray:
         model: The scene on a mesh.
         u: Nodal values of a displacement [length].
     """
-    motions = rigid_motions(model).reshape(len(u), -1)
+    space = model.space
+    motions = rigid_motions(space).reshape(len(u), -1)
     columns = [motion.x.array for motion in model.free_motions]
     free = np.column_stack(columns or [np.zeros((len(u), 0))])
     fixed = model.held.ravel()
     held = motions * fixed[:, None]
-    prescribed = motions @ nearest_motion(model, held, model.prescribed.x.array * fixed)
-    return prescribed + free @ nearest_motion(model, free, u - prescribed)
+    prescribed = motions @ nearest_motion(space, held, model.prescribed.x.array * fixed)
+    return prescribed + free @ nearest_motion(space, free, u - prescribed)

@@ -29,7 +29,7 @@ def is_rational(model: Model) -> bool:
     """Tell whether the squares of rings are polynomials of degree 2k over r."""
     of_material = any(varies_in_cells(value) for value in model.parameters.values())
     nothing_given = model.strains is None and model.hoop_load is None
-    return model.axisymmetric and nothing_given and not of_material
+    return model.space.axisymmetric and nothing_given and not of_material
 
 
 def squares_of_rings(
@@ -57,7 +57,7 @@ def squares_of_rings(
         The integrals of ``|S - C eps|^2`` and ``|S + C eps|^2`` [force length] and
         bounds of their errors, shape (n, 2) each, and which cells are done, shape (n,).
     """
-    k = model.degree
+    k = model.space.degree
     corners = cells.corners[: len(stress)]
     middle_point = np.full((1, 2), 1 / 3)
     stiffness, compliance = (

@@ -50,8 +50,8 @@ def _share(error: ConstitutiveError, contact: ContactOnMesh) -> float | None:
         return None
     here = contact.trace.here
     local = np.array([here.owned_areas.sum(), here.owned_areas @ here.modulus])
-    area, moduli = error.model.comm.allreduce(local, MPI.SUM)
+    area, moduli = error.model.space.comm.allreduce(local, MPI.SUM)
     slip_2 = float(table["weight"] @ table["slip"] ** 2 / table["weight"].sum())
-    d = error.model.d
+    d = error.model.space.d
     energy = 2 / pi * moduli / area * slip_2 * area ** ((d - 2) / (d - 1))
     return float(energy / (error.scale / 2) ** 2)

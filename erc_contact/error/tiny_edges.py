@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.logs import log_of
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.releases import cell_nodes
 
@@ -22,19 +22,19 @@ MOST = 0.5
 """Share of e^2 in cells at such vertices that is told [-]."""
 
 
-def tell_tiny_edges(model: Model, cells_2: np.ndarray, error_2: float, scale_2: float) -> None:
+def tell_tiny_edges(space: Space, cells_2: np.ndarray, error_2: float, scale_2: float) -> None:
     """Warn where cells with tiny edges have most of a large error; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         cells_2: Shares of the owned cells in e^2 [force length].
         error_2: e^2 [force length].
         scale_2: Square of its scale [force length].
     """
     if error_2 <= LARGE**2 * scale_2:
         return
-    comm = model.comm
-    shortest, longest = _edges_at_cells(model, len(cells_2))
+    comm = space.comm
+    shortest, longest = _edges_at_cells(space, len(cells_2))
     of_graded = np.where(longest > GRADED * shortest, cells_2, 0.0)
     share = comm.allreduce(float(of_graded.sum()), MPI.SUM) / error_2
     if share <= MOST:
@@ -42,7 +42,7 @@ def tell_tiny_edges(model: Model, cells_2: np.ndarray, error_2: float, scale_2: 
     worst = None
     if of_graded.any():
         cell = int(np.argmax(of_graded))
-        middle = model.cell_corners()[cell].mean(axis=0)
+        middle = space.cell_corners()[cell].mean(axis=0)
         place = place_words(middle, 3)
         worst = float(of_graded[cell]), float(shortest[cell]), float(longest[cell]), place
     of_ranks = [of_rank for of_rank in comm.allgather(worst) if of_rank is not None]
@@ -54,18 +54,18 @@ def tell_tiny_edges(model: Model, cells_2: np.ndarray, error_2: float, scale_2: 
     )
 
 
-def _edges_at_cells(model: Model, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _edges_at_cells(space: Space, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the shortest and the longest edge at the vertices of cells [length].
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         count: Number of cells, the first ones.
     """
-    corners = model.cell_corners()
-    vertices = cell_nodes(model.mesh.geometry)[: len(corners)]
-    first, second = np.triu_indices(model.d + 1, 1)
+    corners = space.cell_corners()
+    vertices = cell_nodes(space.mesh.geometry)[: len(corners)]
+    first, second = np.triu_indices(space.d + 1, 1)
     edges = np.linalg.norm(corners[:, first] - corners[:, second], axis=2)
-    nodes = len(model.mesh.geometry.x)
+    nodes = len(space.mesh.geometry.x)
     shortest = np.full(nodes, np.inf)
     longest = np.zeros(nodes)
     for ends in (first, second):

@@ -28,27 +28,28 @@ from erc_contact.model.data.quadrature import Hidden, Integral, Integrand, cell_
 from erc_contact.model.law.constitution import act
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
+from erc_contact.model.space import Space, circumferences
 from namedmesh.simplex import bernstein, mass
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
     """Compute ``a(v, w)``, with the springs [force length]; collective."""
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
     of_springs = _spring_work(model, v, w)
     law = model.constitution
     if not law.stiffness.varies_in_cells:
         owned = model.domain.owned_cells
         stress = act(macro_moduli(model, cells, owned), strains(cells, v)[:owned])
-        means = mass(model.d, model.degree - 1, model.degree - 1)
+        means = mass(space.d, space.degree - 1, space.degree - 1)
         strain = strains(cells, w)[:owned]
         of_cells = np.einsum("nas,ab,nbs->n", stress, means, strain, optimize=True)
         local = float(cells.volume[:owned] @ of_cells)
-        return BoundedNumber(model.comm.allreduce(local, MPI.SUM)) + of_springs
-    numbers = model.owned_cells
-    strain_v = CellStrains.of(model, cells, v)
-    strain_w = CellStrains.of(model, cells, w)
+        return BoundedNumber(space.comm.allreduce(local, MPI.SUM)) + of_springs
+    numbers = space.owned_cells
+    strain_v = CellStrains.of(space, cells, v)
+    strain_w = CellStrains.of(space, cells, w)
 
     def stress_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return law.stress_change(strain_v.at(entity, places, x), x, numbers[entity])
@@ -65,7 +66,7 @@ def _spring_work(model: Model, v: fem.Function, w: fem.Function) -> BoundedNumbe
     """Compute the work of springs, pulled by v, on w [force length]; collective."""
     total = BoundedNumber(0.0)
     for spring in model.springs:
-        total += BoundedNumber(assemble_number(model, spring.work(v, w)))
+        total += BoundedNumber(assemble_number(model.space, spring.work(v, w)))
     return total
 
 
@@ -84,15 +85,15 @@ def strain_work(pair: Admissible, v: fem.Function, floor: float = 0.0) -> Bounde
     if given is None:
         return BoundedNumber(0.0)
     if not model.constitution.varies_in_cells:
-        return BoundedNumber(assemble_number(model, model.strain_loads(v)))
+        return BoundedNumber(assemble_number(model.space, model.strain_loads(v)))
     cells = pair.cell_geometry
-    of_cells = model.owned_cells
+    of_cells = model.space.owned_cells
 
     def stress_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         cell = of_cells[entity]
         return model.constitution.stress_change(given(x, cell), x, cell)
 
-    return _over_cells(pair, stress_at, CellStrains.of(model, cells, v).at, floor)
+    return _over_cells(pair, stress_at, CellStrains.of(model.space, cells, v).at, floor)
 
 
 def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> BoundedNumber:
@@ -107,17 +108,17 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
         floor: What may always stay unknown of the integral of psi [force length].
     """
     model = pair.model
-    of_cells = model.owned_cells
+    of_cells = model.space.owned_cells
     if model.linearised is not None:
         law = model.linearised.law
-        strain = CellStrains.of(model, pair.cell_geometry, u)
+        strain = CellStrains.of(model.space, pair.cell_geometry, u)
 
         def of_law(
             law: PointLaw, entity: np.ndarray, places: np.ndarray, x: np.ndarray
         ) -> np.ndarray:
             eps = strain.at(entity, places, x)
             energy = law.energy(eps, x, of_cells[entity])[..., None]
-            return energy * circumferences(x)[..., None] if model.axisymmetric else energy
+            return energy * circumferences(x)[..., None] if model.space.axisymmetric else energy
 
         def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             return of_law(law, entity, places, x)
@@ -154,9 +155,9 @@ def _over_cells(
     The integral is adapted to them. Where they do no work on each other, what is left
     is round-off of the products that cancel, which needs no resolution.
     """
-    model = pair.model
+    space = pair.model.space
     cells = pair.cell_geometry
-    owned = model.domain.owned_cells
+    owned = space.domain.owned_cells
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
 
@@ -164,14 +165,14 @@ def _over_cells(
         product = stress_at(entity, places, x) * strain_at(entity, places, x)
         return product.sum(axis=-1, keepdims=True)
 
-    middles = np.full((owned, 1, model.d + 1), 1 / (model.d + 1))
+    middles = np.full((owned, 1, space.d + 1), 1 / (space.d + 1))
     at_middles = (np.arange(owned), middles, corners.mean(axis=1, keepdims=True))
     sizes = [np.linalg.norm(field(*at_middles), axis=-1)[:, 0] for field in (stress_at, strain_at)]
-    size = model.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
-    pieces = cell_pieces(model.d)
+    size = space.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
+    pieces = cell_pieces(space.d)
     floor = max(ROUND_OFF * size, floor)
-    integral = integrate(model.comm, density, corners, volume, pieces, floor=floor, hidden=hidden)
-    return BoundedNumber.summed(model.comm, integral)
+    integral = integrate(space.comm, density, corners, volume, pieces, floor=floor, hidden=hidden)
+    return BoundedNumber.summed(space.comm, integral)
 
 
 def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
@@ -180,20 +181,21 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     With the work of the springs it is the work of r^ and of the projected loads.
     """
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
     k = cells.degree
     owned = model.domain.owned_cells
-    shape, points, weights = macro_points(model.d, k)
+    shape, points, weights = macro_points(space.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
-    if model.axisymmetric:
-        strain = strains_at(model, cells, v, points, owned)
+    if space.axisymmetric:
+        strain = strains_at(space, cells, v, points, owned)
     else:
-        strain = np.matmul(bernstein(model.d, k - 1, points), strains(cells, v)[:owned])
+        strain = np.matmul(bernstein(space.d, k - 1, points), strains(cells, v)[:owned])
     # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
     local += spring_work(model, v, pair.spring_tractions)
-    return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
+    return BoundedNumber(float(space.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
 
 
 def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
@@ -201,8 +203,8 @@ def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     load = pair.model.hoop_load
     if load is None:
         return BoundedNumber(0.0)
-    of_cells = pair.model.owned_cells
-    strain_v = CellStrains.of(pair.model, pair.cell_geometry, v)
+    of_cells = pair.model.space.owned_cells
+    strain_v = CellStrains.of(pair.model.space, pair.cell_geometry, v)
 
     def hoop_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return load(x, of_cells[entity])[..., None]
@@ -214,7 +216,7 @@ def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 
 
 def friction_work(
-    model: Model,
+    space: Space,
     traction: ContactTraction,
     u: fem.Function,
     floor: float,
@@ -223,20 +225,20 @@ def friction_work(
     """Add up :func:`friction_works`; collective."""
     if traction.contact.friction is None:
         return BoundedNumber(0.0)
-    return BoundedNumber.summed(model.comm, friction_works(model, traction, u, floor, end))
+    return BoundedNumber.summed(space.comm, friction_works(space, traction, u, floor, end))
 
 
 def foundation_energy(
-    model: Model, traction: ContactTraction, u: fem.Function, floor: float
+    space: Space, traction: ContactTraction, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Add up :func:`foundation_energies`, 0 on a rigid foundation; collective."""
     if not traction.contact.is_compliant:
         return BoundedNumber(0.0)
-    return BoundedNumber.summed(model.comm, foundation_energies(model, traction, u, floor))
+    return BoundedNumber.summed(space.comm, foundation_energies(space, traction, u, floor))
 
 
 def friction_works(
-    model: Model,
+    space: Space,
     traction: ContactTraction,
     u: fem.Function,
     floor: float,
@@ -249,15 +251,15 @@ def friction_works(
     unknown.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         traction: r^ on the contact, with its friction bound.
         u: u^ [length].
         floor: What the integrals may leave unknown.
         end: The traction whose friction bound limits what a foundation gives way; by
             default the same one.
     """
-    sliding = Sliding(model, traction)
-    at_end = sliding if end is None else Sliding(model, end)
+    sliding = Sliding(space, traction)
+    at_end = sliding if end is None else Sliding(space, end)
     allowed = traction.contact.friction_set
 
     def density(
@@ -267,22 +269,22 @@ def friction_works(
         path = allowed.support(slip, n, facet)
         return sliding.bound(facet, shape, n, x) * path
 
-    return contact_integral(model, traction.contact, u, density, floor)
+    return contact_integral(space, traction.contact, u, density, floor)
 
 
 def contact_work(
-    model: Model, contact: ContactOnMesh, tau: np.ndarray, u: fem.Function, floor: float
+    space: Space, contact: ContactOnMesh, tau: np.ndarray, u: fem.Function, floor: float
 ) -> BoundedNumber:
     """Compute ``int tau n.(w - g n)`` on a contact [force length]; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         tau: Coefficients of the traction tau n [force/area], shape (f, m, d).
         u: u, whose jump is w.
         floor: What the integrals may leave unknown.
     """
-    data = ContactData(contact, model.mesh)
+    data = ContactData(contact, space.mesh)
 
     def density(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
@@ -293,5 +295,5 @@ def contact_work(
         opening = 0.0 if contact.bilateral else w_n - data.gap(facet, x)
         return tau_n * opening + (tau_t * w_t).sum(axis=-1)
 
-    integral = contact_integral(model, contact, u, density, floor)
-    return BoundedNumber.summed(model.comm, integral)
+    integral = contact_integral(space, contact, u, density, floor)
+    return BoundedNumber.summed(space.comm, integral)

@@ -27,6 +27,7 @@ from erc_contact.model.contact.ties import Claim, tie_forces
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import coefficients, lagrange, rule
@@ -52,21 +53,21 @@ class Force:
         return Force(self.force + other.force, self.moment + other.moment)
 
 
-def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
+def total_force(space: Space, nodes: np.ndarray, forces: np.ndarray) -> Force:
     """Compute resultant and moment of forces at nodes over all ranks; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         nodes: Nodes of this rank, shape (n,).
         forces: Forces at them [force], shape (n, d).
     """
-    x = model.V.tabulate_dof_coordinates()[nodes]
+    x = space.V.tabulate_dof_coordinates()[nodes]
     moment = np.cross(x, in_space(forces)).sum(axis=0)
-    if model.d == 2:
-        moment = moment[[2]] * (not model.axisymmetric)
+    if space.d == 2:
+        moment = moment[[2]] * (not space.axisymmetric)
     local = np.concatenate([forces.sum(axis=0), moment])
-    total = model.comm.allreduce(local, MPI.SUM)
-    return Force(total[: model.d], total[model.d :])
+    total = space.comm.allreduce(local, MPI.SUM)
+    return Force(total[: space.d], total[space.d :])
 
 
 def by_cause(
@@ -103,7 +104,7 @@ def by_cause(
     if model.body_force is not None:
         result[BODY_FORCE] = body_force()
     balance = _sum(list(result.values()))
-    if model.axisymmetric:
+    if model.space.axisymmetric:
         # Hoop stresses balance the radial forces.
         balance.force[0] = 0.0
     result[BALANCE] = balance
@@ -143,11 +144,12 @@ def nodal_reactions(
         Forces by the names of the parts [force], shape (nodes, d). At ghost nodes they
         are not complete.
     """
-    v = ufl.TestFunction(model.V)
+    space = model.space
+    v = ufl.TestFunction(space.V)
 
     def residual_of(v: Ufl) -> np.ndarray:
-        loads = _assemble(model, model.right_side(v))
-        return _assemble(model, model.stiffness(u, v)) - loads
+        loads = _assemble(space, model.right_side(v))
+        return _assemble(space, model.stiffness(u, v)) - loads
 
     residual = residual_of(v)
     several = _with_several_forces(model) if at_nodes else None
@@ -155,13 +157,13 @@ def nodal_reactions(
     claims = {}
     for contact in model.contacts:
         trace = contact.trace
-        of_facets = _of_traction(model, contact, traction(contact))
+        of_facets = _of_traction(space, contact, traction(contact))
         if several is not None:
             is_known = several[trace.here.nodes]
-            of_multiplier = _of_multiplier(model, contact, traction(contact))
+            of_multiplier = _of_multiplier(space, contact, traction(contact))
             of_facets = np.where(is_known[..., None], of_multiplier, of_facets)
         residual -= trace.back(of_facets)
-        nodes = model.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
+        nodes = space.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
         here = trace.back_here(of_facets), nodes
         there = trace.back_there(of_facets), trace.partners
         # A foundation has no name.
@@ -170,18 +172,18 @@ def nodal_reactions(
             claims[side] = _claim(model, claimed)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
-        claim[model.facet_nodes(facets)] |= components
+        claim[space.facet_nodes(facets)] |= components
     # What the tractions leave of the residual is shared by those who fix the node.
     number_of_claims = sum(claims.values(), start=np.zeros(residual.shape))
     share = residual / np.maximum(number_of_claims, 1.0)
     reactions = {}
     for spring in model.springs:
-        reactions[spring.name] = -_assemble(model, spring.work(u, v))
+        reactions[spring.name] = -_assemble(space, spring.work(u, v))
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
     for tie in model.ties:
         first, second = tie.side_names
-        reactions[first] = tie_forces(model, tie, residual_of, _list_claims(model, in_layer))
+        reactions[first] = tie_forces(space, tie, residual_of, _list_claims(model, in_layer))
         reactions[second] = -reactions[first]
     return reactions
 
@@ -190,10 +192,10 @@ def _list_claims(model: Model, in_layer: bool) -> list[Claim]:
     """Return cells and nodes on which supports and contacts act."""
     result = []
     for facets, _ in model.fixed_facets:
-        result.append((facets[:, 0], model.facet_nodes(facets)))
+        result.append((facets[:, 0], model.space.facet_nodes(facets)))
     for contact in model.contacts:
         cells = contact.facets[:, 0]
-        result.append((cells, model.nodes[cells] if in_layer else contact.trace.here.nodes))
+        result.append((cells, model.space.nodes[cells] if in_layer else contact.trace.here.nodes))
         result.append((contact.trace.there.facets[:, 0], contact.trace.partners))
     return result
 
@@ -217,54 +219,56 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
     Raises:
         InputError: If no boundary part has this name.
     """
+    space = model.space
     if any(part in tie.side_names for tie in model.ties):
-        return _of_nodes(model, nodal[part])
+        return _of_nodes(space, nodal[part])
     model.domain.tag(part)
-    loads = _assemble(model, model.loads(ufl.TestFunction(model.V), on=[part]))
-    return _of_nodes(model, loads + nodal.get(part, 0.0))
+    loads = _assemble(space, model.loads(ufl.TestFunction(space.V), on=[part]))
+    return _of_nodes(space, loads + nodal.get(part, 0.0))
 
 
 def body_force(model: Model) -> Force:
     """Compute resultant and moment of the loads in the body; collective."""
-    loads = model.loads(ufl.TestFunction(model.V), on=[None])
-    return _of_nodes(model, _assemble(model, loads))
+    space = model.space
+    loads = model.loads(ufl.TestFunction(space.V), on=[None])
+    return _of_nodes(space, _assemble(space, loads))
 
 
-def _of_nodes(model: Model, forces: np.ndarray) -> Force:
+def _of_nodes(space: Space, forces: np.ndarray) -> Force:
     """Compute resultant and moment of nodal forces (nodes, d); collective.
 
     The force of each node comes from its owner.
     """
-    owned = np.arange(model.V.dofmap.index_map.size_local)
-    return total_force(model, owned, forces[owned])
+    owned = np.arange(space.V.dofmap.index_map.size_local)
+    return total_force(space, owned, forces[owned])
 
 
-def _assemble(model: Model, form: Ufl | None) -> np.ndarray:
+def _assemble(space: Space, form: Ufl | None) -> np.ndarray:
     """Assemble a linear form at the nodes [force], shape (nodes, d); collective.
 
     It is zero for None. At ghost nodes the values are not complete.
     """
-    b = model.function()
+    b = space.function()
     if form is not None:
         fem.assemble_vector(b.x.array, compiled.form(form))
         b.x.scatter_reverse(la.InsertMode.add)
-    return b.x.array.reshape(-1, model.d)
+    return b.x.array.reshape(-1, space.d)
 
 
-def _of_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
+def _of_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
     """Integrate a traction against the basis functions on each facet; collective.
 
     Returns:
         Forces at the nodes of the facets [force], shape (f, m, d).
     """
-    points, weights = rule(model.d - 1, model.contact_degree)
-    weighted = weights[:, None] * lagrange(model.d - 1, model.degree, points)
-    values = evaluate(traction, model.mesh, points, contact.facets)
+    points, weights = rule(space.d - 1, space.contact_degree)
+    weighted = weights[:, None] * lagrange(space.d - 1, space.degree, points)
+    values = evaluate(traction, space.mesh, points, contact.facets)
     areas = contact.trace.here.areas[:, None, None]
     return np.einsum("qm,fqi->fmi", weighted, values) * areas
 
 
-def _of_multiplier(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
+def _of_multiplier(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
     """Return the forces that a multiplier has at the nodes of each facet; collective.
 
     They are the forces on the Bernstein coefficients, in shares of the area, at the
@@ -274,13 +278,13 @@ def _of_multiplier(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.nd
         Forces at the nodes of the facets [force], shape (f, m, d).
     """
     trace = contact.trace
-    values = evaluate(traction, model.mesh, model.facet_points, contact.facets)
+    values = evaluate(traction, space.mesh, space.facet_points, contact.facets)
     m = values.shape[1]
     shares = trace.here.areas[:, None, None] / m
-    to_coefficients = coefficients(model.d - 1, model.degree)
+    to_coefficients = coefficients(space.d - 1, space.degree)
     of_nodes = trace.coefficients(values)
-    if model.axisymmetric:
-        of_contact = nodal_shares(model, contact.facets)
+    if space.axisymmetric:
+        of_contact = nodal_shares(space, contact.facets)
         factors = of_contact[trace.here.nodes][..., None]
         of_nodes = np.divide(of_nodes, factors, out=of_nodes, where=factors > 0)
     return np.einsum("cn,fci->fni", to_coefficients, shares * of_nodes)
@@ -295,4 +299,4 @@ def _with_several_forces(model: Model) -> np.ndarray | None:
     if not model.connections.any:
         return None
     several = model.connections.has_several
-    return several if model.comm.allreduce(bool(several.any()), MPI.LOR) else None
+    return several if model.space.comm.allreduce(bool(several.any()), MPI.LOR) else None

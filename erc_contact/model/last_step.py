@@ -138,7 +138,7 @@ def lost_on_facets(
         ``int_F |s - I s|^2`` [length^(d+1)], shape (f,); None where it is round-off on
         all facets.
     """
-    _, tangential, _ = split(difference, trace.normals_at(points))
+    tangential = split(difference, trace.normals_at(points)).tangential
     if greatest(space.comm, tangential) <= INTERPOLATION_ROUND_OFF * size:
         return None
     return trace.here.areas * ((tangential**2).sum(axis=-1) @ weights)
@@ -205,7 +205,7 @@ def _check_place(
     low, high = boxes(space.comm, x, np.zeros(len(x), dtype=int), 1)
     # The boxes around the contact are compared, too: it may have become smaller.
     old_points = corners.reshape(-1, space.d)
-    _, _, distance = closest(x, corners)
+    distance = closest(x, corners).distance
     away = max(
         float(distance.max(initial=0.0)),
         float(abs(low - old_points.min(axis=0)).max()),

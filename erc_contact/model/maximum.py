@@ -140,6 +140,7 @@ def find_maximum(
     Raises:
         InputError: If the quantity is another one, or the scene has no contact.
     """
+    space = model.space
     quantities = (*IN_BODY, *ON_CONTACT)
     if quantity not in quantities:
         allowed = ", ".join(map(repr, quantities))
@@ -149,18 +150,18 @@ def find_maximum(
             raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
         profiles = [profile(contact.name) for contact in model.contacts]
         values = np.concatenate([abs(table[quantity]) for table in profiles])
-        axes = ["x", "y", "z"][: model.d]
+        axes = ["x", "y", "z"][: space.d]
         x = np.column_stack([np.concatenate([table[axis] for table in profiles]) for axis in axes])
     elif quantity == "displacement":
-        owned = model.V.dofmap.index_map.size_local
-        nodal = displacement.x.array.reshape(-1, model.d)[:owned]
+        owned = space.V.dofmap.index_map.size_local
+        nodal = displacement.x.array.reshape(-1, space.d)[:owned]
         values = np.linalg.norm(nodal, axis=1)
-        x = model.V.tabulate_dof_coordinates()[:owned, : model.d]
+        x = space.V.tabulate_dof_coordinates()[:owned, : space.d]
     else:
         values = von_mises()
-        x = model.cell_corners()[: model.domain.owned_cells].mean(axis=1)
-    top = model.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
-    (places,) = of_all(model.comm, x[values >= top - EQUAL_MAXIMA * abs(top)])
+        x = space.cell_corners()[: model.domain.owned_cells].mean(axis=1)
+    top = space.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
+    (places,) = of_all(space.comm, x[values >= top - EQUAL_MAXIMA * abs(top)])
     # Rounded, so that the place does not depend on the ranks.
     rounded = (places / model.domain.extent).round(9)
     first = np.lexsort(rounded.T[::-1])[0]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 import ufl
@@ -47,8 +48,11 @@ from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potenti
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 
+OF_SPACE = "mesh", "n", "x", "V", "d", "contact_degree", "nodal_rule"
+"""What methods of users read of a model in version 0.1 and of its space now."""
 
-class Model(Space):
+
+class Model:
     """Hold a scene on a domain: its data as UFL, and forms of elasticity.
 
     Construction is collective.
@@ -61,6 +65,9 @@ class Model(Space):
             displacement; None without.
 
     Attributes:
+        scene: As given.
+        domain: The domain with the tied joints of the scene.
+        space: The displacement's space on it.
         parameters: Parameters of the material, UFL.
         material: The linear law of the body; of a potential its linearisation.
         linearised: This linearisation, None for a linear law.
@@ -107,7 +114,6 @@ class Model(Space):
         NotHeldError: If loads are not in balance on a rigid motion that nothing holds.
     """
 
-    domain: Domain
     strains: Strains | Linearised | None
     constitution: Constitution
 
@@ -115,76 +121,88 @@ class Model(Space):
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
         of_rings = is_axisymmetric(scene.material)
-        super().__init__(
-            domain.tied([tie.sides for tie in scene.ties]), degree, axisymmetric=of_rings
-        )
+        self.domain = domain.tied([tie.sides for tie in scene.ties])
+        space = Space(self.domain, degree, axisymmetric=of_rings)
+        self.space = space
         self.scene = scene
         self.is_later_step = last is not None
         self.greatest_before = Greatest() if last is None else last.greatest
-        check_dimension(scene, self.d)
-        check_half_plane(self, scene)
-        self.parameters = moduli(self, scene.material)
+        check_dimension(scene, space.d)
+        check_half_plane(space, scene)
+        self.parameters = moduli(space, scene.material)
         material: Any = scene.material
         self.material = material
         self.linearised: Linearised | None = None
         if has_potential(scene.material):
-            try_potential(self.comm, scene.material, self.parameters)
+            try_potential(space.comm, scene.material, self.parameters)
             state = None if last is None else last.state
-            state = state_of(self, scene.material, state)
-            law = PointLaw(self, scene.material, self.parameters, state)
-            self.linearised = Linearised(self, scene.material, law, self.parameters)
+            state = state_of(space, scene.material, state)
+            law = PointLaw(space, scene.material, self.parameters, state)
+            self.linearised = Linearised(space, scene.material, law, self.parameters)
             self.material = self.linearised
             self.strains = self.linearised
             self.constitution = ConvexConstitution(self.linearised)
         elif type(scene.material) is not Elastic:
-            try_material(self.V, self.material, self.parameters, partial(strain_of, self))
-        self.ties = [bind_tie(self, tie, self.modulus) for tie in scene.ties]
-        self.preloads = bind_preloads(self, scene.ties, self.ties)
+            try_material(space.V, self.material, self.parameters, partial(strain_of, space))
+        self.ties = [bind_tie(space, tie, self.modulus) for tie in scene.ties]
+        self.preloads = bind_preloads(space, scene.ties, self.ties)
         self.bind_strains(scene)
-        self.springs = bind_springs(self, scene.springs, self.modulus)
+        self.springs = bind_springs(space, scene.springs, self.modulus)
         self.bind_supports_and_loads(scene)
         self.contacts = []
         for contact in scene.contacts:
-            self.contacts.append(bind_contact(self, contact, self.modulus, last))
+            self.contacts.append(bind_contact(space, contact, self.modulus, last))
         self.gap_limits: dict[ContactOnMesh, np.ndarray] = {}
-        check_neighbours(self, self.loose_faces, self.held, self.contacts)
-        check_beside_cuts(self, self.preloads, self._held_facets(), self.contacts)
-        self.bodies = bodies_of_nodes(self)
-        motions = body_motions(self, *self.bodies)
+        check_neighbours(space, self.loose_faces, self.held, self.contacts)
+        check_beside_cuts(space, self.preloads, self._held_facets(), self.contacts)
+        self.bodies = bodies_of_nodes(space)
+        motions = body_motions(space, *self.bodies)
         resisting = self.springs, self.loose_faces
-        held = held_products(self, self.bodies, motions.values, self.held, *resisting)
-        by_all = resisted_by_all(self, self.bodies, motions.values, held, self.contacts)
-        self.unheld = find_unheld(self, self.bodies, motions, self.fixed, by_all, self.contacts)
+        held = held_products(space, self.bodies, motions.values, self.held, *resisting)
+        by_all = resisted_by_all(space, self.bodies, motions.values, held, self.contacts)
+        self.unheld = find_unheld(space, self.bodies, motions, self.fixed, by_all, self.contacts)
         self.anchor()
         self.bind_connections()
         if self.unheld.functions:
             # Anchors hold motions, too.
             fixed = self.held_or_anchored
-            held = held_products(self, self.bodies, motions.values, fixed, *resisting)
-        self.free_motions = motions_not_held(self, self.bodies[0], motions.values, held)
+            held = held_products(space, self.bodies, motions.values, fixed, *resisting)
+        self.free_motions = motions_not_held(space, self.bodies[0], motions.values, held)
         self.centres = motions.centres
         self.body_sizes = motions.sizes
-        self.loose = loose_motions(self, self.bodies, motions.values, held, self.contacts)
+        self.loose = loose_motions(space, self.bodies, motions.values, held, self.contacts)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return what a method of users reads of the space, as in version 0.1.
+
+            It is to go with version 0.3.
+            """
+            if name not in OF_SPACE:
+                raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+            warn(f"Write model.space.{name} for model.{name}.", DeprecationWarning, stacklevel=2)
+            return getattr(self.space, name)
 
     def bind_supports_and_loads(self, scene: Scene) -> None:
         """Put the supports and loads of a scene on the mesh; collective."""
-        supports = bind_supports(self, scene.supports)
+        supports = bind_supports(self.space, scene.supports)
         self.fixed = supports.fixed
         self.prescribed = supports.prescribed
-        self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
+        self.bcs = dirichlet_conditions(self.space, self.prescribed, self.fixed)
         self.fixed_facets = supports.facets
         self.held = supports.held
         self.loose_faces = supports.loose_faces
-        self.face_forces = face_forces(self, self.loose_faces)
-        self.surface_loads, self.body_force = bind_loads(self, scene.loads)
+        self.face_forces = face_forces(self.space, self.loose_faces)
+        self.surface_loads, self.body_force = bind_loads(self.space, scene.loads)
         self.relief: Relief | None = None
         self._bind_hoop_load()
 
     def _bind_hoop_load(self) -> None:
         """Put the radial force in axisymmetric bodies on the mesh."""
         self.hoop_load = None
-        if self.axisymmetric and self.body_force is not None:
-            self.hoop_load = Everywhere(self.x[0] * self.body_force[0], self.mesh)
+        if self.space.axisymmetric and self.body_force is not None:
+            self.hoop_load = Everywhere(self.space.x[0] * self.body_force[0], self.space.mesh)
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
@@ -197,11 +215,11 @@ class Model(Space):
         for preload in self.preloads:
             strain = preload.strain(shifts[preload.name])
             # Along the axis of rings a shift has no hoop strain.
-            of_preloads.append(in_space(strain, 0) if self.axisymmetric else strain)
+            of_preloads.append(in_space(strain, 0) if self.space.axisymmetric else strain)
         self.strains = bind_strains(
-            self, scene.strains, self.material, self.parameters, of_preloads
+            self.space, scene.strains, self.material, self.parameters, of_preloads
         )
-        self.constitution = Constitution(self, self.material, self.parameters, self.strains)
+        self.constitution = Constitution(self.space, self.material, self.parameters, self.strains)
 
     def _held_facets(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
         """Return name, facets and held components of each support and spring."""
@@ -211,7 +229,7 @@ class Model(Space):
         ):
             held.append((support.facets, facets, components))
         for spring in self.springs:
-            held.append((spring.name, spring.side.facets, np.ones(self.d, dtype=bool)))
+            held.append((spring.name, spring.side.facets, np.ones(self.space.d, dtype=bool)))
         return held
 
     def anchor(self) -> None:
@@ -224,14 +242,14 @@ class Model(Space):
             return
         loads = self.load_forces(strains=False)
         self.relief = relief_of(
-            self, self.unheld, loads, [load.facets for load in self.surface_loads]
+            self.space, self.unheld, loads, [load.facets for load in self.surface_loads]
         )
         if self.relief is not None:
             force = self.relief.density
             self.body_force = force if self.body_force is None else self.body_force + force
             self._bind_hoop_load()
         self.fixed = self.fixed | self.unheld.anchors
-        self.bcs = dirichlet_conditions(self, self.prescribed, self.fixed)
+        self.bcs = dirichlet_conditions(self.space, self.prescribed, self.fixed)
 
     @property
     def held_or_anchored(self) -> np.ndarray:
@@ -263,13 +281,13 @@ class Model(Space):
 
     def _product(self, u: fem.Function, v: fem.Function) -> float:
         """Return ``int u . v`` over the bodies; collective."""
-        form = compiled.form(self.on_meridian(ufl.inner(u, v)) * self.dx)
-        return float(self.comm.allreduce(fem.assemble_scalar(form), MPI.SUM))
+        form = compiled.form(self.space.on_meridian(ufl.inner(u, v)) * self.space.dx)
+        return float(self.space.comm.allreduce(fem.assemble_scalar(form), MPI.SUM))
 
     def bind_connections(self) -> None:
         """Find the nodes that contacts connect, given supports; collective."""
         traces = [contact.trace for contact in self.contacts]
-        self.connections = Connections(self, traces, self.fixed)
+        self.connections = Connections(self.space, traces, self.fixed)
 
     # -- forms
 
@@ -280,19 +298,19 @@ class Model(Space):
         function v. Of an axisymmetric body it is the part in the half plane, times the
         circumference [force/length].
         """
-        elastic_strain = strain_of(self, u)
+        elastic_strain = strain_of(self.space, u)
         given = None if has_arguments(u) else self.strains
         if isinstance(given, Strains):
             elastic_strain -= given.tensor
         stress = self._stress_of(elastic_strain)
         if isinstance(given, Linearised):
-            stress -= self.on_meridian(given.given_stress)
-        return in_half_plane(stress) if self.axisymmetric else stress
+            stress -= self.space.on_meridian(given.given_stress)
+        return in_half_plane(stress) if self.space.axisymmetric else stress
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], on rings times the circumference, UFL."""
         stress = self.material.stress(elastic_strain, **self.parameters)
-        return self.on_meridian(stress)
+        return self.space.on_meridian(stress)
 
     @cached_property
     def modulus(self) -> Ufl:
@@ -300,13 +318,13 @@ class Model(Space):
 
         It is times the circumference if there is one.
         """
-        return self.on_meridian(self.material.modulus(**self.parameters))
+        return self.space.on_meridian(self.material.modulus(**self.parameters))
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
-        stress = self._stress_of(strain_of(self, u))
+        stress = self._stress_of(strain_of(self.space, u))
         measure = self._measure(self.constitution.stiffness.varies_in_cells)
-        form = ufl.inner(stress, strain_of(self, v)) * measure
+        form = ufl.inner(stress, strain_of(self.space, v)) * measure
         for spring in self.springs:
             form += spring.work(u, v)
         return form
@@ -320,11 +338,11 @@ class Model(Space):
         if self.strains is None:
             return None
         if isinstance(self.strains, Linearised):
-            stress = self.on_meridian(self.strains.given_stress)
+            stress = self.space.on_meridian(self.strains.given_stress)
         else:
             stress = self._stress_of(self.strains.tensor)
         measure = self._measure(self.constitution.varies_in_cells)
-        return ufl.inner(stress, strain_of(self, v)) * measure
+        return ufl.inner(stress, strain_of(self.space, v)) * measure
 
     def right_side(self, v: Ufl) -> Ufl | None:
         """Return the UFL form of loads and given strains, or None without any."""
@@ -337,7 +355,9 @@ class Model(Space):
         The solver and the reconstruction integrate varying data by one rule, so that
         both know the same body.
         """
-        return self.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varying else self.dx
+        return (
+            self.space.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varying else self.space.dx
+        )
 
     def load_forces(self, *, strains: bool) -> fem.Function:
         """Return the nodal forces of the loads [force], not yet summed over ranks.
@@ -345,8 +365,8 @@ class Model(Space):
         Args:
             strains: Whether they are with the forces of given strains.
         """
-        b = self.function()
-        v = ufl.TestFunction(self.V)
+        b = self.space.function()
+        v = ufl.TestFunction(self.space.V)
         loads = self.right_side(v) if strains else self.loads(v)
         if loads is not None:
             fem.assemble_vector(b.x.array, compiled.form(loads))
@@ -369,7 +389,7 @@ class Model(Space):
         for load in self.surface_loads:
             loads.append((load.facets, load.density, load.ds))
         if self.body_force is not None:
-            loads.append((None, self.body_force, self.dx))
+            loads.append((None, self.body_force, self.space.dx))
         terms = []
         for part, density, measure in loads:
             if on is not None and part not in on:
@@ -387,7 +407,7 @@ class Model(Space):
         """
         modulus = self.domain.function("DG", 0)
         cells = np.arange(len(modulus.x.array), dtype=np.int32)
-        modulus.x.array[:] = self.at_middles(self.modulus, cells)
+        modulus.x.array[:] = self.space.at_middles(self.modulus, cells)
         return modulus
 
     def stiffness_per_area(self, gamma: Ufl, modulus: Ufl = None) -> Ufl:
@@ -399,13 +419,13 @@ class Model(Space):
             gamma: Factor gamma_0 [-].
             modulus: E [force/area], by default the modulus of the material.
         """
-        h = self.d * ufl.CellVolume(self.mesh) / ufl.FacetArea(self.mesh)
+        h = self.space.d * ufl.CellVolume(self.space.mesh) / ufl.FacetArea(self.space.mesh)
         E = self.modulus if modulus is None else modulus
-        return gamma * self.degree**2 * E / h
+        return gamma * self.space.degree**2 * E / h
 
     def stiffest(self) -> float:
         """Return the greatest modulus at middles of cells [force/area]; collective."""
-        return self.extremes(self.at_middles(self.modulus, self.owned_cells))[1]
+        return self.space.extremes(self.space.at_middles(self.modulus, self.space.owned_cells))[1]
 
     def jumps_at(self, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return what shifts of preloads add to the displacement [length], (n, d).
@@ -414,7 +434,9 @@ class Model(Space):
             cell: A cell of this rank for each point, shape (n,).
             x: The points [length], shape (n, d).
         """
-        return jumps_at(self.preloads, shifts_of(self.scene.ties), cell, x, self.cell_corners())
+        return jumps_at(
+            self.preloads, shifts_of(self.scene.ties), cell, x, self.space.cell_corners()
+        )
 
     # -- data on contacts
 
@@ -439,9 +461,9 @@ class Model(Space):
         """
         if contact.friction is None or contact.friction.dependence != PROPORTIONAL:
             return 0.0
-        parameters = friction_parameters(self, contact, self.facet_points)
-        ones = np.ones((len(contact.facets), len(self.facet_points)))
-        _, most = self.extremes(contact.friction_bound(ones, parameters))
+        parameters = friction_parameters(self.space, contact, self.space.facet_points)
+        ones = np.ones((len(contact.facets), len(self.space.facet_points)))
+        _, most = self.space.extremes(contact.friction_bound(ones, parameters))
         return most * contact.friction_set.longest
 
     def at_nodes(self, contact: ContactOnMesh) -> ContactOnMesh:
@@ -452,5 +474,5 @@ class Model(Space):
         parameters, and the Bernstein coefficients of the gap and of the displacement of
         the last step.
         """
-        gaps = gap_at_nodes(self, contact)
-        return at_nodes(self, contact, gap_by_coefficients(self, contact, gaps))
+        gaps = gap_at_nodes(self.space, contact)
+        return at_nodes(self.space, contact, gap_by_coefficients(self.space, contact, gaps))

@@ -16,7 +16,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.model.meridian import BESIDE_AXIS, ON_AXIS
 from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
+from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.material import mandel_basis, strain, tensor_basis
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import in_space
@@ -32,14 +32,14 @@ OUTSIDE = 1e-6
 
 
 def at_points(
-    model: Model, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    space: Space, points: Any, values: Callable[[np.ndarray, np.ndarray], np.ndarray]
 ) -> np.ndarray:
     """Evaluate a field at points of the body, the same on all ranks; collective.
 
     At a point between several cells it is the mean of their values.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         points: Points, the same on all ranks [length], shape (n, d) or (d,).
         values: Gets owned cells (m,) and a point in each (m, d); returns values, shape
             (m, c). It is called once on every rank.
@@ -51,13 +51,13 @@ def at_points(
         InputError: If the points have another shape or are not finite, or one lies
             outside the mesh.
     """
-    d, comm = model.d, model.comm
+    d, comm = space.d, space.comm
     x = np.atleast_2d(np.asarray(points, dtype=float))
     if x.ndim != 2 or x.shape[1] != d or not np.isfinite(x).all():
         raise InputError(
             f"The points have shape {np.shape(points)}; give finite numbers of shape (n, {d})."
         )
-    point, cell = _places(model, x)
+    point, cell = _places(space, x)
     in_cells = np.column_stack([np.ones(len(point)), values(cell, x[point])])
     local = np.zeros((len(x), in_cells.shape[1]))
     np.add.at(local, point, in_cells)
@@ -74,7 +74,7 @@ def at_points(
     return total / count
 
 
-def _places(model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _places(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the cells that hold points: one, or several at their border; collective.
 
     DOLFINx takes a point that is 1e-6 away, whatever the unit of length, to be in a
@@ -83,17 +83,17 @@ def _places(model: Model, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     is greatest, of all ranks.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         x: Points, the same on all ranks [length], shape (n, d).
 
     Returns:
         Pairs of a point and an owned cell, two arrays of shape (m,). Points outside the
         mesh are in none.
     """
-    d, comm, mesh = model.d, model.comm, model.mesh
-    tree = geometry.bb_tree(mesh, d, padding=1e-10 * model.domain.extent)
+    d, comm, mesh = space.d, space.comm, space.mesh
+    tree = geometry.bb_tree(mesh, d, padding=1e-10 * space.domain.extent)
     candidates = geometry.compute_collisions_points(tree, in_space(x))
-    owned = candidates.array < model.domain.owned_cells
+    owned = candidates.array < space.domain.owned_cells
     point = np.repeat(np.arange(len(x)), np.diff(candidates.offsets))[owned]
     cell = candidates.array[owned]
     corners = mesh.geometry.x[cell_nodes(mesh.geometry)[cell], :d]
@@ -126,40 +126,41 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
     Returns:
         Mandel components, shape (n, s), of an axisymmetric body with the hoop stress.
     """
-    d = model.d
-    W = fem.functionspace(model.mesh, ("DG", model.degree - 1, (d, d)))
+    space = model.space
+    d = space.d
+    W = fem.functionspace(space.mesh, ("DG", space.degree - 1, (d, d)))
     eps = fem.Function(W)
-    eps.interpolate(compiled.expression(strain(u), W.element.interpolation_points, model.comm))
+    eps.interpolate(compiled.expression(strain(u), W.element.interpolation_points, space.comm))
     strains = np.zeros((len(x), d, d))
     if len(x):
         strains = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
     basis = mandel_basis(d)
     mandel_strains = np.einsum("bij,nij->nb", basis, strains)
-    if model.axisymmetric:
-        x, hoop = _hoop_strains(model, u, cell, x, strains)
+    if space.axisymmetric:
+        x, hoop = _hoop_strains(space, u, cell, x, strains)
         mandel_strains = np.column_stack([mandel_strains, hoop])
     stress = model.constitution.stress(mandel_strains[:, None], x[:, None], cell)[:, 0]
-    if model.axisymmetric:
+    if space.axisymmetric:
         stress = stress / circumferences(x)[:, None]
     return stress
 
 
 def tensors_of_points(model: Model, stress: np.ndarray) -> np.ndarray:
     """Return Mandel components (n, s) as tensors (n, d, d), or (n, 3, 3) of rings."""
-    basis = tensor_basis(model.scene.material, model.d)
+    basis = tensor_basis(model.scene.material, model.space.d)
     return np.tensordot(stress, basis, axes=1)
 
 
 def _hoop_strains(
-    model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray, strains: np.ndarray
+    space: Space, u: fem.Function, cell: np.ndarray, x: np.ndarray, strains: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return points off the axis, and ``u_r/r`` there; on the axis it is ``u_r,r``."""
     r = x[:, 0]
-    is_on_axis = abs(r) <= ON_AXIS * model.domain.extent
+    is_on_axis = abs(r) <= ON_AXIS * space.domain.extent
     moved = np.zeros(len(x))
     if len(x):
         moved = u.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), -1)[:, 0]
     hoop = np.where(is_on_axis, strains[:, 0, 0], moved / np.where(is_on_axis, 1.0, r))
     beside = x.copy()
-    beside[is_on_axis, 0] = BESIDE_AXIS * model.domain.extent
+    beside[is_on_axis, 0] = BESIDE_AXIS * space.domain.extent
     return beside, hoop

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.law.point_law import Search
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import rule
 
 SIZES = 10.0 ** np.arange(-6, 1)
@@ -34,16 +35,17 @@ def check_potential(model: Model) -> None:
     Raises:
         InputError: If they do not.
     """
+    space = model.space
     assert model.linearised is not None
     law = model.linearised.law
     name = type(model.scene.material).__name__
-    cells = model.owned_cells[:: max(1, len(model.owned_cells) // MOST_CELLS)]
-    middle, _ = rule(model.d, 1)
-    x = model.cell_points(middle, cells)
+    cells = space.owned_cells[:: max(1, len(space.owned_cells) // MOST_CELLS)]
+    middle, _ = rule(space.d, 1)
+    x = space.cell_points(middle, cells)
     eps = _strains(len(law.rows))
     shape = (len(cells), *eps.shape)
     eps = np.broadcast_to(eps, shape)
-    x = np.broadcast_to(x, (*shape[:2], model.d))
+    x = np.broadcast_to(x, (*shape[:2], space.d))
 
     psi = law.energy(eps, x, cells)
     stress = law.whole_stress(eps, x, cells)
@@ -51,7 +53,7 @@ def check_potential(model: Model) -> None:
     modulus = abs(tangent).max(axis=(-2, -1))
     if law.has_convexity:
         share = law.convexity(x, cells)[..., None, None]
-        _check_convexity(model, name, tangent, share, modulus)
+        _check_convexity(space, name, tangent, share, modulus)
     in_body = stress[..., : len(law.rows)]
     psi_star, _ = law.complementary(in_body, Search(stress[..., -1]), x, cells)
     # Pairs of a strain and the stress of the next one are on no law.
@@ -78,8 +80,8 @@ def check_potential(model: Model) -> None:
                 below[:, 1:].max(),
             ]
         )
-    finite = model.comm.allreduce(bool(finite), MPI.LAND)
-    worst = np.max(model.comm.allgather(worst), axis=0)
+    finite = space.comm.allreduce(bool(finite), MPI.LAND)
+    worst = np.max(space.comm.allgather(worst), axis=0)
     if not finite:
         raise InputError(
             f"{name}: potential, its derivatives or conjugate are not finite for strains of 0 to"
@@ -113,12 +115,12 @@ def check_potential(model: Model) -> None:
 
 
 def _check_convexity(
-    model: Model, name: str, tangent: np.ndarray, share: np.ndarray, modulus: np.ndarray
+    space: Space, name: str, tangent: np.ndarray, share: np.ndarray, modulus: np.ndarray
 ) -> None:
     """Check that a potential is as convex as it tells; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         name: The law.
         tangent: psi'' at samples, the first one without strain [force/area], shape (n,
             q, s, s).
@@ -128,14 +130,14 @@ def _check_convexity(
     Raises:
         InputError: If it is not.
     """
-    least = model.comm.allreduce(float(share.min(initial=1.0)), MPI.MIN)
+    least = space.comm.allreduce(float(share.min(initial=1.0)), MPI.MIN)
     if not least > 0.0:
         raise InputError(f"{name}: the convexity is {least:g}; it must be > 0, or be left out.")
     # What is not finite is told later.
     tangent = np.nan_to_num(tangent)
     beyond = np.linalg.eigvalsh(tangent - share * tangent[:, :1]).min(axis=-1)
     excess = float((-beyond / np.where(modulus > 0, modulus, 1.0)).max(initial=0.0))
-    if model.comm.allreduce(excess, MPI.MAX) > FLAT:
+    if space.comm.allreduce(excess, MPI.MAX) > FLAT:
         raise InputError(
             f"{name}: the convexity is too large: psi'' - a C is not positive semidefinite at some"
             " strain, with the elasticity C = psi''(0). Return a smaller share."

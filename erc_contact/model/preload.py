@@ -290,26 +290,27 @@ def _free_half(model: Any, preload: PreloadOnMesh) -> tuple[fem.Function, float]
 
     None if the cut parts no body, or supports or springs hold both halves.
     """
-    body, count = bodies_of_nodes(model, preload.on_cut)
+    space = model.space
+    body, count = bodies_of_nodes(space, preload.on_cut)
     of_first = preload.weights.any(axis=1)
-    touching = preload.on_cut[model.vertices].any(axis=1)
+    touching = preload.on_cut[space.vertices].any(axis=1)
     halves = []
     for cells in (of_first, touching & ~of_first):
         numbers = np.zeros(count, dtype=bool)
-        nodes = model.nodes[cells].ravel()
+        nodes = space.nodes[cells].ravel()
         numbers[body[nodes[~preload.on_cut[nodes]]]] = True
-        halves.append(np.logical_or.reduce(model.comm.allgather(numbers)))
+        halves.append(np.logical_or.reduce(space.comm.allgather(numbers)))
     if (halves[0] & halves[1]).any():
         return None
     held = np.zeros(count, dtype=bool)
     held[body[(model.held_or_anchored & (preload.axis != 0.0)).any(axis=1)]] = True
     for spring in model.springs:
         held[body[spring.side.nodes.ravel()]] = True
-    held = np.logical_or.reduce(model.comm.allgather(held))
+    held = np.logical_or.reduce(space.comm.allgather(held))
     for half, sign in zip(halves, (1.0, -1.0), strict=True):
         if not (half & held).any():
-            motion = model.function()
-            motion.x.array.reshape(-1, model.d)[half[body]] = sign * preload.axis
+            motion = space.function()
+            motion.x.array.reshape(-1, space.d)[half[body]] = sign * preload.axis
             return motion, _work_of_loads(model, half[body], sign * preload.axis, motion)
     return None
 
@@ -321,8 +322,9 @@ def _work_of_loads(
 
     Cells at the cut have their share of the loads, too.
     """
-    indicator = model.indicator(is_of_half[model.nodes].any(axis=1))
-    direction = compiled.constant(model.mesh, axis)
+    space = model.space
+    indicator = space.indicator(is_of_half[space.nodes].any(axis=1))
+    direction = compiled.constant(space.mesh, axis)
     work = 0.0
     loads = model.loads(indicator * direction)
     if loads is not None:
@@ -330,4 +332,4 @@ def _work_of_loads(
     if model.face_forces is not None:
         # Each of these forces is at the node of its owner alone.
         work += float(model.face_forces.x.array @ motion.x.array)
-    return float(model.comm.allreduce(work, MPI.SUM))
+    return float(space.comm.allreduce(work, MPI.SUM))

@@ -22,8 +22,7 @@ from erc_contact.model.contact.trace import split, tangents
 from erc_contact.model.contact.turning import turning_of
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.meridian import area_ratio
-from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
+from erc_contact.model.space import Space, circumferences
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
 from namedmesh.simplex import (
@@ -49,31 +48,31 @@ PLACE_DIGITS = 9
 """Digits of coordinates over the extent of the body that tell points apart [-]."""
 
 
-def profile_points(model: Model) -> np.ndarray:
+def profile_points(space: Space) -> np.ndarray:
     """Return the reference points of a profile on a facet, shape (q, d-1)."""
-    return lattice(model.d - 1, FACET_POINTS[model.degree])
+    return lattice(space.d - 1, FACET_POINTS[space.degree])
 
 
-def profile_weights(model: Model) -> np.ndarray:
+def profile_weights(space: Space) -> np.ndarray:
     """Compute the shares of a facet's area of its profile points, shape (q,).
 
     They integrate polynomials of the model's degree exactly. Of all weights that do,
     they are nearest to the weights of the trapezoidal rule, which integrates linear
     functions only. So they are positive.
     """
-    points = profile_points(model)
+    points = profile_points(space)
     on_sides = np.sum(barycentric(points) < POINT_ON_SIDE, axis=1)
     # As many small parts as meet at the point: one at a corner, three on a side and six
     # inside a triangle.
     parts = 1 / np.array([factorial(number + 1) for number in on_sides])
     trapezoids = parts / parts.sum()
-    shape = bernstein(model.d - 1, model.degree, points)
+    shape = bernstein(space.d - 1, space.degree, points)
     # All Bernstein polynomials have the same integral.
     means = np.full(shape.shape[1], 1 / shape.shape[1])
     return trapezoids + np.linalg.lstsq(shape.T, means - shape.T @ trapezoids)[0]
 
 
-def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
+def profile_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.ndarray:
     """Return the traction of a method at the profile points [force/area], (f, q, d).
 
     It is projected on polynomials of the degree of u on each facet, which have the same
@@ -82,22 +81,22 @@ def profile_traction(model: Model, contact: ContactOnMesh, traction: Ufl) -> np.
     Where normals turn along facets, the polynomials turn as r^ does, see
     :mod:`erc_contact.model.contact.turning`.
     """
-    samples, weights = rule(model.d - 1, model.contact_degree)
-    sampled = evaluate(traction, model.mesh, samples, contact.facets)
-    if model.axisymmetric:
+    samples, weights = rule(space.d - 1, space.contact_degree)
+    sampled = evaluate(traction, space.mesh, samples, contact.facets)
+    if space.axisymmetric:
         sampled = sampled / circumferences(contact.trace.here.points_at(samples))[..., None]
     turning = turning_of(contact.trace)
-    degree = model.degree if turning is None else turning.degree
-    project = projection(model.d - 1, degree, samples, weights)
+    degree = space.degree if turning is None else turning.degree
+    project = projection(space.d - 1, degree, samples, weights)
     if turning is None:
         coefficients = np.matmul(project, sampled)
     else:
         coefficients = turning.tractions(turning.nearest(sampled, samples, weights, project))
-    return np.matmul(bernstein(model.d - 1, model.degree, profile_points(model)), coefficients)
+    return np.matmul(bernstein(space.d - 1, space.degree, profile_points(space)), coefficients)
 
 
 def profile_table(
-    model: Model,
+    space: Space,
     contact: ContactOnMesh,
     u: fem.Function,
     r: np.ndarray,
@@ -106,7 +105,7 @@ def profile_table(
     """Tabulate gap, slip, tractions and status along a contact; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: One of its contacts.
         u: Displacement [length].
         r: Contact traction at the :func:`profile_points` [force/area], shape (f, q, d).
@@ -142,71 +141,71 @@ def profile_table(
         ``shear`` have a sign in 2D, which is positive in this order. Each facet has
         points of its own, because tractions jump from one facet to the next.
     """
-    points = profile_points(model)
+    points = profile_points(space)
     facets = contact.facets
     named = contact.named_corners
-    share = area_ratio(model, contact.trace.here.corners, named, points)
+    share = area_ratio(space, contact.trace.here.corners, named, points)
     n = contact.sign * contact.trace.normals_at(points)
-    shape = lagrange(model.d - 1, model.degree, points)
+    shape = lagrange(space.d - 1, space.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
-    w_n, _, _ = split(w, n)
-    w_t = contact.sign * slip_at(model, contact, u.x.array, r, points)
+    w_n = split(w, n).normal
+    w_t = contact.sign * slip_at(space, contact, u.x.array, r, points)
     slip = np.linalg.norm(w_t, axis=-1)
     r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
     needed = contact.friction_set.gauge(r_t, n)
     along_shear = np.divide(shear, needed, out=np.ones_like(needed), where=needed > 0)
     gap = np.zeros(1)
     if contact.gap is not None:
-        gap = evaluate(contact.gap, model.mesh, points, facets)
-    if model.d == 2:
+        gap = evaluate(contact.gap, space.mesh, points, facets)
+    if space.d == 2:
         # In the plane slip and shear have a sign.
         (tangent,) = tangents(n)
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
-    status = facet_status(model, contact, u, r, bound, points, profile_weights(model))
-    columns = _places(model, contact)
+    status = facet_status(space, contact, u, r, bound, points, profile_weights(space))
+    columns = _places(space, contact)
     columns["gap"] = gap - w_n
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
     columns["shear"] = shear
     columns["friction_bound"] = share * along_shear * bound
     columns["status"] = status[:, None]
-    columns["weight"] = measures(named)[:, None] * profile_weights(model)
-    if model.axisymmetric:
+    columns["weight"] = measures(named)[:, None] * profile_weights(space)
+    if space.axisymmetric:
         columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
     if contact.against is not None:
-        nodal = u.x.array.reshape(-1, model.d)
+        nodal = u.x.array.reshape(-1, space.d)
         sides = [contact.trace.here.nodes, contact.trace.partners]
         if contact.is_exchanged:
             sides.reverse()
         for name, nodes in zip(("u", "other_u"), sides, strict=True):
             displacement = np.matmul(shape, nodal[nodes])
-            for axis, letter in enumerate("xyz"[: model.d]):
+            for axis, letter in enumerate("xyz"[: space.d]):
                 columns[f"{name}_{letter}"] = displacement[..., axis]
-    return _in_order(model, contact, columns)
+    return _in_order(space, contact, columns)
 
 
-def slip_before_table(model: Model, contact: ContactOnMesh) -> np.ndarray:
+def slip_before_table(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Tabulate s along a contact [length], in the order of :func:`profile_table`.
 
     Returns:
         The tangential displacement that friction counts from, of the side that the
         scene names first and relative to the other side, shape (points, d). Collective.
     """
-    shape = lagrange(model.d - 1, model.degree, profile_points(model))
+    shape = lagrange(space.d - 1, space.degree, profile_points(space))
     s = contact.sign * np.matmul(shape, contact.trace.slip_before)
-    columns = _places(model, contact)
+    columns = _places(space, contact)
     names = [f"s_{letter}" for letter in columns]
     columns |= {name: s[..., axis] for axis, name in enumerate(names)}
-    table = _in_order(model, contact, columns)
+    table = _in_order(space, contact, columns)
     return np.stack([table[name] for name in names], axis=1)
 
 
-def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarray]) -> np.ndarray:
+def _in_order(space: Space, contact: ContactOnMesh, columns: dict[str, np.ndarray]) -> np.ndarray:
     """Gather columns of all facets, ordered as :func:`profile_table` says; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: One of its contacts.
         columns: Arrays that broadcast to (f, q), ghosts included, by their names. The
             first ones are the position.
@@ -215,20 +214,20 @@ def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarra
         A structured array, the same on all ranks.
     """
     table = np.stack(np.broadcast_arrays(*columns.values()), axis=2)
-    vertices = model.global_numbers(contact.trace.here.nodes[:, : model.d])
-    if model.d == 2:
+    vertices = space.global_numbers(contact.trace.here.nodes[:, : space.d])
+    if space.d == 2:
         _turn_facets(table, vertices, *tangents(contact.sign * contact.direction))
     # Each facet comes from its owner alone.
     owned = contact.trace.here.owned
-    table, vertices = of_all(model.comm, table[owned], vertices[owned])
+    table, vertices = of_all(space.comm, table[owned], vertices[owned])
     names = list(columns)
-    if model.d == 2:
+    if space.d == 2:
         signed = [place for place, name in enumerate(names) if name in ("slip", "shear")]
-        _let_ascend(table, vertices, signed, model.domain.extent)
+        _let_ascend(table, vertices, signed, space.domain.extent)
         table = _along_curves(table, vertices)
         names = ["s", *names]
     else:
-        table = _by_place(table, model.domain.extent)
+        table = _by_place(table, space.domain.extent)
     rows = table.reshape(-1, len(names))
     kinds = [(name, int if name == "status" else float) for name in names]
     result = np.empty(len(rows), dtype=kinds)
@@ -237,13 +236,13 @@ def _in_order(model: Model, contact: ContactOnMesh, columns: dict[str, np.ndarra
     return result
 
 
-def _places(model: Model, contact: ContactOnMesh) -> dict[str, np.ndarray]:
+def _places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
-    points = profile_points(model)
-    x = evaluate(model.x, model.mesh, points, contact.facets)
+    points = profile_points(space)
+    x = evaluate(space.x, space.mesh, points, contact.facets)
     if contact.is_exchanged and contact.between is not None:
         x = x + np.matmul(barycentric(points), contact.between)
-    return {name: x[..., axis] for axis, name in enumerate("xyz"[: model.d])}
+    return {name: x[..., axis] for axis, name in enumerate("xyz"[: space.d])}
 
 
 def _turn_facets(table: np.ndarray, vertices: np.ndarray, along: np.ndarray) -> None:

@@ -29,6 +29,7 @@ from erc_contact.model.last_step import LastStep
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.potential_check import check_potential
+from erc_contact.model.space import Space
 from erc_contact.scene.material import Elastic
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
@@ -74,7 +75,7 @@ def bind(scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = 
     elif type(model.scene.material) is not Elastic:
         _check_material(model)
     for contact in model.contacts:
-        _check_data(model, contact)
+        _check_data(model.space, contact)
         _check_normal(model, contact)
         if contact.friction is not None:
             check_law(model, contact)
@@ -108,12 +109,14 @@ def bind_nearby(scene: Scene, near: Model) -> Model:
     for entry, near_entry, contact in entries:
         # Forms with the contact of the other model serve this one, too.
         is_same = entry is near_entry
-        model.contacts.append(contact if is_same else bind_contact(model, entry, model.modulus))
+        model.contacts.append(
+            contact if is_same else bind_contact(model.space, entry, model.modulus)
+        )
     model.anchor()
     model.bind_connections()
     for contact, contact_before in zip(model.contacts, near.contacts, strict=True):
         if contact is not contact_before:
-            _check_data(model, contact)
+            _check_data(model.space, contact)
             if contact.friction is not None:
                 check_law(model, contact)
     _check_supports_in_gap(model)
@@ -126,21 +129,22 @@ def _check_material(model: Model) -> None:
     The stiffness must be symmetric and positive definite, the compliance its inverse,
     and the modulus > 0.
     """
+    space = model.space
     name = type(model.scene.material).__name__
-    points, _ = rule(model.d, 4)
-    cells = model.owned_cells
-    x = model.cell_points(points, cells)
+    points, _ = rule(space.d, 4)
+    cells = space.owned_cells
+    x = space.cell_points(points, cells)
     law = model.constitution
     size = law.stiffness.size
     C = law.stiffness(x, cells).reshape(-1, size, size)
     S = law.metric(x, cells).reshape(-1, size, size)
-    modulus = evaluate(model.modulus, model.mesh, points, cells)
+    modulus = evaluate(model.modulus, space.mesh, points, cells)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, misfit = np.inf, 0.0, 0.0
     if finite and len(C):
         least, skew, misfit = _defects(C, S)
     lowest = float(modulus.min(initial=np.inf)) if finite else 0.0
-    comm = model.comm
+    comm = space.comm
     finite = comm.allreduce(bool(finite), MPI.LAND)
     least = comm.allreduce(least, MPI.MIN)
     lowest = comm.allreduce(lowest, MPI.MIN)
@@ -197,49 +201,50 @@ def _defects(C: np.ndarray, S: np.ndarray) -> tuple[float, float, float]:
     return least, skew, misfit
 
 
-def _check_data(model: Model, contact: ContactOnMesh) -> None:
+def _check_data(space: Space, contact: ContactOnMesh) -> None:
     """Check gap and parameters of the law between the nodes; collective.
 
     They must be finite, and the parameters >= 0.
     """
     what = f"Contact({contact.name!r})"
-    x = contact.trace.here.points_at(model.facet_samples)
+    x = contact.trace.here.points_at(space.facet_samples)
     parameters = contact.friction.parameters if contact.friction else {}
     for name, value in parameters.items():
-        values = Everywhere(value, model.mesh)(x, contact.facets)
+        values = Everywhere(value, space.mesh)(x, contact.facets)
         # An infinite or undefined value counts as negative: both are refused.
         local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
-        low = model.comm.allreduce(local, MPI.MIN)
+        low = space.comm.allreduce(local, MPI.MIN)
         if low < 0.0:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     stiffnesses = {"normal": contact.stiffness, "tangential": contact.tangential_stiffness}
     for name, of_foundation in stiffnesses.items():
         if of_foundation is None:
             continue
-        stiffness = Everywhere(of_foundation, model.mesh)(x, contact.facets)
-        if model.axisymmetric:
+        stiffness = Everywhere(of_foundation, space.mesh)(x, contact.facets)
+        if space.axisymmetric:
             # Per length of the meridian it is zero on the axis.
-            stiffness = stiffness[x[..., 0] > ON_AXIS * model.domain.extent]
+            stiffness = stiffness[x[..., 0] > ON_AXIS * space.domain.extent]
         local = float(np.where(stiffness < np.inf, stiffness, -np.inf).min(initial=np.inf))
-        low = model.comm.allreduce(local, MPI.MIN)
+        low = space.comm.allreduce(local, MPI.MIN)
         if not low > 0.0:
             raise InputError(
                 f"{what}: the {name} stiffness of the foundation is {low:g} somewhere; it must be"
                 " > 0 and finite [force/length^3]."
             )
     if contact.gap is not None:
-        gap = Everywhere(contact.gap, model.mesh)(x, contact.facets)
+        gap = Everywhere(contact.gap, space.mesh)(x, contact.facets)
         finite = bool(np.isfinite(gap).all())
-        if not model.comm.allreduce(finite, MPI.LAND):
+        if not space.comm.allreduce(finite, MPI.LAND):
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
 
 
 def _check_normal(model: Model, contact: ContactOnMesh) -> None:
     """Check that the normal of a contact points out of the body; collective."""
+    space = model.space
     foundation = "the foundation" if contact.against is None else repr(contact.against)
     facets = contact.facets
-    comm = model.comm
-    outward = model.outward_normals(facets)
+    comm = space.comm
+    outward = space.outward_normals(facets)
     cosine = (outward * contact.direction).sum(axis=1)
     area = contact.trace.here.owned_areas
     total, whole = comm.allreduce(np.array([area @ cosine, area.sum()]), MPI.SUM)
@@ -247,19 +252,19 @@ def _check_normal(model: Model, contact: ContactOnMesh) -> None:
     worst_of_rank: Any = (np.inf, (), ())
     if len(facets):
         worst = int(cosine.argmin())
-        place = model.facet_corners(facets)[worst].mean(axis=0)
+        place = space.facet_corners(facets)[worst].mean(axis=0)
         direction = contact.sign * contact.direction[worst]
         worst_of_rank = float(cosine[worst]), tuple(place.tolist()), tuple(direction.tolist())
     least, place, direction = min(comm.allgather(worst_of_rank))
     steepest = greatest(comm, cosine)
     declared = [entry for entry in model.scene.contacts if entry.facets == contact.name]
     if declared[0].normal == "gap" and steepest < EXACT_PROMISE:
-        flat = "(0.0, -1.0)" if model.d == 2 else "(0.0, 0.0, -1.0)"
+        flat = "(0.0, -1.0)" if space.d == 2 else "(0.0, 0.0, -1.0)"
         raise InputError(
             f'Contact({contact.name!r}): normal="gap" needs a gap that is the distance to'
             f" {foundation}, also off the part, and this one does not change across the part: it"
             f" is a height over it. Give the normal in numbers, e.g. normal={flat}, or none on a"
-            f" flat part; or the distance, e.g. gap=lambda x: x[{model.d - 1}] + (the height"
+            f" flat part; or the distance, e.g. gap=lambda x: x[{space.d - 1}] + (the height"
             " that you gave)."
         )
     if least < LEAST_COSINE or total <= 0.0:
@@ -278,22 +283,23 @@ def _check_supports_in_gap(model: Model) -> None:
 
     Nor may a gap be below zero where a contact ends inside a body, without a jump.
     """
+    space = model.space
     values = model.prescribed.x.array
     for contact in model.contacts:
         if contact.stiffness is not None:
             continue  # the foundation gives way
         trace = contact.trace
-        gap = gap_at_nodes(model, contact)
+        gap = gap_at_nodes(space, contact)
         n = contact.trace.normals
         # The normal displacement is prescribed where supports fix all its components.
         prescribed = (trace.fixed(model.fixed) | (abs(n) < 1e-12)).all(axis=-1)
-        _check_ends(model, contact, gap)
+        _check_ends(space, contact, gap)
         beyond = (trace.of(values) * n).sum(axis=-1) - gap
         if contact.bilateral:
             beyond = abs(beyond)
         excess = np.where(prescribed, beyond, -np.inf).max(initial=-np.inf)
-        worst = model.comm.allreduce(float(excess), MPI.MAX)
-        largest = greatest(model.comm, values)
+        worst = space.comm.allreduce(float(excess), MPI.MAX)
+        largest = greatest(space.comm, values)
         if worst > max(1e-12 * model.domain.extent, 1e-9 * largest):
             pushed = f"A support pushes {contact.name!r} into the foundation"
             if contact.against is not None:
@@ -304,21 +310,21 @@ def _check_supports_in_gap(model: Model) -> None:
             )
 
 
-def _check_ends(model: Model, contact: ContactOnMesh, gap: np.ndarray) -> None:
+def _check_ends(space: Space, contact: ContactOnMesh, gap: np.ndarray) -> None:
     """Check the gap where a contact ends inside a body, as a crack does; collective.
 
     Both sides have one point there, so the jump is zero.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact.
         gap: Its gap at the nodes [length], shape (f, m).
     """
     trace = contact.trace
     at_end = gap[trace.here.nodes == trace.nodes_there]
     overlap = abs(at_end) if contact.bilateral else -at_end
-    worst = model.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
-    if worst > 1e-12 * model.domain.extent:
+    worst = space.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
+    if worst > 1e-12 * space.domain.extent:
         raise InputError(
             f"{contact.title} ends inside a body, where both sides are one point, and has a gap of "
             f"{-worst:g} [length] there; no displacement is admissible. Let an interference go to "
@@ -335,7 +341,7 @@ def check_law(model: Model, contact: ContactOnMesh) -> None:
     what = f"Contact({contact.name!r}): the friction bound of {type(law).__name__}"
     pressure = model.stiffest() * np.logspace(-DECADES, 0, 4 * DECADES + 1)
     pressure = np.concatenate([[0.0], pressure])
-    bound = _sample_bound(model, contact, pressure)
+    bound = _sample_bound(model.space, contact, pressure)
 
     def refuse(wrong: np.ndarray, message: str) -> None:
         """Raise on all ranks if an entry of one rank is wrong.
@@ -347,7 +353,7 @@ def check_law(model: Model, contact: ContactOnMesh) -> None:
             i, j = np.argwhere(wrong)[0]
             pairs = zip(pressure[j : j + 3], bound[i, j : j + 3], strict=True)
             example = ", ".join(f"b({p:.3g}) = {b:.3g}" for p, b in pairs)
-        examples = [text for text in model.comm.allgather(example) if text]
+        examples = [text for text in model.space.comm.allgather(example) if text]
         if examples:
             raise InputError(f"{what} {message} {examples[0]}.")
 
@@ -376,23 +382,23 @@ def check_law(model: Model, contact: ContactOnMesh) -> None:
     )
 
 
-def _sample_bound(model: Model, contact: ContactOnMesh, pressure: np.ndarray) -> np.ndarray:
+def _sample_bound(space: Space, contact: ContactOnMesh, pressure: np.ndarray) -> np.ndarray:
     """Evaluate the friction bound of a contact at sampled places, for all pressures.
 
     The places are spread evenly over the samples of the facets of this rank, and those
     with an extreme value of a parameter are added.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         contact: The contact, with friction.
         pressure: Pressures [force/area], shape (p,).
 
     Returns:
         The bound [force/area], shape (places, p).
     """
-    points = model.facet_samples
+    points = space.facet_samples
     parameters = {}
-    for name, values in friction_parameters(model, contact, points).items():
+    for name, values in friction_parameters(space, contact, points).items():
         parameters[name] = values.ravel()
     count = len(contact.facets) * len(points)
     places = list(np.linspace(0, max(count - 1, 0), min(count, LAW_SAMPLES)).astype(int))

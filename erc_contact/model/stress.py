@@ -29,16 +29,17 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     Returns:
         Shape (owned, 3, 3).
     """
-    d = model.d
+    space = model.space
+    d = space.d
     basis = mandel_basis(d)
     full = np.zeros((len(stress), 3, 3))
     full[:, :d, :d] = np.tensordot(stress[:, : len(basis)], basis, axes=1)
-    if model.axisymmetric:
+    if space.axisymmetric:
         full[:, 2, 2] = stress[:, -1]
     elif d == 2 and model.linearised is not None:
-        middles = model.cell_corners()[model.owned_cells].mean(axis=1, keepdims=True)
+        middles = space.cell_corners()[space.owned_cells].mean(axis=1, keepdims=True)
         near = 0.5 * (stress[:, None, 0] + stress[:, None, 1])
-        at_middles = (middles, model.owned_cells)
+        at_middles = (middles, space.owned_cells)
         _, out = model.linearised.law.complementary(stress[:, None], Search(near), *at_middles)
         full[:, 2, 2] = out[:, 0]
     elif not tells_out_of_plane(model):
@@ -52,13 +53,13 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
             tensor = ufl.as_matrix(matrix.tolist())
             images.append(material.out_of_plane(tensor, **model.parameters))
         cells = np.arange(len(stress), dtype=np.int32)
-        row = evaluate(ufl.as_vector(images), model.mesh, nodes(d, 0), cells)[:, 0]
+        row = evaluate(ufl.as_vector(images), space.mesh, nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
         if isinstance(model.strains, Strains):
             # A strain out of plane that cannot take place presses on the plane.
             modulus = material.out_of_plane_modulus(**model.parameters)
             pressed = -modulus * model.strains.normal
-            full[:, 2, 2] += evaluate(pressed, model.mesh, nodes(d, 0), cells)[:, 0]
+            full[:, 2, 2] += evaluate(pressed, space.mesh, nodes(d, 0), cells)[:, 0]
     return full
 
 
@@ -83,10 +84,10 @@ def tells_out_of_plane(model: Model) -> bool:
     It is in 3D, and where the material has a method ``out_of_plane``, with given
     strains ``out_of_plane_modulus``, too.
     """
-    if model.axisymmetric or model.linearised is not None:
+    if model.space.axisymmetric or model.linearised is not None:
         return True
     material = model.scene.material
     needed = ["out_of_plane"]
     if model.strains is not None:
         needed.append("out_of_plane_modulus")
-    return model.d == 3 or all(hasattr(material, name) for name in needed)
+    return model.space.d == 3 or all(hasattr(material, name) for name in needed)

@@ -85,6 +85,7 @@ def last_step(solution: Solution) -> LastStep:
     traction sticks on all its facets.
     """
     model = solution.model
+    space = model.space
     contacts = {}
     for contact in model.contacts:
         trace = contact.trace
@@ -103,13 +104,13 @@ def last_step(solution: Solution) -> LastStep:
         contacts[contact.name] = contact.facets, contact.sign * w
     before = model.greatest_before
     sizes = Greatest(
-        max(greatest(model.comm, solution.u.x.array), before.displacement),
-        max(load_size(model, solution.stiffness.load_vector()), before.load),
+        max(greatest(space.comm, solution.u.x.array), before.displacement),
+        max(load_size(space, solution.stiffness.load_vector()), before.load),
     )
     state = None
     if model.linearised is not None:
         state = model.linearised.state_at_end(solution.u)
-    return LastStep(model, contacts, sizes, state)
+    return LastStep(space, contacts, sizes, state)
 
 
 def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
@@ -117,25 +118,26 @@ def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
 
     A node has one value on all its facets, shape (f, m, d).
     """
-    model = solution.model
-    points = model.facet_points
-    r = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
-    of_facets = spring_displacement(model, contact, r, points)
+    space = solution.model.space
+    points = space.facet_points
+    r = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    of_facets = spring_displacement(space, contact, r, points)
     here = contact.trace.here
-    of_nodes = [here.values_of_nodes(of_facets[..., axis]) for axis in range(model.d)]
+    of_nodes = [here.values_of_nodes(of_facets[..., axis]) for axis in range(space.d)]
     return np.stack(of_nodes, axis=-1)[here.nodes]
 
 
 def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     """Find the components of nodes that stick on all facets, (nodes, d); collective."""
     model = solution.model
+    space = model.space
     trial = solution.method.projected(model, contact, solution.u)
-    status = evaluate(contact.status(trial), model.mesh, model.facet_points, contact.facets)
+    status = evaluate(contact.status(trial), space.mesh, space.facet_points, contact.facets)
     side = contact.trace.here
     moves = np.where(status[side.owned] < STICK, 1.0, 0.0)
     # A node sticks if no facet of any rank lets it slip.
-    sum_of_moves = model.function()
-    of_node = sum_of_moves.x.array.reshape(-1, model.d)
+    sum_of_moves = space.function()
+    of_node = sum_of_moves.x.array.reshape(-1, space.d)
     np.add.at(of_node, side.nodes[side.owned], moves[..., None])
     sum_over_ranks(sum_of_moves)
     return of_node == 0.0

@@ -49,9 +49,9 @@ class Assembly:
     ) -> None:
         self._forms = forms
         self._path = path
-        self._comm = forms.model.comm
+        self._comm = forms.model.space.comm
         self._size = size
-        self._residual = forms.model.function()
+        self._residual = forms.model.space.function()
         self.fields: list[tuple[np.ndarray, np.ndarray]] = []
         for column in columns:
             dofs = np.flatnonzero(column >= 0)

@@ -104,10 +104,10 @@ class Condensed:
         slip = _slip_before(model)
         largest_u = float(abs(u_0.x.array).max(initial=0.0))
         largest_slip = float(abs(slip.x.array).max(initial=0.0))
-        self.length = max(model.comm.allgather(max(largest_u, largest_slip))) or 1.0
+        self.length = max(model.space.comm.allgather(max(largest_u, largest_slip))) or 1.0
         slip_A = stiffness.gather(slip)[: self.size]
         glue_forces = stiffness.gather(stiffness.glue.times(u_0))[: self.size]
-        together(model.comm, self._condense, slip_A, glue_forces)
+        together(model.space.comm, self._condense, slip_A, glue_forces)
         self.normals = stiffness.gather(contact_normals(model))[: self.size]
 
         glued_A = self.u_0[: self.size]
@@ -123,7 +123,7 @@ class Condensed:
         The other ranks wait for the name of a method of :class:`.assembly.Assembly` and
         its arguments, and call it, until rank 0 sends None.
         """
-        comm = self.model.comm
+        comm = self.model.space.comm
         result = None
         error = None
         if comm.rank == 0:
@@ -229,7 +229,7 @@ class Condensed:
 
     def multipliers_at(self, u_A: np.ndarray) -> tuple[fem.Function, ...]:
         """Return the nodal multipliers for u_A [force/area]; collective."""
-        comm = self.model.comm
+        comm = self.model.space.comm
         z = None
         if comm.rank == 0 and self.multipliers:
             z = self._fields_at(u_A)
@@ -252,7 +252,7 @@ class Condensed:
 
     def _on_all_ranks(self, name: str, *arguments: Any) -> Any:
         """Call a method of the assembly on all ranks, from rank 0."""
-        from_first(self.model.comm, (name, *arguments))
+        from_first(self.model.space.comm, (name, *arguments))
         return getattr(self.assembly, name)(*arguments)
 
     # -- set up
@@ -275,7 +275,7 @@ def _slip_before(model: Model) -> fem.Function:
 
     It is the tangential displacement there, and zero without history.
     """
-    before = model.function()
+    before = model.space.function()
     for contact in model.contacts:
         trace = contact.trace
         if trace.before is not None:

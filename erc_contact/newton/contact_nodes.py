@@ -17,6 +17,7 @@ from erc_contact.model.contact.groups import NOBODY
 from erc_contact.model.contact.trace import dofs_of, places_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
 
 NO_ENTRY = 1e-14
@@ -44,15 +45,15 @@ class Entries:
     columns: np.ndarray
     values: np.ndarray
 
-    def of_all_ranks(self, model: Model, *, identity: bool = False) -> PETSc.Mat:
+    def of_all_ranks(self, space: Space, *, identity: bool = False) -> PETSc.Mat:
         """Make a matrix of all ranks, which all have these entries; collective.
 
         Args:
-            model: The scene on a mesh.
+            space: The mesh.
             identity: Whether rows without entries are rows of the identity.
         """
         entries = self.rows, self.columns, self.values
-        return matrix_of_common_entries(model, entries, self.rows if identity else None)
+        return matrix_of_common_entries(space, entries, self.rows if identity else None)
 
     def matrix(self, rows: np.ndarray, columns: np.ndarray, *, identity: bool) -> csr_array:
         """Make a matrix between degrees of freedom, on this rank.
@@ -109,7 +110,7 @@ class ContactNodes:
     stiffness: np.ndarray
 
 
-def contact_nodes(model: Model, contact: ContactOnMesh) -> ContactNodes:
+def contact_nodes(space: Space, contact: ContactOnMesh) -> ContactNodes:
     """Gather the nodes and facets of a contact; collective."""
     trace = contact.trace
     side = trace.here
@@ -118,9 +119,9 @@ def contact_nodes(model: Model, contact: ContactOnMesh) -> ContactNodes:
     shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
     springs = shares * trace.stiffness[side.owned][:, None]
     there = np.full(side.nodes.shape, NOBODY)
-    there[trace.facing] = model.global_numbers(trace.partners)
+    there[trace.facing] = space.global_numbers(trace.partners)
     all_here, all_there, all_shares, all_springs = of_all(
-        model.comm, model.global_numbers(nodes), there[side.owned], shares, springs
+        space.comm, space.global_numbers(nodes), there[side.owned], shares, springs
     )
     here, first, place = np.unique(all_here.ravel(), return_index=True, return_inverse=True)
     area = np.bincount(place.ravel(), all_shares.ravel())
@@ -207,7 +208,7 @@ def contact_normals(model: Model) -> fem.Function:
 
     Between bodies it is the least one with the normals as jumps. It is zero elsewhere.
     """
-    normals = model.function()
+    normals = model.space.function()
     for contact in model.contacts:
         contact.trace.assign(normals.x.array, contact.trace.normals)
     normals.x.scatter_forward()

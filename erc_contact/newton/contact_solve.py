@@ -28,7 +28,13 @@ from erc_contact.newton.linear.multigrid import TRY_DIRECT
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import DEFAULT, Method
 from erc_contact.newton.rest import displacement_at_rest, displacement_back_at_rest
-from erc_contact.newton.snes import ENDLESS, ROUND_OFF_HIDES, DiscreteSolution, Outcome
+from erc_contact.newton.snes import (
+    ENDLESS,
+    ROUND_OFF_HIDES,
+    Attempted,
+    DiscreteSolution,
+    Outcome,
+)
 from erc_contact.newton.solution import SINGULAR, Solution
 from erc_contact.newton.statics import mechanism
 
@@ -76,10 +82,8 @@ class Solver(Protocol):
     def warm(self, old: Model, u: fem.Function) -> Any:
         """Return the state of a displacement u of a model on another mesh."""
 
-    def attempt(
-        self, attempt: Attempt, state: Any, tolerance: float | None
-    ) -> tuple[Outcome, Any, DiscreteSolution | None]:
-        """Make one attempt from a state; return its outcome, last state and result."""
+    def attempt(self, step: Attempt, state: Any, tolerance: float | None) -> Attempted:
+        """Make one attempt from a state."""
 
     def destroy(self) -> None:
         """Free what no solution needs."""
@@ -102,7 +106,7 @@ class ContactSolve:
         self.method = method_beside_faces(self.model, method)
         self.fallback = method is None
         self.tolerance = tolerance
-        self.log = log_of(self.model.comm)
+        self.log = log_of(self.model.space.comm)
         self.rungs: list[str] = []
         self.outcomes: list[Outcome] = []
         self.steps = 0
@@ -138,7 +142,7 @@ class ContactSolve:
         ):
             if attempt.start not in states:
                 continue
-            check_interrupts(self.model.comm)
+            check_interrupts(self.model.space.comm)
             outcome, state, solution = self.solver.attempt(
                 attempt, states[attempt.start], self.tolerance
             )
@@ -287,16 +291,17 @@ def method_beside_faces(model: Model, method: Method | None) -> Method:
         InputError: If the user names a method that reads the stress, and a cell
             touches both.
     """
+    space = model.space
     if not model.loose_faces:
         return method or DEFAULT
-    on_faces = np.zeros(model.node_count, dtype=bool)
+    on_faces = np.zeros(space.node_count, dtype=bool)
     for face in model.loose_faces:
         on_faces[face.nodes] = True
     touching = False
     for contact in model.contacts:
         facets = np.concatenate([contact.trace.here.facets, contact.trace.there.facets])
-        touching = touching or bool(on_faces[model.nodes[facets[:, 0]]].any())
-    if not model.comm.allreduce(touching, MPI.LOR):
+        touching = touching or bool(on_faces[space.nodes[facets[:, 0]]].any())
+    if not space.comm.allreduce(touching, MPI.LOR):
         return method or DEFAULT
     if method is None:
         return NODAL
@@ -325,8 +330,8 @@ def solution_of(
         solution = _solution_by(solver, method, start, tolerance)
     finally:
         solver.destroy()
-        track_communicator(model.domain, model.mesh.comm)
-        free_dropped(model.comm)
+        track_communicator(model.domain, model.space.mesh.comm)
+        free_dropped(model.space.comm)
     return replace(solution, u=model.without_unheld(solution.u))
 
 
@@ -356,7 +361,7 @@ def _at_rest(u: fem.Function, model: Model, method: Method, elastic: ElasticSolv
     """Make the exact solution of a body at rest, without contact forces."""
     multipliers: tuple[fem.Function, ...] = ()
     if method.multiplier:
-        multipliers = tuple(model.function() for _ in model.contacts)
+        multipliers = tuple(model.space.function() for _ in model.contacts)
     reason = "at rest: nothing loads or moves the body"
     return Solution(model, method, u, multipliers, reason, elastic)
 
@@ -396,8 +401,8 @@ def _check_size(model: Model, b: fem.Function, w: fem.Function) -> None:
     local_length = float(abs(w.x.array).max(initial=0.0))
     local_nan = float(np.isnan(w.x.array).any())
     local = [local_force, local_length, local_nan]
-    force, length, nan = np.max(model.comm.allgather(local), axis=0)
-    stiffest = model.stiffest() * model.domain.extent ** (model.d - 2)
+    force, length, nan = np.max(model.space.comm.allgather(local), axis=0)
+    stiffest = model.stiffest() * model.domain.extent ** (model.space.d - 2)
     with np.errstate(over="ignore", under="ignore"):
         energies = np.array([force * length, stiffest * length * length])
     # Without loads, or without any displacement, a product is zero and no underflow.

@@ -26,7 +26,7 @@ from dolfinx import fem
 
 from erc_contact.model.model import Model
 from erc_contact.newton.condensed import Condensed
-from erc_contact.newton.dense import Dense
+from erc_contact.newton.dense import CondensedSolution, Dense
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
@@ -76,10 +76,13 @@ def other_states(
         directions.append(stiffness.gather(field)[: problem.size])
     states = problem.run(lambda: _Search(problem, first, directions).states(most))
     solutions = []
-    for u_A, force, distance, least in states:
-        u_of_state = stiffness.expand(guess, u_A, force)
-        multipliers = problem.multipliers_at(u_A)
-        solutions.append(DiscreteSolution(u_of_state, multipliers, distance, least))
+    for state in states:
+        u_of_state = stiffness.expand(guess, state.u_A, state.force)
+        multipliers = problem.multipliers_at(state.u_A)
+        solution = DiscreteSolution(
+            u_of_state, multipliers, state.distance, state.least_singular_value
+        )
+        solutions.append(solution)
     return solutions
 
 
@@ -89,8 +92,8 @@ def _unit_slips(model: Model) -> list[fem.Function]:
     It is the axis without its normal part at contact nodes, and zero elsewhere.
     """
     fields = []
-    for axis in np.eye(model.d):
-        field = model.function()
+    for axis in np.eye(model.space.d):
+        field = model.space.function()
         for contact in model.contacts:
             n = contact.trace.normals
             along = axis - (n @ axis)[..., None] * n
@@ -114,26 +117,15 @@ class _Search:
         self.along = along
         self.solutions = [start]
 
-    def states(self, most: int) -> list[tuple[np.ndarray, np.ndarray, float, float]]:
-        """Find other solutions, at most so many.
-
-        Returns:
-            Of each u_A [length], contact forces at A [force], energy norm of the
-            distance to the exact solution [sqrt(force length)], and least singular
-            value of the scaled tangent [-].
-        """
-        problem = self.problem
+    def states(self, most: int) -> list[CondensedSolution]:
+        """Find other solutions, at most so many."""
         for start in self._starts():
             x = self.newton(start)
             if x is not None and self._is_new(x):
                 self.solutions.append(x)
                 if len(self.solutions) > most:
                     break
-        states = []
-        for x in self.solutions[1:]:
-            force = problem.matrix @ x - problem.loads
-            distance = self.dense.distance(problem.residual(x))
-            states.append((x, force, distance, self.dense.least_singular_value(x)))
+        states = [self.dense.solution(x) for x in self.solutions[1:]]
         self.dense.destroy()
         return states
 

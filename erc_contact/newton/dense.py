@@ -5,14 +5,14 @@ Symbols: R residual, A and K as in :mod:`erc_contact.newton.condensed`.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.contact_nodes import PRESSING
-from erc_contact.newton.interior_point import follow
+from erc_contact.newton.interior_point import Path, follow
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.mumps import dense_factor
 from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, Status, attempt
@@ -25,15 +25,29 @@ INVERSE_ITERATIONS = 4
 """Steps of the inverse iteration for the least singular value."""
 
 
-def follow_path(problem: Condensed, start: np.ndarray) -> tuple[np.ndarray, int, bool]:
+class CondensedSolution(NamedTuple):
+    """Hold a solution of a condensed problem, on rank 0.
+
+    Attributes:
+        u_A: Its displacement [length].
+        force: Contact forces at A [force].
+        distance: Energy norm of the distance to the exact solution of the discrete
+            problem [sqrt(force length)].
+        least_singular_value: Least singular value of the scaled tangent [-].
+    """
+
+    u_A: np.ndarray
+    force: np.ndarray
+    distance: float
+    least_singular_value: float
+
+
+def follow_path(problem: Condensed, start: np.ndarray) -> Path:
     """Make interior point steps on rank 0, within :meth:`Condensed.run`.
 
     Args:
         problem: The condensed problem, with a central path.
         start: The displacement u_A from which they start [length].
-
-    Returns:
-        As :func:`.interior_point.follow`.
     """
     factor: PETSc.KSP | None = None
     force = PETSc.Vec().createSeq(problem.size, comm=PETSc.COMM_SELF)
@@ -88,6 +102,16 @@ class Dense:
         u_A = self._displacement(x)
         x.destroy()
         return u_A, outcome
+
+    def solution(self, u_A: np.ndarray) -> CondensedSolution:
+        """Return what is known of a solution u_A [length]."""
+        problem = self.problem
+        return CondensedSolution(
+            u_A,
+            force=problem.matrix @ u_A - problem.loads,
+            distance=self.distance(problem.residual(u_A)),
+            least_singular_value=self.least_singular_value(u_A),
+        )
 
     def vector(self) -> PETSc.Vec:
         """Return a new vector of unknowns."""

@@ -118,8 +118,9 @@ def missing_moments(
         u: Displacement [length].
         traction: The traction of the method on a contact [force/area], UFL, shape (d,).
     """
-    turning = [number for number, amounts in enumerate(model.loose) if _turns(amounts, model.d)]
-    if model.axisymmetric or not turning:
+    space = model.space
+    turning = [number for number, amounts in enumerate(model.loose) if _turns(amounts, space.d)]
+    if space.axisymmetric or not turning:
         return []
     moments, sizes = _moments(model, u)
     pressures = _pressures(model, traction)
@@ -135,9 +136,9 @@ def missing_moments(
         known = _resolution(forces, pressures.widths[of_body]) / model.body_sizes[number]
         allowed = max(TURNED, FACETS * known)
         worst = Imbalance(number, 0.0, 0.0, 0.0)
-        for turn, translations in _rotations(model.loose[number], model.d):
+        for turn, translations in _rotations(model.loose[number], space.d):
             # Motions turn by angles times the size of the body.
-            moment = abs(turn[model.d :] @ moments[number]) / model.body_sizes[number]
+            moment = abs(turn[space.d :] @ moments[number]) / model.body_sizes[number]
             along = np.einsum("nik,ni->nk", shapes, normals)
             capacity = _least_sum(forces, along @ turn, along @ translations)
             whole = sizes[number] / model.body_sizes[number]
@@ -179,13 +180,14 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
 
     V is infinite of a body without strain.
     """
-    d = model.d
+    space = model.space
+    d = space.d
     _, count = model.bodies
     found = gradients_of(model, u)
     basis = mandel_basis(d)
     strain = np.einsum("bij,nij->nb", basis, found.elastic)
     x = found.corners.mean(axis=1)
-    stress = model.constitution.stress(strain[:, None], x[:, None], model.owned_cells)[:, 0]
+    stress = model.constitution.stress(strain[:, None], x[:, None], space.owned_cells)[:, 0]
     volume = measures(found.corners)
     forces = np.einsum("nb,bij->nij", stress, basis) * volume[:, None, None]
     product = np.einsum("nji,njk->nik", found.whole, forces)
@@ -195,7 +197,7 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
     sizes = [np.sqrt((tensor**2).sum(axis=tuple(range(1, tensor.ndim)))) for tensor in tensors]
     total = np.zeros((count, len(first) + 3))
     np.add.at(total, found.bodies, np.column_stack([moments, *sizes]))
-    total = model.comm.allreduce(total, MPI.SUM)
+    total = space.comm.allreduce(total, MPI.SUM)
     whole, gradient, strains = total[:, len(first) :].T
     # A body that nothing touches turns without strain, and its forces are round-off.
     return total[:, : len(first)], np.where(strains > NO_STRAIN * gradient, whole, np.inf)
@@ -203,19 +205,20 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
 
 def _pressures(model: Model, traction: Callable[[ContactOnMesh], Ufl]) -> _Pressures:
     """Return the pressures of all contacts on the bodies of both sides; collective."""
-    d = model.d
+    space = model.space
+    d = space.d
     body, _ = model.bodies
-    points, weights = rule(d - 1, model.contact_degree)
+    points, weights = rule(d - 1, space.contact_degree)
     rows = [np.zeros((0, 2 * d + 3))]
     for contact in model.contacts:
         trace = contact.trace
         owned = trace.here.owned
         facets = contact.facets[owned]
-        r = evaluate(traction(contact), model.mesh, points, facets)
+        r = evaluate(traction(contact), space.mesh, points, facets)
         normals = np.broadcast_to(trace.normals_at(points)[owned], r.shape)
         pressure = np.maximum(-(r * normals).sum(axis=-1), 0.0)
-        forces = pressure * model.facet_weights(facets, points, weights)
-        x = np.matmul(barycentric(points), model.facet_corners(facets))
+        forces = pressure * space.facet_weights(facets, points, weights)
+        x = np.matmul(barycentric(points), space.facet_corners(facets))
         widths = trace.here.areas[owned, None] ** (1 / (d - 1))
         of_points = np.stack([forces, np.broadcast_to(widths, forces.shape)], axis=-1)
         table = np.concatenate([x, normals, of_points], axis=-1)
@@ -223,7 +226,7 @@ def _pressures(model: Model, traction: Callable[[ContactOnMesh], Ufl]) -> _Press
             of_side = table[: len(nodes)]
             of_facets = np.broadcast_to(body[nodes[:, :1], None], (*of_side.shape[:2], 1))
             rows.append(np.concatenate([of_facets, of_side], axis=-1).reshape(-1, 2 * d + 3))
-    (every,) = of_all(model.comm, np.concatenate(rows))
+    (every,) = of_all(space.comm, np.concatenate(rows))
     return _Pressures(
         body=every[:, 0].astype(int),
         x=every[:, 1 : d + 1],

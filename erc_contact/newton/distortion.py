@@ -72,22 +72,23 @@ class Gradients:
 
 def gradients_of(model: Model, u: fem.Function) -> Gradients:
     """Compute the gradients of a displacement in the cells."""
-    d = model.d
+    space = model.space
+    d = space.d
     body, _ = model.bodies
     cells = slice(0, model.domain.owned_cells)
-    corners = model.cell_corners()[cells]
-    nodes = model.nodes[cells]
+    corners = space.cell_corners()[cells]
+    nodes = space.nodes[cells]
     nodal = u.x.array.reshape(-1, d)
     hoop = np.zeros(len(nodes))
-    if model.axisymmetric:
+    if space.axisymmetric:
         hoop = nodal[nodes[:, : d + 1], 0].mean(axis=1) / corners[..., 0].mean(axis=1)
     jumps = _gradients_of_jumps(model)
     # The gradient of degree 2 is linear in a cell: its vertices have the extremes.
-    samples = 1 if model.degree == 1 else d + 1
+    samples = 1 if space.degree == 1 else d + 1
     elastic = np.zeros((len(nodes), d, d))
     left = np.full(len(nodes), np.inf)
     for vertex in range(samples):
-        edges, along = _along_edges(corners, nodal, nodes, vertex, model.degree)
+        edges, along = _along_edges(corners, nodal, nodes, vertex, space.degree)
         volume, cofactors = _cofactors(edges)
         here = np.einsum("njk,njl->nkl", cofactors, along)
         elastic += here / (samples * volume[:, None, None])
@@ -115,8 +116,8 @@ def measure(model: Model, u: fem.Function) -> Distortion:
     greatest = np.zeros((2, count))
     np.maximum.at(greatest[0], found.bodies, rotation)
     np.maximum.at(greatest[1], found.bodies, strain)
-    sums = model.comm.allreduce(sums, MPI.SUM)
-    greatest = np.max(model.comm.allgather(greatest), axis=0)
+    sums = model.space.comm.allreduce(sums, MPI.SUM)
+    greatest = np.max(model.space.comm.allgather(greatest), axis=0)
     rotated, strained, inverted = sums[1:] / sums[0]
     return Distortion(rotated, greatest[0], strained, greatest[1], inverted)
 
@@ -177,12 +178,13 @@ def _above(strain: np.ndarray, hoop: np.ndarray) -> np.ndarray:
 
 def _gradients_of_jumps(model: Model) -> np.ndarray | None:
     """Return the gradients of the jumps of preloads, (cells, d, d), or None."""
+    space = model.space
     if not model.preloads:
         return None
     shifts = shifts_of(model.scene.ties)
     cells = slice(0, model.domain.owned_cells)
-    total = np.zeros((model.domain.owned_cells, model.d, model.d))
+    total = np.zeros((model.domain.owned_cells, space.d, space.d))
     for preload in model.preloads:
-        gradient = preload.gradient.x.array.reshape(-1, model.d)[cells]
+        gradient = preload.gradient.x.array.reshape(-1, space.d)[cells]
         total += shifts[preload.name] * gradient[:, :, None] * preload.axis
     return total

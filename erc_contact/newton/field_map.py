@@ -63,6 +63,7 @@ class FieldMap:
     ) -> None:
         self._forms = forms
         self._model = forms.model
+        space = self._model.space
         self._stiffness = stiffness
         self._unknowns = unknowns
         self._w_A = w_A
@@ -81,10 +82,8 @@ class FieldMap:
             for contact, nodes in zip(self._model.contacts, self.multipliers.contacts, strict=True):
                 # The forms of this rank read multipliers of ghost facets, too.
                 visible = np.unique(contact.trace.here.nodes)
-                self._add_column(
-                    dofs_of(visible, self._model.d), dofs_of(nodes.here, self._model.d)
-                )
-            together(self._model.comm, self.set_reactions, matrix, loads)
+                self._add_column(dofs_of(visible, space.d), dofs_of(nodes.here, space.d))
+            together(space.comm, self.set_reactions, matrix, loads)
 
     def _set_rows(self, parts: list[tuple[np.ndarray, np.ndarray]]) -> None:
         """Set Z to some rows below each other, each with the constants."""
@@ -104,10 +103,10 @@ class FieldMap:
         layer, model = self._stiffness.layer, self._model
         rows, local = layer.numbers, layer.local
         if contact is not None:
-            rows = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.d))
+            rows = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.space.d))
             visible = np.unique(model.contacts[contact].trace.here.nodes)
-            local = dofs_of(visible, model.d)
-        parts = gathered(model.comm, (self._add_column(local, rows), field.x.array[local]))
+            local = dofs_of(visible, model.space.d)
+        parts = gathered(model.space.comm, (self._add_column(local, rows), field.x.array[local]))
 
         def affine() -> tuple[np.ndarray, np.ndarray]:
             if parts is None:
@@ -123,7 +122,7 @@ class FieldMap:
             derivative = read @ lift
             return derivative, values - derivative @ self._w_A
 
-        return together(model.comm, affine)
+        return together(model.space.comm, affine)
 
     def _add_column(self, local: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Add a field to z, and return its places at degrees of freedom of this rank.
@@ -132,7 +131,7 @@ class FieldMap:
             local: Degrees of freedom of this rank that are read.
             rows: Global numbers of all that are read, shape (n,).
         """
-        place = places_of(self._model.global_dofs(local), rows)
+        place = places_of(self._model.space.global_dofs(local), rows)
         column = np.full(self._model.fixed.size, -1)
         column[local] = self.size + place
         self.columns.append(column)
@@ -147,12 +146,12 @@ class FieldMap:
             rows, local = rows[: layer.contact_size], local[layer.place < layer.contact_size]
         if contact is not None:
             # Supports may fix the node on this side alone.
-            here = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.d))
+            here = np.unique(dofs_of(model.connections.pairs[contact][:, 0], model.space.d))
             rows = np.union1d(rows, here)
-            visible = dofs_of(np.unique(model.contacts[contact].trace.here.nodes), model.d)
+            visible = dofs_of(np.unique(model.contacts[contact].trace.here.nodes), model.space.d)
             local = np.union1d(local, visible)
         row_of = np.full(model.fixed.size, -1)
-        row_of[local] = places_of(model.global_dofs(local), rows)
+        row_of[local] = places_of(model.space.global_dofs(local), rows)
         matrix: csr_array | None = None
         if self._on_first:
             matrix = self._read(contact, rows, None)[:, : self._unknowns]
@@ -166,7 +165,7 @@ class FieldMap:
             rows: Global degrees of freedom that are read, shape (n,).
             change: The change to Bernstein coefficients at contact nodes; None without.
         """
-        d = self._model.d
+        d = self._model.space.d
         row, column, value = rows, rows, np.ones(len(rows))
         if contact is not None:
             here, there = (dofs_of(nodes, d) for nodes in self._model.connections.pairs[contact].T)
@@ -193,7 +192,7 @@ class FieldMap:
         for nodes, entries in zip(
             self.multipliers.contacts, self.multipliers.multipliers, strict=True
         ):
-            dofs = dofs_of(nodes.here, self._model.d)
+            dofs = dofs_of(nodes.here, self._model.space.d)
             places = places_of(entries.rows, dofs)
             by_forces = basis.read(len(dofs), places, entries.columns, entries.values)
             of_reactions = by_forces[:, : self._unknowns]

@@ -29,6 +29,7 @@ from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.last_step import gather_facets, interpolate
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.linear.stiffness import Stiffness
 from erc_contact.newton.methods import Method
@@ -40,10 +41,10 @@ def across_gap(model: Model) -> fem.Function:
 
     Only the contact nodes move: it is zero elsewhere.
     """
-    across = model.function()
+    across = model.space.function()
     for contact in model.contacts:
         if contact.gap is not None or contact.trace.before is not None:
-            gap = gap_at_nodes(model, contact)[..., None] * contact.trace.normals
+            gap = gap_at_nodes(model.space, contact)[..., None] * contact.trace.normals
             contact.trace.assign(across.x.array, gap + contact.trace.slip_before)
     across.x.scatter_forward()
     return across
@@ -74,7 +75,7 @@ def solve_glued(model: Model, stiffness: Stiffness, w: fem.Function) -> np.ndarr
         schur, _ = stiffness.reduce(a)
         return start + np.linalg.solve(schur, pull)
 
-    return together(model.comm, across)
+    return together(model.space.comm, across)
 
 
 def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
@@ -91,15 +92,16 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     Returns:
         The displacement at the contact nodes of this rank [length], zero elsewhere.
     """
+    space = new.space
     parts = []
     for contact in model.contacts:
         parts.append((contact.facets, contact.trace.of(u.x.array)))
-    corners, values = gather_facets(model, parts)
+    corners, values = gather_facets(model.space, parts)
     all_nodes = np.concatenate([c.trace.here.nodes.ravel() for c in new.contacts])
     nodes = np.unique(all_nodes)
-    x = new.V.tabulate_dof_coordinates()[nodes, : new.d]
-    field = new.function()
-    field.x.array.reshape(-1, new.d)[nodes] = interpolate(x, corners, values, model.degree)
+    x = space.V.tabulate_dof_coordinates()[nodes, : space.d]
+    field = space.function()
+    field.x.array.reshape(-1, space.d)[nodes] = interpolate(x, corners, values, model.space.degree)
     return field
 
 
@@ -122,7 +124,7 @@ class Carried:
             return
         self.model = copy(model)
         self.model.gap_limits = {}
-        self.model.contacts = [_carry(model, c, self._motion) for c in model.contacts]
+        self.model.contacts = [_carry(model.space, c, self._motion) for c in model.contacts]
 
     def forms(
         self, forms: dict[Method, ContactForms] | None
@@ -151,18 +153,18 @@ class Carried:
         """Take the motion from jumps at contact nodes of this side, in place."""
         if self._motion is None:
             return
-        at_contacts = self.model.function()
+        at_contacts = self.model.space.function()
         for contact in self.model.contacts:
             contact.trace.assign(at_contacts.x.array, contact.trace.of(self._motion.x.array))
         jumps.x.array[:] -= at_contacts.x.array
 
 
-def _carry(model: Model, contact: ContactOnMesh, motion: fem.Function) -> ContactOnMesh:
+def _carry(space: Space, contact: ContactOnMesh, motion: fem.Function) -> ContactOnMesh:
     """Return a contact with the gap and the slip that a motion leaves; collective."""
     trace = contact.trace
-    jump = model.function()
+    jump = space.function()
     trace.assign(jump.x.array, trace.of(motion.x.array))
-    if not model.comm.allreduce(bool(jump.x.array.any()), MPI.LOR):
+    if not space.comm.allreduce(bool(jump.x.array.any()), MPI.LOR):
         return contact
     gap = -ufl.dot(jump, contact.normal)
     if contact.gap is not None:

@@ -84,23 +84,24 @@ class ContactForms:
     """
 
     def __init__(self, model: Model, method: Method) -> None:
+        space = model.space
         self.model = model
         self.method = method
-        self.share = compiled.constant(model.mesh, 1.0)
-        self.gap_share = compiled.constant(model.mesh, 1.0)
-        self.u = model.function()
+        self.share = compiled.constant(space.mesh, 1.0)
+        self.gap_share = compiled.constant(space.mesh, 1.0)
+        self.u = space.function()
         self.jumps: dict[fem.Function, ContactOnMesh] = {}
         self.contacts = []
         for contact in model.contacts:
             self.contacts.append(self._of_solver(contact))
         self.multipliers: tuple[fem.Function, ...] = ()
         if method.multiplier:
-            self.multipliers = tuple(model.function() for _ in model.contacts)
+            self.multipliers = tuple(space.function() for _ in model.contacts)
 
         # A method of the user's may make Constants, and may fail on one rank only.
         with compiled.constants_with_ten_digits():
-            equations, projections = together(model.comm, self._parts)
-            looked_at = together(model.comm, partial(self._look_at, projections))
+            equations, projections = together(space.comm, self._parts)
+            looked_at = together(space.comm, partial(self._look_at, projections))
         read = {field for parts in equations for _, form in parts for field in form.coefficients()}
         # Between bodies the equations of a multiplier contain the jump only.
         self.displacements = [w for w in (self.u, *self.jumps) if w in read]
@@ -122,7 +123,7 @@ class ContactForms:
                     places.append(reader.tangents[of_field])
             # One module for each contact: contacts that are alike have the same one.
             at_points = (looked_at[number], self._points)
-            compiled_forms, (values,) = compiled.together(model.comm, forms, [at_points])
+            compiled_forms, (values,) = compiled.together(space.comm, forms, [at_points])
             for form, place in zip(compiled_forms, places, strict=True):
                 place.append(form)
             self.equations.append(compiled_forms[0])
@@ -139,13 +140,13 @@ class ContactForms:
         of_solver = contact.with_shares(self.share, self.gap_share)
         if contact.against is None:
             return of_solver
-        jump = self.model.function()
+        jump = self.model.space.function()
         self.jumps[jump] = contact
         return replace(of_solver, variable=(self.u, jump))
 
     def _derivatives(self, form: ufl.Form) -> list[tuple[int, ufl.Form]]:
         """Return the derivatives of a form by the fields in it, with their numbers."""
-        du = ufl.TrialFunction(self.model.V)
+        du = ufl.TrialFunction(self.model.space.V)
         fields = form.coefficients()
         derivatives = []
         for number, field in enumerate(self.fields):
@@ -172,7 +173,7 @@ class ContactForms:
                 nodal[:] = 0.0
                 contact.trace.assign(nodal, contact.trace.of(u.x.array))
             if self.method.multiplier:
-                model.to_coefficients(nodal.reshape(-1, model.d), contacts)
+                model.space.to_coefficients(nodal.reshape(-1, model.space.d), contacts)
             values.append(nodal)
         return values
 
@@ -193,16 +194,16 @@ class ContactForms:
         """
         values = []
         for expression, facets in self._values_of_facets:
-            values.append(expression.eval(self.model.mesh, facets).ravel().astype(np.int8))
+            values.append(expression.eval(self.model.space.mesh, facets).ravel().astype(np.int8))
         return np.concatenate(values)
 
     def counts(self) -> tuple[Counts, ...]:
         """Count the open, slipping and sticking points of each contact; collective."""
         counts = []
         for expression, facets in self._values_of_facets:
-            values = expression.eval(self.model.mesh, facets).ravel().astype(np.int8)
+            values = expression.eval(self.model.space.mesh, facets).ravel().astype(np.int8)
             counts.append(np.bincount(values, minlength=3))
-        whole = self.model.comm.allreduce(np.array(counts))
+        whole = self.model.space.comm.allreduce(np.array(counts))
         return tuple((int(open_), int(slip), int(stick)) for open_, slip, stick in whole)
 
     def nodal_multipliers(self, multipliers: Sequence[fem.Function]) -> tuple[fem.Function, ...]:
@@ -212,11 +213,12 @@ class ContactForms:
             multipliers: The multiplier of each contact [force/area], also returned.
         """
         model = self.model
+        space = model.space
         for contact, multiplier in zip(model.contacts, multipliers, strict=True):
-            nodal = multiplier.x.array.reshape(-1, model.d)
-            if model.axisymmetric:
-                nodal *= nodal_shares(model, contact.facets)[:, None]
-            model.to_coefficients(nodal, [contact], back=True)
+            nodal = multiplier.x.array.reshape(-1, space.d)
+            if space.axisymmetric:
+                nodal *= nodal_shares(space, contact.facets)[:, None]
+            space.to_coefficients(nodal, [contact], back=True)
         return tuple(multipliers)
 
     def _with_multipliers(self) -> list[tuple[ContactOnMesh, fem.Function | None]]:
@@ -232,7 +234,7 @@ class ContactForms:
         Each part is with the field on which its forces are. Between bodies that is the
         jump, and u for what tests the stress.
         """
-        v = ufl.TestFunction(self.model.V)
+        v = ufl.TestFunction(self.model.space.V)
         jumps = {contact.name: jump for jump, contact in self.jumps.items()}
         equations, projections = [], []
         for contact, multiplier in self._with_multipliers():
@@ -250,7 +252,7 @@ class ContactForms:
     @property
     def _points(self) -> np.ndarray:
         """Return reference points of a facet at which :meth:`_look_at` is known."""
-        points, _ = rule(self.model.d - 1, 2 * self.model.degree)
+        points, _ = rule(self.model.space.d - 1, 2 * self.model.space.degree)
         return points
 
     def _look_at(self, projections: list[Ufl]) -> list[Ufl]:

@@ -31,12 +31,13 @@ from erc_contact.model.model import Model
 from erc_contact.newton.contact_nodes import PRESSING, contact_normals
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import CentralPath, follow
+from erc_contact.newton.interior_point import CentralPath, Path, follow
+from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.krylov import fgmres, set_up
 from erc_contact.newton.linear.multigrid import ROUGH, Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import laws_of
-from erc_contact.newton.snes import IMBALANCE, Status
+from erc_contact.newton.snes import IMBALANCE, Outcome, Status, attempt
 from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
@@ -80,7 +81,7 @@ class FullSpace:
         self.length = length
         self.force = force
         self.forms = forms
-        self._equations = model.function()
+        self._equations = model.space.function()
         self._fixed = elastic.fixed
         self._reactions: Reactions | None = None
         self._rows = ~self._fixed
@@ -122,7 +123,7 @@ class FullSpace:
             equations.x.scatter_reverse(la.InsertMode.add)
             if reader.contact is not None:
                 jump = self.model.connections.jump(reader.contact)
-                equations = product(self.model, jump, equations, transpose=True)
+                equations = product(self.model.space, jump, equations, transpose=True)
             forces += equations.x.array[: len(forces)]
         return forces
 
@@ -222,17 +223,12 @@ class FullSpace:
     def status(self, x: PETSc.Vec) -> Status:
         """Return the contact status of all points."""
         self._set(x)
-        comm = self.model.comm
+        comm = self.model.space.comm
         status = self.forms.status()
         digests = comm.allgather(sha256(status.tobytes()).digest())
         counts = comm.allreduce(np.bincount(status, minlength=3), MPI.SUM)
         open_, slip, stick = (int(count) for count in counts)
         return Status(b"".join(digests), (open_, slip, stick), status)
-
-    def counts(self, x: PETSc.Vec) -> tuple[Counts, ...]:
-        """Count the points of each contact by their status at x."""
-        self._set(x)
-        return self.forms.counts()
 
     def _renew(self, _: Any, x: PETSc.Vec, *__: PETSc.Mat) -> None:
         """Assemble the tangent at x, and renew its hierarchy."""
@@ -240,17 +236,47 @@ class FullSpace:
         self._tangent.assemble()
         self._tangent.renew()
 
-    # -- states
+    # -- states, the unknowns of this rank
 
-    def follow_path(self, x: np.ndarray, friction: float) -> tuple[np.ndarray, int, bool]:
-        """Make interior point steps from x, the unknowns of this rank.
+    def solve(
+        self, state: np.ndarray, step: Attempt, tolerance: float | None
+    ) -> tuple[np.ndarray, Outcome]:
+        """Make one attempt; return the last state and how the attempt ended.
+
+        Args:
+            state: The state where Newton's method starts.
+            step: The attempt.
+            tolerance: As :func:`.snes.attempt` has it.
+        """
+        x = self.at(state)
+        outcome = attempt(self, x, step, tolerance)
+        last = x.array_r.copy()
+        x.destroy()
+        return last, outcome
+
+    def at(self, state: np.ndarray) -> PETSc.Vec:
+        """Return a new vector of the unknowns of a state."""
+        x = self.vector()
+        x.array[:] = state
+        return x
+
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps [-]."""
+        self.forms.set_shares(friction, gap)
+
+    def counts(self, state: np.ndarray) -> tuple[Counts, ...]:
+        """Count the points of each contact by their status."""
+        x = self.at(state)
+        self._set(x)
+        x.destroy()
+        return self.forms.counts()
+
+    def follow_path(self, x: np.ndarray, friction: float) -> Path:
+        """Make interior point steps from a state x.
 
         Args:
             x: The unknowns.
             friction: Share of the friction bounds [-].
-
-        Returns:
-            As :func:`.interior_point.follow`.
         """
         assert isinstance(self.forms, InteriorForms)
         path = CentralPath(self.forms, friction)
@@ -272,9 +298,11 @@ class FullSpace:
             vector.destroy()
         return result
 
-    def hold(self, weight: float, x: PETSc.Vec) -> None:
-        """Hold free motions where they are at x, see :meth:`.tangent.Tangent.hold`."""
+    def hold(self, weight: float, state: np.ndarray) -> None:
+        """Hold free motions at a state, see :meth:`.tangent.Tangent.hold`."""
+        x = self.at(state)
         self._tangent.hold(weight, x)
+        x.destroy()
         if self._last_x is not None:
             # The multipliers are reactions, of the springs, too.
             self._last_x.set(np.nan)

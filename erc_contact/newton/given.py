@@ -22,6 +22,7 @@ from erc_contact.base.exceptions import InputError, together
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
+from erc_contact.model.space import Space
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
@@ -78,8 +79,8 @@ def solution_of(
     comm = domain.comm
     degree = together(comm, _degree, scene, domain, u, degree)
     model = bind(scene, domain, degree)
-    displacement = model.function()
-    values = together(comm, _values, model, u)
+    displacement = model.space.function()
+    values = together(comm, _values, model.space, u)
     finite = comm.allreduce(bool(np.isfinite(values).all()), MPI.LAND)
     if not finite:
         raise InputError("certify: the displacement is not finite everywhere.")
@@ -142,15 +143,15 @@ def _degree(scene: Scene, domain: Domain, u: AnyField, degree: int | None) -> in
     return degree
 
 
-def _values(model: Model, u: AnyField) -> np.ndarray:
+def _values(space: Space, u: AnyField) -> np.ndarray:
     """Return the displacement at the nodes of this rank [length], shape (nodes, d)."""
-    if isinstance(u, tuple) and model.domain.pairs:
+    if isinstance(u, tuple) and space.domain.pairs:
         raise InputError(
             "certify: at a contact between bodies two nodes lie at one place, so that points do"
             " not tell them apart; give the file of the results, or a Function of domain.mesh."
         )
-    nodes = np.arange(len(model.V.tabulate_dof_coordinates()))
-    return nodal_values(model, u, nodes, "certify: u")
+    nodes = np.arange(len(space.V.tabulate_dof_coordinates()))
+    return nodal_values(space, u, nodes, "certify: u")
 
 
 def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:
@@ -169,8 +170,8 @@ def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Funct
     for contact, of_contact in zip(model.contacts, reactions.matrices, strict=True):
         of_contact.mult(residual, work)
         multiplier = elastic.function(work)
-        nodal = multiplier.x.array.reshape(-1, model.d)
-        model.to_coefficients(nodal, [contact], back=True)
+        nodal = multiplier.x.array.reshape(-1, model.space.d)
+        model.space.to_coefficients(nodal, [contact], back=True)
         multipliers.append(multiplier)
     reactions.destroy()
     for done in (matrix, loads, residual, x, work):
@@ -188,6 +189,7 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
     Raises:
         InputError: If no contact has a name, or values do not fit the nodes.
     """
+    space = model.space
     if not isinstance(traction, Mapping):
         raise InputError(
             f"certify: traction is {checks.description(traction)}; give a mapping from the names of"
@@ -200,10 +202,10 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
             known = ", ".join(sorted(names)) or "none"
             raise InputError(f"certify: traction is for {name!r}; the contacts are {known}.")
         contact = model.contact(name)
-        multiplier = model.function()
-        nodal = multiplier.x.array.reshape(-1, model.d)
+        multiplier = space.function()
+        nodal = multiplier.x.array.reshape(-1, space.d)
         nodes = np.unique(contact.trace.here.nodes)
-        nodal[nodes] = contact.sign * _at_nodes(model, contact, nodes, values)
+        nodal[nodes] = contact.sign * _at_nodes(space, contact, nodes, values)
         if not np.isfinite(nodal).all():
             raise InputError(f"certify: the traction on {name!r} is not finite everywhere.")
         multipliers[name] = multiplier
@@ -211,7 +213,7 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
 
 
 def _at_nodes(
-    model: Model, contact: ContactOnMesh, nodes: np.ndarray, traction: AnyField
+    space: Space, contact: ContactOnMesh, nodes: np.ndarray, traction: AnyField
 ) -> np.ndarray:
     """Return a traction at nodes of this side of a contact, (nodes, d)."""
     what = f"certify: the traction on {contact.name!r}"
@@ -221,14 +223,14 @@ def _at_nodes(
             f"{what} is a Function, and must be the traction on the softer body; give a "
             "callable of points, or (points, values)."
         )
-    return nodal_values(model, traction, nodes, what)
+    return nodal_values(space, traction, nodes, what)
 
 
-def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) -> np.ndarray:
+def nodal_values(space: Space, field: AnyField, nodes: np.ndarray, what: str) -> np.ndarray:
     """Return a vector field at nodes of this rank, shape (n, d).
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         field: A Function of the mesh; or a callable, which gets points of shape (d, n)
             and returns the same shape; or points (m, d) and values (m, d).
         nodes: Numbers of the nodes, shape (n,).
@@ -238,10 +240,10 @@ def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) ->
         InputError: If the field does not fit the mesh or its dimension.
     """
     if isinstance(field, fem.Function):
-        return _of_function(model, field, what)[nodes]
-    x = model.V.tabulate_dof_coordinates()[nodes, : model.d]
+        return _of_function(space, field, what)[nodes]
+    x = space.V.tabulate_dof_coordinates()[nodes, : space.d]
     if isinstance(field, FileField):
-        return _of_file(model, field, nodes, what)
+        return _of_file(space, field, nodes, what)
     if callable(field):
         return _of_callable(field, x, what)
     if not isinstance(field, tuple) or len(field) != 2:
@@ -250,21 +252,21 @@ def nodal_values(model: Model, field: AnyField, nodes: np.ndarray, what: str) ->
             " points, or (points, values)."
         )
     points, values = (np.asarray(array, dtype=float) for array in field)
-    return _of_points(points, values, x, SAME_PLACE * model.domain.extent, what)
+    return _of_points(points, values, x, SAME_PLACE * space.domain.extent, what)
 
 
-def _of_function(model: Model, field: fem.Function, what: str) -> np.ndarray:
+def _of_function(space: Space, field: fem.Function, what: str) -> np.ndarray:
     """Return the values of a Function at all nodes of this rank, shape (nodes, d)."""
-    if field.function_space.mesh is not model.mesh:
+    if field.function_space.mesh is not space.mesh:
         raise InputError(
             f"{what} lives on another mesh than domain.mesh; compute it on domain.mesh, or give"
             " (points, values)."
         )
-    if field.function_space.element.value_shape != (model.d,):
-        raise InputError(f"{what} must have {model.d} components.")
-    same = model.function()
+    if field.function_space.element.value_shape != (space.d,):
+        raise InputError(f"{what} must have {space.d} components.")
+    same = space.function()
     same.interpolate(field)
-    return same.x.array.reshape(-1, model.d)
+    return same.x.array.reshape(-1, space.d)
 
 
 def _of_callable(field: Callable[[np.ndarray], Any], x: np.ndarray, what: str) -> np.ndarray:
@@ -285,28 +287,28 @@ def _of_callable(field: Callable[[np.ndarray], Any], x: np.ndarray, what: str) -
     return values
 
 
-def _of_file(model: Model, field: FileField, nodes: np.ndarray, what: str) -> np.ndarray:
+def _of_file(space: Space, field: FileField, nodes: np.ndarray, what: str) -> np.ndarray:
     """Return the values of a file at nodes, by their bodies where bodies touch."""
-    d = model.d
-    x = model.V.tabulate_dof_coordinates()[:, :d]
+    d = space.d
+    x = space.V.tabulate_dof_coordinates()[:, :d]
     points = field.points[:, :d]
     place = _nearest(x[nodes], points)
-    tolerance = SAME_PLACE * model.domain.extent
+    tolerance = SAME_PLACE * space.domain.extent
     # Nodes of bodies that touch are in the same box of a lattice that no mesh has.
     boxes = np.floor(x / tolerance + OFFSET)
     _, same, count = np.unique(boxes, axis=0, return_inverse=True, return_counts=True)
     twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
     if len(twins):
-        into = _move_inward(x[nodes], _inward(model, x)[nodes], ASIDE * tolerance)
+        into = _move_inward(x[nodes], _inward(space, x)[nodes], ASIDE * tolerance)
         of_bodies = _move_inward(points, field.inward[:, :d], ASIDE * tolerance)
         place[twins] = _nearest(into[twins], of_bodies)
     return _values_at(points, field.values, place, x[nodes], tolerance, what)
 
 
-def _inward(model: Model, x: np.ndarray) -> np.ndarray:
+def _inward(space: Space, x: np.ndarray) -> np.ndarray:
     """Return the mean middle of the cells at each node, less the node [length]."""
-    dofs = model.V.dofmap.list
-    middles = x[dofs[:, : model.d + 1]].mean(axis=1)
+    dofs = space.V.dofmap.list
+    middles = x[dofs[:, : space.d + 1]].mean(axis=1)
     sums = np.zeros(x.shape)
     np.add.at(sums, dofs.ravel(), np.repeat(middles, dofs.shape[1], axis=0))
     return sums / np.bincount(dofs.ravel(), minlength=len(x))[:, None] - x

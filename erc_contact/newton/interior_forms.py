@@ -23,6 +23,7 @@ from dolfinx import fem
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.methods import Method
 from namedmesh.simplex import barycentric, rule
@@ -40,9 +41,10 @@ class InteriorForms(ContactForms):
     """
 
     def __init__(self, model: Model, method: Method) -> None:
-        points = model.facet_points
+        space = model.space
+        points = space.facet_points
         if not method.multiplier:
-            points, _ = rule(model.d - 1, model.contact_degree)
+            points, _ = rule(space.d - 1, space.contact_degree)
         self.points = points
         self._degree = _degree_through(points)
         self._affine: list[fem.Function] = []
@@ -50,7 +52,7 @@ class InteriorForms(ContactForms):
         self._interpolations = []
         for contact, function in zip(model.contacts, self._affine, strict=True):
             facets = contact.facets[contact.trace.here.owned]
-            self._interpolations.append(_Interpolation(model, function, facets, points))
+            self._interpolations.append(_Interpolation(space, function, facets, points))
 
     def trials(self) -> list[np.ndarray]:
         """Return the trial tractions at the points of the owned facets of each contact.
@@ -59,7 +61,7 @@ class InteriorForms(ContactForms):
         """
         values = []
         for expression, facets in self._values_of_facets:
-            values.append(expression.eval(self.model.mesh, facets))
+            values.append(expression.eval(self.model.space.mesh, facets))
         return values
 
     def set_affine(self, weights: list[np.ndarray], offsets: list[np.ndarray]) -> None:
@@ -91,7 +93,7 @@ class InteriorForms(ContactForms):
 
     def _of_solver(self, contact: ContactOnMesh) -> ContactOnMesh:
         """Return a contact as the forms see it, with its weights and offsets."""
-        d = self.model.d
+        d = self.model.space.d
         affine = self.model.domain.function("DG", self._degree, (d * (d + 1),))
         self._affine.append(affine)
         weight = ufl.as_matrix([[affine[d * i + j] for j in range(d)] for i in range(d)])
@@ -107,23 +109,23 @@ class _Interpolation:
     """Set a Function on facets to the polynomials with given values at points.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         function: The Function, discontinuous between cells, c components.
         facets: The facets (cell, local facet), shape (f, 2).
         points: Reference points of the values, shape (q, d-1).
     """
 
     def __init__(
-        self, model: Model, function: fem.Function, facets: np.ndarray, points: np.ndarray
+        self, space: Space, function: fem.Function, facets: np.ndarray, points: np.ndarray
     ) -> None:
-        space = function.function_space
-        element = space.element.basix_element
-        self._values = function.x.array.reshape(-1, space.dofmap.bs)
+        field = function.function_space
+        element = field.element.basix_element
+        self._values = function.x.array.reshape(-1, field.dofmap.bs)
         places = barycentric(element.points)
         on_facets = np.array([np.flatnonzero(abs(place) < ON_FACET) for place in places.T])
         nodes = on_facets[facets[:, 1]]
-        self._dofs = np.take_along_axis(space.dofmap.list[facets[:, 0]], nodes, axis=1)
-        vertices = model.local_vertices(facets)
+        self._dofs = np.take_along_axis(field.dofmap.list[facets[:, 0]], nodes, axis=1)
+        vertices = space.local_vertices(facets)
         in_facet = np.take_along_axis(places[nodes], vertices[:, None, :], axis=2)
         degree = element.degree
         from_points = np.linalg.pinv(_monomials(barycentric(points), degree))

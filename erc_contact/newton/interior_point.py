@@ -29,7 +29,7 @@ Symbols: n points of this rank, d dimension, j bounds of a traction.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -94,9 +94,21 @@ class LinearStep(Protocol):
         """
 
 
-def follow(
-    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool
-) -> tuple[np.ndarray, int, bool]:
+class Path(NamedTuple):
+    """Tell how far the central path was followed.
+
+    Attributes:
+        unknowns: The last unknowns of this rank.
+        steps: Number of steps.
+        is_known: Whether the states of all points are known.
+    """
+
+    unknowns: np.ndarray
+    steps: int
+    is_known: bool
+
+
+def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool) -> Path:
     """Follow the central path until the states of all points are known; collective.
 
     Args:
@@ -104,9 +116,6 @@ def follow(
         solve: Makes the linear solves.
         u: Unknowns of this rank.
         corrects: Whether each step has a third solution.
-
-    Returns:
-        The last unknowns, the number of steps, and whether the states are known.
     """
     count = 0
     is_known = False
@@ -131,7 +140,7 @@ def follow(
         # Nothing holds a motion: the tangent is singular.
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
-    return u, count, is_known
+    return Path(u, count, is_known)
 
 
 class CentralPath:
@@ -144,9 +153,10 @@ class CentralPath:
 
     def __init__(self, forms: InteriorForms, friction: float) -> None:
         model = forms.model
+        space = model.space
         self._forms = forms
         self._friction = friction
-        self._comm = model.comm
+        self._comm = space.comm
         self._shapes: list[tuple[int, int]] = []
         self._laws = []
         axes = []
@@ -154,7 +164,7 @@ class CentralPath:
         opens = []
         for contact in model.contacts:
             owned = contact.trace.here.owned
-            normals = evaluate(contact.normal, model.mesh, forms.points, contact.facets)[owned]
+            normals = evaluate(contact.normal, space.mesh, forms.points, contact.facets)[owned]
             self._shapes.append((len(normals), len(forms.points)))
             allowed = contact.friction_set
             facets = np.flatnonzero(owned)
@@ -162,10 +172,10 @@ class CentralPath:
             # semi-axes take them back.
             of_disc = np.stack([normals, *allowed.dual_axes(normals, facets)], axis=2)
             of_set = np.stack([normals, *allowed.semi_axes(normals, facets)], axis=2)
-            axes.append(of_disc.reshape(-1, model.d, model.d))
-            semi_axes.append(of_set.reshape(-1, model.d, model.d))
+            axes.append(of_disc.reshape(-1, space.d, space.d))
+            semi_axes.append(of_set.reshape(-1, space.d, space.d))
             opens.append(np.full(len(axes[-1]), not contact.bilateral))
-            parameters = friction_parameters(model, contact, forms.points)
+            parameters = friction_parameters(space, contact, forms.points)
             of_owned = {name: values[owned] for name, values in parameters.items()}
             self._laws.append((contact, of_owned))
         self._axes = np.concatenate(axes)
@@ -173,7 +183,7 @@ class CentralPath:
         self._opens = np.concatenate(opens)
         self._solved: list[Directions] = []
         """Directions of the solutions of this step."""
-        self._sides = _sides(model.d)
+        self._sides = _sides(space.d)
 
     def soften(self) -> None:
         """Set weights and offsets to soft springs at all points."""

@@ -5,13 +5,12 @@ It works in parallel on any number of ranks.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
@@ -19,17 +18,11 @@ from erc_contact.newton.first_guess import Carried
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.ladder import Attempt, Shares
+from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import (
-    DiscreteSolution,
-    Outcome,
-    attempt,
-    outcome_of_path,
-    solve_in_turn,
-)
+from erc_contact.newton.snes import Attempted, DiscreteSolution, outcome_of_path, solve_in_turn
 from namedmesh.base.ranks import greatest
 
 
@@ -87,43 +80,20 @@ class Iterative:
         self.carried.take_from_contacts(jumps)
         return self._sprung(jumps)
 
-    def attempt(
-        self, step: Attempt, state: fem.Function, tolerance: float | None
-    ) -> tuple[Outcome, fem.Function, DiscreteSolution | None]:
-        """Make one attempt from a state.
-
-        Returns:
-            How it ended, its last state, and its solution if it is a final attempt
-            that converged.
-        """
+    def attempt(self, step: Attempt, state: fem.Function, tolerance: float | None) -> Attempted:
+        """Make one attempt from a state."""
         method = step.method
         if step.interior:
-            return *self._interior(step, state), None
+            return self._interior(step, state)
         if method not in self._forms:
             self._forms[method] = ContactForms(self.carried.model, method)
         if method not in self._problems:
             self._problems[method] = self._full(self._forms[method])
         problem = self._problems[method]
-        x = problem.vector()
-        x.array[:] = self.elastic.start(state) / problem.length
-
-        def solve(shares: Shares) -> tuple[Outcome, float]:
-            problem.forms.set_shares(shares.friction, shares.gap)
-            problem.hold(shares.springs, x)
-            before = x.copy()
-            outcome = attempt(problem, x, step, tolerance)
-            moved = 0.0
-            if outcome.converged:
-                moved = _distance(x, before)
-            else:
-                before.copy(x)
-            before.destroy()
-            return outcome, moved
-
-        outcome = solve_in_turn(step, solve)
-        contacts = problem.counts(x) if outcome.friction > 1.0 else ()
-        problem.forms.set_shares(1.0, 1.0)
-        problem.hold(0.0, x)
+        start = self.elastic.start(state) / problem.length
+        solve = partial(problem.solve, tolerance=tolerance)
+        unknowns, outcome = solve_in_turn(problem, solve, step, start, self.model.space.comm)
+        x = problem.at(unknowns)
         v, multipliers = problem.fields(x)
         solution = None
         if step.final and outcome.converged:
@@ -132,7 +102,7 @@ class Iterative:
             least = problem.least_singular_value(x)
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
-        return replace(outcome, contacts=contacts), v, solution
+        return Attempted(outcome, v, solution)
 
     def _full(self, forms: ContactForms) -> FullSpace:
         """Return the contact problem of some forms for all degrees of freedom."""
@@ -140,17 +110,16 @@ class Iterative:
             self.carried.model, forms, self.elastic, self._loads, self._length, self._force
         )
 
-    def _interior(self, step: Attempt, state: fem.Function) -> tuple[Outcome, fem.Function]:
-        """Make interior point steps; return their outcome and last state."""
+    def _interior(self, step: Attempt, state: fem.Function) -> Attempted:
+        """Make interior point steps."""
         problem = self._full(InteriorForms(self.carried.model, step.method))
         start = self.elastic.start(state) / problem.length
-        unknowns, steps, is_known = problem.follow_path(start, step.friction_shares[0])
-        x = problem.vector()
-        x.array[:] = unknowns
+        path = problem.follow_path(start, step.friction_shares[0])
+        x = problem.at(path.unknowns)
         last, _ = problem.fields(x)
         x.destroy()
         problem.free()
-        return outcome_of_path(steps, is_known), last
+        return Attempted(outcome_of_path(path), last)
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""
@@ -172,15 +141,7 @@ class Iterative:
         stretch = target.copy()
         stretch.x.array[:] -= u.x.array
         pull = self.elastic.glue.times(stretch).x.array[owned]
-        comm = self.model.comm
+        comm = self.model.space.comm
         self._length = greatest(comm, u.x.array) or 1.0
         self._force = float(np.sqrt(comm.allreduce(np.dot(pull, pull), MPI.SUM))) or 1.0
         return u
-
-
-def _distance(x: PETSc.Vec, y: PETSc.Vec) -> float:
-    """Return the norm of the difference of two vectors; collective."""
-    difference = x - y
-    norm = float(difference.norm())
-    difference.destroy()
-    return norm

@@ -84,6 +84,7 @@ def solution_of_law(
         NotConverged: If the misfit does not become small, or a contact problem does not
             converge.
     """
+    space = model.space
     if model.linearised is None:
         return solution_of(kind, model, method, start, tolerance)
     if tolerance is not None:
@@ -94,20 +95,20 @@ def solution_of_law(
     about = model.linearised.u.copy()
     holds = not model.linearised.at_rest
     if start is not None and not holds:
-        before = carry_displacement(start.u, start.model, model)
+        before = carry_displacement(start.u, start.model.space, space)
         if before is not None:
             about = before
             model.linearised.move(about)
     # The forms of all steps are alike.
     kind = partial(kind, forms={})
     while len(misfits) < LAW_STEPS:
-        at(model.comm, f"law step {len(misfits) + 1}")
+        at(space.comm, f"law step {len(misfits) + 1}")
         solution = solution_of(kind, model, method, start, tolerance)
         steps += solution.newton_steps
         change = _Change(model, about, solution.u)
         misfit, size = change.misfit()
         misfits.append(misfit / size if size > 0.0 else 0.0)
-        log_of(model.comm).debug(
+        log_of(space.comm).debug(
             "%d cells: law step %d, misfit %.1e", model.domain.cells, len(misfits), misfits[-1]
         )
         if _ends(misfits, misfit, tolerance):
@@ -153,16 +154,17 @@ class _Change:
     """
 
     def __init__(self, model: Model, about: fem.Function, u: fem.Function) -> None:
+        space = model.space
         linearised = model.linearised
         assert linearised is not None
-        self._comm = model.comm
+        self._comm = space.comm
         self._law = linearised.law
-        is_plain = not linearised.varies_in_cells and model.degree == 1
-        self._cells = model.owned_cells
-        self._x, self._weights = model.cell_rule(1 if is_plain else DATA_DEGREE)
+        is_plain = not linearised.varies_in_cells and space.degree == 1
+        self._cells = space.owned_cells
+        self._x, self._weights = space.cell_rule(1 if is_plain else DATA_DEGREE)
         places = self._x, self._cells
         self._strain = linearised.strain_at(*places)
-        self._step = StrainOf(model, u)(*places) - self._strain
+        self._step = StrainOf(space, u)(*places) - self._strain
         self._tangent = linearised.tangent_at(*places)
         self._metric = np.linalg.inv(self._tangent)
         self._stress = self._law.stress(self._strain, *places) + self._of_tangent(self._step)

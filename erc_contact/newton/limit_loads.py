@@ -49,7 +49,7 @@ def what_can_be_carried(model: Model, loads: fem.Function) -> str:
     motions, work, forces = programme(model, loads)
     shares = []
     for name, part in _parts(model, motions, work):
-        share = on_first(model, forces, partial(greatest_share, part=part), work)
+        share = on_first(model.space, forces, partial(greatest_share, part=part), work)
         if share is not None and LEAST_SHARE < share < 1.0:
             shares.append(f"at most {100 * share:.3g}% of {name}")
     told = ""
@@ -70,6 +70,7 @@ def what_can_be_carried(model: Model, loads: fem.Function) -> str:
 
 def _parts(model: Model, motions: np.ndarray, work: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Generate the names of loads and their work on the motions; collective."""
+    space = model.space
     names: list[str | None] = list(dict.fromkeys(load.facets for load in model.surface_loads))
     if model.body_force is not None:
         names.append(None)
@@ -77,11 +78,11 @@ def _parts(model: Model, motions: np.ndarray, work: np.ndarray) -> Iterator[tupl
         yield "the loads", work
         return
     for name in names:
-        form = model.loads(ufl.TestFunction(model.V), on=[name])
-        of_part = model.function()
+        form = model.loads(ufl.TestFunction(space.V), on=[name])
+        of_part = space.function()
         fem.assemble_vector(of_part.x.array, compiled.form(form))
         told = "the body force" if name is None else f"the load on {name!r}"
-        yield told, work_of_loads(model, of_part, motions)
+        yield told, work_of_loads(space, of_part, motions)
 
 
 def _least_friction(model: Model, loads: fem.Function) -> float | None:
@@ -92,7 +93,7 @@ def _least_friction(model: Model, loads: fem.Function) -> float | None:
 
     def is_enough(factor: float) -> bool:
         _, work, forces = programme(model, loads, factor)
-        return on_first(model, forces, find_unbalanced, work) is None
+        return on_first(model.space, forces, find_unbalanced, work) is None
 
     low, high = 1.0, MUCH
     if not is_enough(high):

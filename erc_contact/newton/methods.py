@@ -36,18 +36,19 @@ class Method(Protocol):
     the compiled forms of each method. Messages show its ``repr``. Without a multiplier
     Newton starts from the solution of the :class:`AugmentedLagrangian`.
 
-    Of a model it may use ``stress(u)`` [force/area], the outward normal ``n`` of the
-    body, ``modulus`` [force/area], ``stiffness_per_area(gamma)`` [force/volume], the
-    quadrature degree ``contact_degree``, the quadrature at nodes ``nodal_rule``, and
-    ``at_nodes(contact)``, the contact with its data at the nodes, for a multiplier; of
-    a contact ``ds``, ``normal`` (of the foundation), ``gap`` [length], None where it is
-    zero, ``jump(u)``, the displacement that the law is about, in a history since the
-    last step, ``jump(v)``, its variation for a test function v, and ``project(z,
-    gamma)``, the traction that the law allows for a trial traction z with ``-gamma
-    jump(u)`` in it; a compliant foundation alone needs gamma. ``allowed_traction(r, u,
-    gamma)`` does both, and is what orthotropic friction needs. Write a parameter as
-    ``fem.Constant(model.mesh, value)``: a plain number is compiled into the forms. A
-    script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
+    Of a model it may use ``stress(u)`` [force/area], ``modulus`` [force/area],
+    ``stiffness_per_area(gamma)`` [force/volume], ``at_nodes(contact)``, the contact
+    with its data at the nodes, for a multiplier, and its ``space``; of the space the
+    ``mesh``, the outward normal ``n`` of the body, the quadrature degree
+    ``contact_degree``, and the quadrature at nodes ``nodal_rule``; of a contact ``ds``,
+    ``normal`` (of the foundation), ``gap`` [length], None where it is zero,
+    ``jump(u)``, the displacement that the law is about, in a history since the last
+    step, ``jump(v)``, its variation for a test function v, and ``project(z, gamma)``,
+    the traction that the law allows for a trial traction z with ``-gamma jump(u)`` in
+    it; a compliant foundation alone needs gamma. ``allowed_traction(r, u, gamma)`` does
+    both, and is what orthotropic friction needs. Write a parameter as
+    ``fem.Constant(model.space.mesh, value)``: a plain number is compiled into the
+    forms. A script that imports ``dolfinx`` begins with ``from mpi4py import MPI``.
 
     Example: ``demos/extend/method.py``.
 
@@ -165,12 +166,13 @@ class Nitsche:
         self, r: Ufl, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl = None
     ) -> Ufl:
         """Return :meth:`equations` with a traction r(u) [force/area] made before."""
-        ds = contact.ds(metadata={"quadrature_degree": model.contact_degree})
+        space = model.space
+        ds = contact.ds(metadata={"quadrature_degree": space.contact_degree})
         residual = -ufl.inner(r, contact.jump(v)) * ds
         if self.theta:
-            theta = compiled.constant(model.mesh, float(self.theta))
-            difference = ufl.dot(model.stress(u), model.n) - r
-            tested = ufl.dot(model.stress(v), model.n)
+            theta = compiled.constant(space.mesh, float(self.theta))
+            difference = ufl.dot(model.stress(u), space.n) - r
+            tested = ufl.dot(model.stress(v), space.n)
             residual -= theta / self._gamma(model) * ufl.inner(difference, tested) * ds
         return residual
 
@@ -179,7 +181,7 @@ class Nitsche:
 
         It is ``r(u) = P(sigma(u)n - gamma (u - s - g n))``.
         """
-        stress = ufl.dot(model.stress(u), model.n)
+        stress = ufl.dot(model.stress(u), model.space.n)
         gamma = self._gamma(model)
         return contact.allowed_traction(stress, u, gamma)
 
@@ -187,7 +189,7 @@ class Nitsche:
 
     def _gamma(self, model: Model) -> Ufl:
         """Return gamma [force/volume]."""
-        return model.stiffness_per_area(compiled.constant(model.mesh, float(self.gamma)))
+        return model.stiffness_per_area(compiled.constant(model.space.mesh, float(self.gamma)))
 
 
 @dataclass(frozen=True)
@@ -256,7 +258,7 @@ class AugmentedLagrangian:
         self, projected: Ufl, model: Model, contact: ContactOnMesh, u: Ufl, v: Ufl, multiplier: Ufl
     ) -> Ufl:
         """Return :meth:`equations` with a projection [force/area] made before."""
-        return ufl.inner(multiplier - projected, v) * contact.ds(metadata=model.nodal_rule)
+        return ufl.inner(multiplier - projected, v) * contact.ds(metadata=model.space.nodal_rule)
 
     def traction(self, model: Model, contact: ContactOnMesh, u: Ufl, multiplier: Ufl = None) -> Ufl:
         """Return the contact traction, the multiplier [force/area], UFL, shape (d,)."""
@@ -269,7 +271,7 @@ class AugmentedLagrangian:
 
         It is ``P(lambda - gamma (u - s - g n))``.
         """
-        gamma_0 = compiled.constant(model.mesh, float(self.gamma))
+        gamma_0 = compiled.constant(model.space.mesh, float(self.gamma))
         gamma = model.stiffness_per_area(gamma_0, model.cell_modulus)
         nodal = model.at_nodes(contact)
         return nodal.allowed_traction(multiplier, u, gamma)

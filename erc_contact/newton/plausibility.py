@@ -98,11 +98,11 @@ def _told(limits: dict[str, LimitOfTheory]) -> Doubts:
 def _other_doubts(solution: Solution) -> Doubts:
     """Find what is doubtful though displacements are small; collective."""
     model = solution.model
-    moved = greatest(model.comm, solution.u.x.array)
+    moved = greatest(model.space.comm, solution.u.x.array)
     found: Doubts = {}
     if model.unheld.functions:
         found["unheld", ""] = _of_unheld(model)
-    lying = lying_words(model, *model.bodies)
+    lying = lying_words(model.space, *model.bodies)
     if lying:
         found["lying", ""] = lying
     for contact in model.contacts:
@@ -250,7 +250,7 @@ def _of_statics(solution: Solution) -> dict[str, LimitOfTheory]:
             continue
         body = "the body"
         if count > 1:
-            body = f"the body with {boundary_parts(model, bodies == missing.body)}"
+            body = f"the body with {boundary_parts(model.space, bodies == missing.body)}"
         facts.append(
             f"{percent(missing.share, 2)} of the moment is missing on {body}, "
             f"{missing.of_contacts:.2g} times what its contacts can take up"
@@ -306,7 +306,7 @@ def _worst_body(model: Model, shares: np.ndarray) -> tuple[str, float]:
     share = float(shares[worst])
     if count == 1 or share == 0.0:
         return "the body", share
-    return f"the body with {boundary_parts(model, body == worst)}", share
+    return f"the body with {boundary_parts(model.space, body == worst)}", share
 
 
 def _inside_out(distortion: Distortion) -> str:
@@ -327,8 +327,8 @@ def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved:
         )
     w = contact.trace.of(solution.u.x.array)
     approach = (w * contact.trace.normals).sum(axis=-1)
-    distances = gap_at_nodes(model, contact) - approach
-    distance, _ = model.extremes(distances)
+    distances = gap_at_nodes(model.space, contact) - approach
+    distance, _ = model.space.extremes(distances)
     apart = not contact.bilateral and distance > APART * moved
     if apart and not _presses(contact, solution, moved + distances.max(axis=1, initial=0.0)):
         found[UNTOUCHED, contact.name] = (
@@ -344,6 +344,7 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
     They are free, as the faces of a crack are, so it is doubtful only if the bodies go
     into each other, or if a rigid foundation is in the place of one of them.
     """
+    space = model.space
     found: Doubts = {}
     contacts = model.scene.contacts
     between = {frozenset(contact.sides) for contact in contacts}
@@ -362,13 +363,13 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
                 f"{there!r} lie against each other. {remedy} for a contact of both bodies."
             )
             continue
-        first, second = model.domain.facing(here, there)
-        side = model.side(first, model.modulus)
-        n = model.outward_normals(first)
-        trace = Trace(side, model.side(second, model.modulus), n)
+        first, second = space.domain.facing(here, there)
+        side = space.side(first, model.modulus)
+        n = space.outward_normals(first)
+        trace = Trace(side, space.side(second, model.modulus), n)
         drawn = np.matmul(side.shares_of_nodes, trace.to_partners)
         jump = trace.of(solution.u.x.array) - drawn
-        _, entry = model.extremes((jump * n[:, None, :]).sum(axis=-1))
+        _, entry = space.extremes((jump * n[:, None, :]).sum(axis=-1))
         if entry > APART * moved:
             found["pair", here] = (
                 f"{here!r} and {there!r} go into each other by {entry:.3g}: no Contact is between "
@@ -390,9 +391,9 @@ def _presses(contact: ContactOnMesh, solution: Solution, lengths: np.ndarray) ->
         solution: The solution.
         lengths: Greatest displacement plus distance of each facet [length], shape (f,).
     """
-    model = solution.model
-    points, _ = rule(model.d - 1, model.contact_degree)
-    r = evaluate(solution.traction(contact), model.mesh, points, contact.facets)
+    space = solution.model.space
+    points, _ = rule(space.d - 1, space.contact_degree)
+    r = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
     none = NO_TRACTION * contact.trace.here.stiffness * lengths
-    _, beyond = model.extremes(np.linalg.norm(r, axis=-1) - none[:, None])
+    _, beyond = space.extremes(np.linalg.norm(r, axis=-1) - none[:, None])
     return beyond > 0

@@ -101,7 +101,7 @@ def shank_stiffness(model: Model, names: Sequence[str]) -> np.ndarray:
     for name in names:
         side = model.contact(name).trace.here
         local.append(float(side.owned_areas @ side.modulus))
-    return np.asarray(model.comm.allreduce(np.array(local)) / model.domain.extent)
+    return np.asarray(model.space.comm.allreduce(np.array(local)) / model.domain.extent)
 
 
 def solved_with_forces(
@@ -145,7 +145,7 @@ def solved_with_forces(
     shanks = shank_stiffness(solution.model, names)
     slopes = _first_slopes(forces, shifts, shanks)
     for _ in range(SOLVES):
-        log_of(solution.model.comm).debug("Preloads %s: shifts %s", forces, shifts)
+        log_of(solution.model.space.comm).debug("Preloads %s: shifts %s", forces, shifts)
         left = wanted - forces
         if abs(left).max() <= SAME_FORCE * scale:
             return replace(solution, newton_steps=steps), first

@@ -64,16 +64,17 @@ class MultiplierMap:
     """
 
     def __init__(self, model: Model) -> None:
+        space = model.space
         self._model = model
-        self.contacts = [contact_nodes(model, contact) for contact in model.contacts]
-        rows = RowsOfAll(model.d, model.degree, self.contacts)
+        self.contacts = [contact_nodes(space, contact) for contact in model.contacts]
+        rows = RowsOfAll(space.d, space.degree, self.contacts)
         self.rows = rows
         nodes = np.unique(np.concatenate([rows.here, rows.there[rows.there != NOBODY]]))
-        free = ~gather_prescribed(model, nodes, model.fixed)
+        free = ~gather_prescribed(space, nodes, model.fixed)
         # Where a contact ends inside a body there is no jump, as where supports fix it.
         free[np.isin(nodes, model.connections.ends)] = False
         self.groups = Groups(rows.here, rows.there, nodes, free)
-        self._dofs = dofs_of(nodes, model.d)
+        self._dofs = dofs_of(nodes, space.d)
         of_rows = (self.groups.group_of_row, slice(None), self.groups.slot_of_row)
         self.free = self.groups.jumps[of_rows].any(axis=2)
         is_independent = self.groups.is_independent
@@ -81,8 +82,8 @@ class MultiplierMap:
 
         inverse = self.groups.inverse.swapaxes(2, 3)
         forces = self._from_nodes(inverse, self.free & is_independent)
-        if model.degree > 1:
-            to_forces = at_nodes(model.d - 1, model.degree).T
+        if space.degree > 1:
+            to_forces = at_nodes(space.d - 1, space.degree).T
             every = range(len(self.contacts))
             change = rows.change_of_basis(to_forces, every, self.free & is_independent)
             forces = change @ forces
@@ -98,11 +99,11 @@ class MultiplierMap:
         Args:
             contact: Number of a contact between bodies; None for all foundations.
         """
-        model = self._model
-        if model.degree == 1:
+        space = self._model.space
+        if space.degree == 1:
             return None
         numbers = self.numbers_of(contact)
-        to_coefficients = coefficients(model.d - 1, model.degree)
+        to_coefficients = coefficients(space.d - 1, space.degree)
         change = self.rows.change_of_basis(to_coefficients, numbers, self.free).tocoo()
         rows, columns = change.coords
         return Entries(self.rows.dofs[rows], self.rows.dofs[columns], change.data)
@@ -270,17 +271,18 @@ class Reactions:
     """
 
     def __init__(self, model: Model) -> None:
+        space = model.space
         self.map = MultiplierMap(model)
         self._model = model
         groups = self.map.groups
-        owned, nodes = model.find_owned(groups.numbers)
+        owned, nodes = space.find_owned(groups.numbers)
         is_free = groups.is_free[groups.group, :, groups.slot]
-        is_read = np.zeros((model.V.dofmap.index_map.size_local, model.d), dtype=bool)
+        is_read = np.zeros((space.V.dofmap.index_map.size_local, space.d), dtype=bool)
         is_read[nodes] = is_free[owned]
         self.is_read = is_read.ravel()
         self.matrices = []
         for entries in self.map.multipliers:
-            self.matrices.append(entries.of_all_ranks(model))
+            self.matrices.append(entries.of_all_ranks(space))
 
     def reading(self, contact: int | None) -> PETSc.Mat | None:
         """Return B from u to what a reader reads, None for I; collective.
@@ -297,7 +299,7 @@ class Reactions:
             jump = self._model.connections.jump(contact)
         if change is None:
             return None if jump is None else jump.copy()
-        matrix = change.of_all_ranks(self._model, identity=True)
+        matrix = change.of_all_ranks(self._model.space, identity=True)
         if jump is None:
             return matrix
         result = matrix.matMult(jump)

@@ -21,6 +21,7 @@ from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
+from erc_contact.model.space import Space
 from namedmesh.for_solvers import spread
 from namedmesh.simplex import lattice
 
@@ -52,14 +53,15 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
         The same vector at all nodes, as a new Function; None if the body is not known
         to be at rest.
     """
+    space = model.space
     if _is_loaded(model, loads) or _is_moved(model):
         return None
     slides = any(contact.trace.slip_before.any() for contact in model.contacts)
-    displacement = model.function()
-    if model.comm.allreduce(bool(slides), MPI.LOR):
+    displacement = space.function()
+    if space.comm.allreduce(bool(slides), MPI.LOR):
         if not _is_loose_on_a_plane(model):
             return None
-        displacement.x.array.reshape(-1, model.d)[:] = _mean_slip(model)
+        displacement.x.array.reshape(-1, space.d)[:] = _mean_slip(model)
     return displacement
 
 
@@ -79,35 +81,37 @@ def displacement_back_at_rest(
     Returns:
         A new Function; None if the body is not at rest, or without history.
     """
+    space = model.space
     greatest = model.greatest_before.displacement
     if greatest == 0 or _is_loaded(model, loads):
         return None
     # Supports that move tell a small strain from a rigid motion to more digits.
     round_off = (HISTORY_ROUND_OFF if _is_moved(model) else SOLVED) * greatest
-    motions = rigid_motions(model).reshape(len(u.x.array), -1)
-    displacement = model.function()
-    displacement.x.array[:] = motions @ nearest_motion(model, motions, u.x.array)
+    motions = rigid_motions(space).reshape(len(u.x.array), -1)
+    displacement = space.function()
+    displacement.x.array[:] = motions @ nearest_motion(space, motions, u.x.array)
     off = float(abs(displacement.x.array - u.x.array).max(initial=0.0))
     held = model.fixed.ravel()
     displacement.x.array[held] = model.prescribed.x.array[held]
     for spring in model.springs:
-        _, stretched = spring.resist(displacement.x.array.reshape(-1, model.d, 1))
+        _, stretched = spring.resist(displacement.x.array.reshape(-1, space.d, 1))
         off = max(off, float(abs(stretched).max(initial=0.0)))
     for contact in model.contacts:
         if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:
-            _, slip, _ = split(contact.trace.since(displacement.x.array), contact.trace.normals)
+            moved = contact.trace.since(displacement.x.array)
+            slip = split(moved, contact.trace.normals).tangential
             off = max(off, float(abs(slip).max(initial=0.0)))
-    return displacement if model.comm.allreduce(off, MPI.MAX) <= round_off else None
+    return displacement if space.comm.allreduce(off, MPI.MAX) <= round_off else None
 
 
-def load_size(model: Model, loads: fem.Function) -> float:
+def load_size(space: Space, loads: fem.Function) -> float:
     """Return the sum of the sizes of nodal forces [force]; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         loads: The forces, not yet summed over ranks.
     """
-    return model.comm.allreduce(float(abs(loads.x.array).sum()), MPI.SUM)
+    return space.comm.allreduce(float(abs(loads.x.array).sum()), MPI.SUM)
 
 
 def _is_loaded(model: Model, loads: fem.Function) -> bool:
@@ -119,9 +123,9 @@ def _is_loaded(model: Model, loads: fem.Function) -> bool:
     before = model.greatest_before
     greatest = before.load
     if before.displacement > 0:
-        of_supports = model.stiffest() * model.domain.extent ** (model.d - 2)
+        of_supports = model.stiffest() * model.domain.extent ** (model.space.d - 2)
         greatest = max(greatest, of_supports * before.displacement)
-    return load_size(model, loads) > HISTORY_ROUND_OFF * greatest
+    return load_size(model.space, loads) > HISTORY_ROUND_OFF * greatest
 
 
 def _is_moved(model: Model) -> bool:
@@ -129,11 +133,11 @@ def _is_moved(model: Model) -> bool:
     least = HISTORY_ROUND_OFF * model.greatest_before.displacement
     moves = bool(abs(model.prescribed.x.array).max(initial=0.0) > least)
     least_gap = max(least, REST_ROUND_OFF * model.domain.extent)
-    pushes = [_pushes(model, contact, least_gap) for contact in model.contacts]
-    return bool(model.comm.allreduce(moves or any(pushes), MPI.LOR))
+    pushes = [_pushes(model.space, contact, least_gap) for contact in model.contacts]
+    return bool(model.space.comm.allreduce(moves or any(pushes), MPI.LOR))
 
 
-def _pushes(model: Model, contact: ContactOnMesh, allowed: float) -> bool:
+def _pushes(space: Space, contact: ContactOnMesh, allowed: float) -> bool:
     """Tell whether the gap of a contact pushes the body, on this rank.
 
     It does so below zero, and anywhere if the contact is bilateral.
@@ -141,8 +145,8 @@ def _pushes(model: Model, contact: ContactOnMesh, allowed: float) -> bool:
     if contact.gap is None:
         return False
     # The nodes are among these points.
-    points = lattice(model.d - 1, DATA_DEGREE)
-    gap = evaluate(contact.gap, model.mesh, points, contact.facets)
+    points = lattice(space.d - 1, DATA_DEGREE)
+    gap = evaluate(contact.gap, space.mesh, points, contact.facets)
     if contact.bilateral:
         return bool((abs(gap) > allowed).any())
     return bool((gap < -allowed).any())
@@ -159,8 +163,8 @@ def _is_loose_on_a_plane(model: Model) -> bool:
         needs_pressure = contact.friction is None or contact.friction.dependence == PROPORTIONAL
         pressed = pressed or contact.bilateral or not needs_pressure
     normals = np.concatenate([contact.direction for contact in model.contacts])
-    is_plane = spread(model.comm, normals) <= PARALLEL
-    return not model.comm.allreduce(pressed, MPI.LOR) and is_plane
+    is_plane = spread(model.space.comm, normals) <= PARALLEL
+    return not model.space.comm.allreduce(pressed, MPI.LOR) and is_plane
 
 
 def _mean_slip(model: Model) -> np.ndarray:
@@ -168,11 +172,11 @@ def _mean_slip(model: Model) -> np.ndarray:
 
     It is the tangential displacement at the end of that step.
     """
-    total = np.zeros(model.d + 1)
+    total = np.zeros(model.space.d + 1)
     for contact in model.contacts:
         side = contact.trace.here
         area = side.areas[side.owned]
         total[:-1] += area @ contact.trace.slip_before[side.owned].mean(axis=1)
         total[-1] += area.sum()
-    total = model.comm.allreduce(total, MPI.SUM)
+    total = model.space.comm.allreduce(total, MPI.SUM)
     return np.asarray(total[:-1] / total[-1])

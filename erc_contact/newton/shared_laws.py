@@ -25,21 +25,21 @@ def laws_of(forms: ContactForms, multiplier_map: MultiplierMap) -> list[fem.Func
     Returns:
         Bernstein coefficients [force/area], new Functions.
     """
-    model = forms.model
+    space = forms.model.space
     multipliers = [multiplier.copy() for multiplier in forms.multipliers]
     is_shared = multiplier_map.is_shared.any(axis=1)
     if not is_shared.any():
         return multipliers
     rows = multiplier_map.rows
     for k, multiplier in enumerate(multipliers):
-        equations = model.function()
+        equations = space.function()
         fem.assemble_vector(equations.x.array, forms.equations[k])
         sum_over_ranks(equations)
         of_contact = rows.places[k][is_shared[rows.places[k]]]
-        nodes = model.local_nodes(rows.here[of_contact])
+        nodes = space.local_nodes(rows.here[of_contact])
         visible = nodes >= 0
         area = rows.areas[k][of_contact[visible], None]
-        at_nodes = (function.x.array.reshape(-1, model.d) for function in (multiplier, equations))
+        at_nodes = (function.x.array.reshape(-1, space.d) for function in (multiplier, equations))
         of_multiplier, of_equations = at_nodes
         of_multiplier[nodes[visible]] -= of_equations[nodes[visible]] / area
     return multipliers

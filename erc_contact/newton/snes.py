@@ -20,6 +20,7 @@ from erc_contact.base.progress import at
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
+from erc_contact.newton.interior_point import Path
 from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 from namedmesh.base.communicators import lasting
@@ -119,6 +120,20 @@ class DiscreteSolution:
     carried: tuple[list[ContactOnMesh], fem.Function] | None = None
 
 
+class Attempted(NamedTuple):
+    """Hold what an attempt gives.
+
+    Attributes:
+        outcome: How it ended.
+        state: Its last state, as the solver has states.
+        solution: Its solution if it is a final attempt that converged, else None.
+    """
+
+    outcome: Outcome
+    state: Any
+    solution: DiscreteSolution | None = None
+
+
 class Status(NamedTuple):
     """Tell the contact status of all points.
 
@@ -215,47 +230,74 @@ def attempt(
     return outcome
 
 
-def solve_in_turn(step: Attempt, solve: Callable[[Shares], tuple[Outcome, float]]) -> Outcome:
-    """Solve the problems of an attempt in turn.
+class Variable(Protocol):
+    """Represent a contact problem whose friction, gaps and springs may be changed.
+
+    A state is an array of unknowns.
+    """
+
+    def set_shares(self, friction: float, gap: float) -> None:
+        """Set the shares of friction and gaps [-]."""
+
+    def hold(self, weight: float, state: np.ndarray) -> None:
+        """Hold free motions where they are at a state by springs of a weight [-]."""
+
+    def counts(self, state: np.ndarray) -> tuple[Counts, ...]:
+        """Count the points of each contact by their status."""
+
+
+def solve_in_turn(
+    problem: Variable,
+    solve: Callable[[np.ndarray, Attempt], tuple[np.ndarray, Outcome]],
+    step: Attempt,
+    state: np.ndarray,
+    comm: MPI.Comm,
+) -> tuple[np.ndarray, Outcome]:
+    """Solve the problems of an attempt in turn; the scene's problem is left.
 
     Args:
+        problem: The contact problem.
+        solve: Solves it as it is set, from a state; returns the last state and how this
+            ended.
         step: The attempt.
-        solve: Solves a problem from the last state that solves a problem. It returns
-            how this ended, and how far the state moved if it converged, in any unit of
-            length.
+        state: The state from which the first problem is solved.
+        comm: Communicator of the ranks that the state is spread over.
 
     Returns:
-        How the last problem ended, with the steps of all problems, and the share of
-        friction of the last problem that was solved.
+        The last state that solves a problem, the given one without any; how the last
+        problem ended, with the steps of all problems, and the share of friction of the
+        last problem that was solved.
     """
     steps = 0
     friction = 0.0
     problems = step.problems()
     shares: Shares | None = next(problems)
     while shares is not None:
-        outcome, moved = solve(shares)
+        problem.set_shares(shares.friction, shares.gap)
+        problem.hold(shares.springs, state)
+        last, outcome = solve(state, step)
         steps += outcome.steps
         pull = None
         if outcome.converged:
-            pull = shares.springs * moved
+            moved = last - state
+            pull = shares.springs * float(np.sqrt(comm.allreduce(moved @ moved, MPI.SUM)))
             friction = shares.friction
+            state = last
         # By the pull the sequence tells whether softer springs still change the state.
         try:
             shares = problems.send(pull)
         except StopIteration:
             shares = None
-    return replace(outcome, steps=steps, friction=friction)
+    contacts = problem.counts(state) if friction > 1.0 else ()
+    problem.set_shares(1.0, 1.0)
+    problem.hold(0.0, state)
+    return state, replace(outcome, steps=steps, friction=friction, contacts=contacts)
 
 
-def outcome_of_path(steps: int, is_known: bool) -> Outcome:
-    """Tell how interior point steps ended.
-
-    Args:
-        steps: Their number.
-        is_known: Whether the states of all points are known.
-    """
-    reason = "states are known" if is_known else "states are not known"
-    return Outcome(is_known, reason, steps, np.inf, (0, 0, 0))
+def outcome_of_path(path: Path) -> Outcome:
+    """Tell how interior point steps ended."""
+    reason = "states are known" if path.is_known else "states are not known"
+    return Outcome(path.is_known, reason, path.steps, np.inf, (0, 0, 0))
 
 
 class _StoppingTest:

@@ -107,17 +107,18 @@ class Solution:
         """Return one line; nothing is computed, so one rank alone may call it."""
         tangent = ", singular tangent" if self.singular else ""
         return (
-            f"<Solution of degree {self.model.degree} on {self.domain.cells} cells by "
+            f"<Solution of degree {self.model.space.degree} on {self.domain.cells} cells by "
             f"{self.method}, {self.newton_steps} Newton steps{tangent}>"
         )
 
     def _repr_html_(self) -> str:
         """Return a table for a notebook; one rank alone may call it."""
+        space = self.model.space
         rows = [
             ("method", self.method),
             ("cells", self.domain.cells),
-            ("unknowns", self.model.V.dofmap.index_map.size_global * self.model.d),
-            ("degree", self.model.degree),
+            ("unknowns", space.V.dofmap.index_map.size_global * space.d),
+            ("degree", space.degree),
             ("Newton steps", self.newton_steps),
             ("converged", self.reason),
             ("tangent", "singular" if self.singular else "regular"),
@@ -208,7 +209,7 @@ class Solution:
         Raises:
             InputError: If no rigid face has this name.
         """
-        return motion_of(self.model, self.scene.supports, part, self.u)
+        return motion_of(self.model.space, self.scene.supports, part, self.u)
 
     def shortening(self, part: str) -> float:
         """Return the shift of a preload [length], > 0 where it draws sides together.
@@ -261,15 +262,16 @@ class Solution:
             InputError: If no contact has this name.
         """
         model = self.model
+        space = model.space
         where = model.contact(contact)
-        points = profile_points(model)
-        r = profile_traction(model, where, self.traction(where))
-        r_n, _, _ = split(r, where.trace.normals_at(points))
+        points = profile_points(space)
+        r = profile_traction(space, where, self.traction(where))
+        r_n = split(r, where.trace.normals_at(points)).normal
         pressure = -r_n
         bound = self._bound(where, np.maximum(pressure, 0.0), points)
         if where in model.ties:
             bound = np.full_like(pressure, np.inf)
-        return profile_table(model, where, self.u, r, bound)
+        return profile_table(space, where, self.u, r, bound)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.
@@ -285,7 +287,7 @@ class Solution:
             InputError: If no contact has this name.
         """
         where = self.model.contact(contact)
-        s = slip_before_table(self.model, where)
+        s = slip_before_table(self.model.space, where)
         return s if contact == where.name else -s
 
     def maximum(self, quantity: str) -> Maximum:
@@ -312,7 +314,7 @@ class Solution:
             InputError: If the points have another shape or are not finite, or one lies
                 outside the mesh.
         """
-        model, d = self.model, self.model.d
+        model, d = self.model, self.model.space.d
 
         def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
             # DOLFINx does not evaluate at no points.
@@ -322,7 +324,7 @@ class Solution:
             stress = elastic_stress_at(model, self.u, cell, x)
             return np.hstack([u, stress])
 
-        u, stress = np.split(at_points(model, points, values), [d], axis=1)
+        u, stress = np.split(at_points(model.space, points, values), [d], axis=1)
         return ElasticValues(u, tensors_of_points(model, stress))
 
     def traction(self, contact: str | ContactOnMesh) -> Ufl:
@@ -352,8 +354,8 @@ class Solution:
     ) -> np.ndarray:
         """Return the friction bound [force/area] of pressures at points of facets."""
         model = self.model
-        parameters = friction_parameters(model, contact, points)
-        if not model.axisymmetric:
+        parameters = friction_parameters(model.space, contact, points)
+        if not model.space.axisymmetric:
             return contact.friction_bound(pressure, parameters)
         places = contact.trace.here.points_at(points)
         # Bounds on rings are limits at the axis: 0 over 0.
@@ -368,7 +370,7 @@ class Solution:
 
     def _von_mises(self) -> np.ndarray:
         """Return the von Mises stress in the middle of owned cells [force/area]."""
-        cells = self.model.owned_cells
-        middles = self.model.cell_corners()[cells].mean(axis=1)
+        cells = self.model.space.owned_cells
+        middles = self.model.space.cell_corners()[cells].mean(axis=1)
         stress = elastic_stress_at(self.model, self.u, cells, middles)
         return von_mises(stress_in_space(self.model, stress))

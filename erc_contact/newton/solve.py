@@ -134,7 +134,7 @@ def solve(
         tolerance=tolerance,
         solver=solver,
     )
-    tell(solution.model.comm, doubts(solution))
+    tell(solution.model.space.comm, doubts(solution))
     return solution
 
 
@@ -168,6 +168,7 @@ def solve_quietly(
 
     before = None if after is None else last_step(after)
     model = bind(scene, domain, int(degree), before)
+    space = model.space
     if after is not None:
         method = method or NODAL
         start = start or after
@@ -179,19 +180,19 @@ def solve_quietly(
         kind = partial(Iterative, hurried=solver == "auto")
     name = "multigrid" if iterative else "the direct solver"
     try:
-        with stage(model.comm, f"solving with {name}"):
+        with stage(space.comm, f"solving with {name}"):
             solution = solution_of_law(kind, model, method, start, tolerance)
     except NotConverged as failure:
         if solver != "auto" or not iterative:
             raise
-        log_of(model.comm).info(
+        log_of(space.comm).info(
             "%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure
         )
-        with stage(model.comm, "solving with the direct solver"):
+        with stage(space.comm, "solving with the direct solver"):
             solution = solution_of_law(Direct, model, method, start, tolerance)
 
-    seconds = model.comm.allreduce(perf_counter() - began, MPI.MAX)
-    log_of(model.comm).debug(
+    seconds = space.comm.allreduce(perf_counter() - began, MPI.MAX)
+    log_of(space.comm).debug(
         "%d cells: %s; %d Newton steps, %.2f s",
         domain.cells,
         solution.reason,
@@ -237,7 +238,7 @@ def _solved_with_forces(
     stiffness = solution.stiffness
     if stiffness.iterative == first.stiffness.iterative:
         stiffness = first.stiffness.hand_to(solution.model)
-    seconds = solution.model.comm.allreduce(perf_counter() - began, MPI.MAX)
+    seconds = solution.model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(solution, stiffness=stiffness, seconds=seconds)
 
 
@@ -248,15 +249,16 @@ def large(model: Model) -> bool:
     million degrees of freedom. In space the factor grows like n^(4/3) and the matrix of
     the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
-    nodes = model.V.dofmap.index_map.size_global
+    space = model.space
+    nodes = space.V.dofmap.index_map.size_global
     facets = 0
     for contact in model.contacts:
         facets += int(np.count_nonzero(contact.trace.here.owned))
-    facets = model.comm.allreduce(facets, MPI.SUM)
-    body = nodes * model.d
+    facets = space.comm.allreduce(facets, MPI.SUM)
+    body = nodes * space.d
     # A facet has about k^(d-1) nodes that it does not share.
-    contact_size = facets * model.degree ** (model.d - 1) * model.d
-    most_of_body, most_of_contact = MULTIGRID_FROM[model.d, model.degree]
+    contact_size = facets * space.degree ** (space.d - 1) * space.d
+    most_of_body, most_of_contact = MULTIGRID_FROM[space.d, space.degree]
     return body > most_of_body or contact_size > most_of_contact
 
 
@@ -312,7 +314,7 @@ class Nearby:
             scene,
             near.domain,
             near.method,
-            degree=model.degree,
+            degree=model.space.degree,
             after=self._after,
             start=near,
             tolerance=None,
@@ -326,7 +328,7 @@ class Nearby:
         """
         near = self._near.model
         same_nodes = np.array_equal(model.fixed, near.fixed)
-        if not model.comm.allreduce(same_nodes, MPI.LAND):
+        if not model.space.comm.allreduce(same_nodes, MPI.LAND):
             return None
         elastic = self._near.stiffness
         kind: type[Direct | Iterative] = Iterative if elastic.iterative else Direct

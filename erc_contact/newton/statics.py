@@ -36,6 +36,7 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import CONCAVE, CONSTANT
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import from_first, gathered
 
@@ -87,10 +88,10 @@ def motion_at_rest(model: Model, loads: fem.Function) -> fem.Function | None:
     if not model.free_motions or not moves:
         return None
     motions, work, parts = programme(model, loads)
-    solution = on_first(model, parts, _rest, work)
+    solution = on_first(model.space, parts, _rest, work)
     if solution is None:
         return None
-    displacement = model.function()
+    displacement = model.space.function()
     displacement.x.array[:] = motions @ solution
     return displacement
 
@@ -108,44 +109,44 @@ def mechanism(model: Model, loads: fem.Function) -> str | None:
     if not model.free_motions:
         return None
     motions, work, parts = programme(model, loads)
-    solution = on_first(model, parts, find_unbalanced, work)
+    solution = on_first(model.space, parts, find_unbalanced, work)
     if solution is None:
         return None
     left, amounts = solution
-    return _describe(model, motions @ amounts, left)
+    return _describe(model.space, motions @ amounts, left)
 
 
-def _describe(model: Model, motion: np.ndarray, work: float) -> str:
+def _describe(space: Space, motion: np.ndarray, work: float) -> str:
     """Describe the motion of the body that moves farthest in words; collective.
 
     It turns about a point with a moment that is too much, or slides with a force.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         motion: Rigid motions of the bodies at the nodes of this rank, shape (nodes d,).
         work: Work of the loads on it that is too much.
     """
-    d = model.d
-    corners = model.cell_corners()[: model.domain.owned_cells]
-    values = motion.reshape(-1, d)[model.vertices[: len(corners)]]
+    d = space.d
+    corners = space.cell_corners()[: space.domain.owned_cells]
+    values = motion.reshape(-1, d)[space.vertices[: len(corners)]]
     moved = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
     farthest = None
     if len(moved):
         cell = int(np.argmax(moved))
         farthest = float(moved[cell]), corners[cell].tolist(), values[cell].tolist()
-    _, x, u = max(found for found in model.comm.allgather(farthest) if found is not None)
+    _, x, u = max(found for found in space.comm.allgather(farthest) if found is not None)
     points, displacements = np.array(x), np.array(u)
     gradient = np.linalg.solve(points[1:] - points[0], displacements[1:] - displacements[0]).T
     skew = 0.5 * (gradient - gradient.T)
     rate = np.linalg.norm(skew) / np.sqrt(2.0)
     length = float(np.linalg.norm(displacements[0]))
-    if rate * model.domain.extent <= SLIDES * length:
+    if rate * space.domain.extent <= SLIDES * length:
         middle = place_words(points.mean(axis=0), 3)
         along = place_words(displacements[0] / length, 2)
         return f"move the body at {middle} along {along} with {work / length:.3g} too much"
     # The point nearest to the corner at which u = skew (x - place) is at rest.
     place = points[0] - np.linalg.lstsq(skew, displacements[0], rcond=1e-9)[0]
-    place[abs(place) < SAME_PLACE * model.domain.extent] = 0.0
+    place[abs(place) < SAME_PLACE * space.domain.extent] = 0.0
     moment = work / float(rate)
     return f"turn a body about {place_words(place, 3)} with a moment of {moment:.3g} too much"
 
@@ -165,33 +166,33 @@ def programme(
         the forces of this rank at each contact.
     """
     motions = np.column_stack([motion.x.array for motion in model.free_motions])
-    work = work_of_loads(model, loads, motions)
-    parts = [_forces(model, contact, motions, friction) for contact in model.contacts]
+    work = work_of_loads(model.space, loads, motions)
+    parts = [_forces(model.space, contact, motions, friction) for contact in model.contacts]
     return motions, work, parts
 
 
-def work_of_loads(model: Model, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
+def work_of_loads(space: Space, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
     """Return the work of loads on free motions [force length], zero for round-off."""
     forces = loads.x.array
     local = np.array([forces @ motions, abs(forces) @ abs(motions)])
-    work, size = model.comm.allreduce(local, MPI.SUM)
+    work, size = space.comm.allreduce(local, MPI.SUM)
     return np.where(abs(work) > NO_LOAD * size, work, 0.0)
 
 
-def _forces(model: Model, contact: ContactOnMesh, motions: np.ndarray, friction: float) -> Forces:
+def _forces(space: Space, contact: ContactOnMesh, motions: np.ndarray, friction: float) -> Forces:
     """Return unit forces at the vertices of a contact's owned facets; collective."""
     trace = contact.trace
-    d = model.d
+    d = space.d
     vertices = slice(0, d)
     owned = trace.here.owned
     jumps = [trace.of(motion)[owned, vertices] for motion in motions.T]
     w = np.stack(jumps, axis=-1)
     gap = np.zeros(w.shape[:2])
     if contact.gap is not None:
-        points = model.facet_points[vertices]
-        gap = evaluate(contact.gap, model.mesh, points, contact.facets)[owned]
+        points = space.facet_points[vertices]
+        gap = evaluate(contact.gap, space.mesh, points, contact.facets)[owned]
     slip = trace.slip_before[owned, vertices]
-    slope, offset, is_free = _friction(model, contact)
+    slope, offset, is_free = _friction(space, contact)
     slope = np.broadcast_to(friction * slope[owned, None], gap.shape)
     limit = (friction * offset * trace.here.areas / d)[owned, None]
     limit = np.broadcast_to(np.inf if is_free else limit, gap.shape)
@@ -235,7 +236,7 @@ def _normals(contact: ContactOnMesh) -> list[np.ndarray]:
     return list(of_corners.swapaxes(0, 1))
 
 
-def _friction(model: Model, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndarray, bool]:
+def _friction(space: Space, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndarray, bool]:
     """Return slope and offset of the friction bound on each facet, at most; collective.
 
     The last value tells that the bound is no line, and counts as infinite.
@@ -246,8 +247,8 @@ def _friction(model: Model, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndar
     dependence = contact.friction.dependence
     if dependence == CONCAVE:
         return none, none, True
-    values = friction_parameters(model, contact, model.facet_samples)
-    shape = len(contact.facets), len(model.facet_samples)
+    values = friction_parameters(space, contact, space.facet_samples)
+    shape = len(contact.facets), len(space.facet_samples)
     bound = contact.friction_bound(np.ones(shape), values).max(axis=1, initial=0.0)
     if dependence == CONSTANT:
         return none, bound, False
@@ -265,28 +266,28 @@ def _polygon(directions: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def on_first(
-    model: Model, parts: list[Forces], solve: Callable[[Forces, np.ndarray], Any], work: np.ndarray
+    space: Space, parts: list[Forces], solve: Callable[[Forces, np.ndarray], Any], work: np.ndarray
 ) -> Any:
     """Solve a programme with the forces of all ranks on rank 0; collective.
 
     None if loads do no work on the motions.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         parts: The unit forces of this rank at each contact.
         solve: Solves the programme of forces and the work of loads.
         work: Work of the loads on the motions, shape (K,).
     """
     if not work.any():
         return None
-    of_ranks = gathered(model.comm, parts)
+    of_ranks = gathered(space.comm, parts)
 
     def solve_joined() -> Any:
         if of_ranks is None:
             return None
         return solve(_join([part for of_rank in of_ranks for part in of_rank]), work)
 
-    return from_first(model.comm, together(model.comm, solve_joined))
+    return from_first(space.comm, together(space.comm, solve_joined))
 
 
 def _join(parts: list[Forces]) -> Forces:

@@ -127,19 +127,20 @@ def draw_deformed(
     """
     admissible = error.admissible
     model = error.model
+    space = model.space
     if pull is not None:
         positive("draw_deformed: pull", pull, "a distance > 0 [length], or None")
     if mirrored:
-        only_turned("draw_deformed: mirrored", model)
+        only_turned("draw_deformed: mirrored", space)
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
-    d = model.d
+    d = space.d
     body, gathered_contacts = whole_body(admissible)
     cells = gather_mises(admissible, stress)
     up = upward(admissible)
-    letters = letters_of(model)
+    letters = letters_of(space)
     # A rigid motion has stresses of round-off.
-    strain = greatest(model.comm, admissible.displacement.x.array) / size
+    strain = greatest(space.comm, admissible.displacement.x.array) / size
     only_round_off = error.scale == 0 or error.solution.at_rest
     least = STRAIN_ROUND_OFF * strain * model.stiffest()
     part = "" if tells_out_of_plane(model) else " of the plane part"
@@ -174,7 +175,7 @@ def draw_deformed(
         drawn = (skin, x, colours, scale, views, lines, grounds, title, letters)
         return draw_map(ax, *drawn, mirrored=mirrored)
 
-    return draw_figure(model.comm, path, ax, draw)
+    return draw_figure(space.comm, path, ax, draw)
 
 
 def draw_near(
@@ -208,7 +209,7 @@ def draw_near(
         )
     body, gathered_contacts = whole_body(error.admissible)
     cells = gather_mises(error.admissible)
-    letters = letters_of(error.model)
+    letters = letters_of(error.model.space)
     name = error.model.contact(contact).name
 
     def draw(ax: Any) -> Any:
@@ -240,7 +241,7 @@ def draw_near(
         where = (skin, drawn, colours, scale, views_of(2, np.eye(3)[1]), lines, grounds, title)
         return draw_map(ax, *where, letters, window=_with_room(window, n))
 
-    return draw_figure(error.model.comm, path, ax, draw)
+    return draw_figure(error.model.space.comm, path, ax, draw)
 
 
 def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
@@ -258,13 +259,14 @@ def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
         InputError: If no contact has this name.
     """
     model = error.model
+    space = model.space
     name = model.contact(contact).name
-    if model.d == 3:
+    if space.d == 3:
         return None
     zone, whole = contact_zone(error.admissible, name)
-    body = gather(model.comm, **body_mesh(error.domain))
+    body = gather(space.comm, **body_mesh(error.domain))
     window = window_around(zone, body["points"], whole) if body else None
-    return model.comm.bcast(window)
+    return space.comm.bcast(window)
 
 
 def add_near(gallery: Gallery, error: ConstitutiveError, contact: str, code: str) -> None:
@@ -313,10 +315,10 @@ def gather_mises(admissible: Admissible, stress: str = "admissible") -> dict[str
     model = admissible.model
     owned = model.domain.owned_cells
     return gather(
-        model.comm,
+        model.space.comm,
         stress=linear_mises(admissible, stress),
         volume=admissible.cell_geometry.volume[:owned],
-        vertices=model.global_numbers(admissible.cell_geometry.vertices[:owned]),
+        vertices=model.space.global_numbers(admissible.cell_geometry.vertices[:owned]),
     )
 
 
@@ -341,9 +343,9 @@ def magnification(error: ConstitutiveError) -> float:
     size = model.domain.extent
     body, contacts = whole_body(error.admissible)
     factor = np.inf
-    if model.comm.rank == 0:
+    if model.space.comm.rank == 0:
         factor = greatest_magnification(body, contacts, size)
-    return model.comm.bcast(factor)
+    return model.space.comm.bcast(factor)
 
 
 def greatest_magnification(

@@ -14,7 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.output.files import STYLE, on_root
 from namedmesh.base.percent import place_words
 
@@ -119,9 +119,9 @@ def only_in_2d(what: str, ax: Any, d: int) -> None:
         )
 
 
-def only_turned(what: str, model: Model) -> None:
+def only_turned(what: str, space: Space) -> None:
     """Refuse a body that is not axisymmetric."""
-    if not model.axisymmetric:
+    if not space.axisymmetric:
         raise InputError(
             f"{what}: the body is not axisymmetric; give its material the hypothesis "
             "'axisymmetric', or use draw_deformed as it is."

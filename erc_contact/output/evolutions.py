@@ -130,7 +130,7 @@ def plot_loop(
     trace = bound.trace
     facing = bound.name if contact == bound.against else bound.against
     facing_name = facing or f"the foundation of {contact}"
-    total = model.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
+    total = model.space.comm.allreduce(trace.direction[trace.here.owned].sum(axis=0))
     # Around a closed contact the normals sum to zero.
     along = tangents(total / (np.linalg.norm(total) or 1.0))
     changes = np.ptp(force @ along.T, axis=0)
@@ -152,7 +152,7 @@ def plot_loop(
             axes.grid(color="0.9", lw=0.6)
         return axes
 
-    return draw_figure(model.comm, path, ax, draw)
+    return draw_figure(model.space.comm, path, ax, draw)
 
 
 def plot_zones(
@@ -304,15 +304,15 @@ def _way(history: LoadingHistory, part: str, direction: np.ndarray) -> np.ndarra
 
 def _mean_displacement(error: ConstitutiveError, part: str) -> np.ndarray:
     """Compute the mean of u^ on a boundary part [length], shape (d,); collective."""
-    model = error.model
-    facets = model.domain.owned_facets(part)
-    points, weights = rule(model.d - 1, model.degree + 1)
-    displacement = error.admissible.displacement.x.array.reshape(-1, model.d)
-    nodal = displacement[model.facet_nodes(facets)]
-    at_points = np.matmul(lagrange(model.d - 1, model.degree, points), nodal)
-    of_points = model.facet_weights(facets, points, weights)
+    space = error.model.space
+    facets = space.domain.owned_facets(part)
+    points, weights = rule(space.d - 1, space.degree + 1)
+    displacement = error.admissible.displacement.x.array.reshape(-1, space.d)
+    nodal = displacement[space.facet_nodes(facets)]
+    at_points = np.matmul(lagrange(space.d - 1, space.degree, points), nodal)
+    of_points = space.facet_weights(facets, points, weights)
     moved = np.einsum("fq,fqi->i", of_points, at_points)
-    total = model.comm.allreduce(np.append(moved, of_points.sum()))
+    total = space.comm.allreduce(np.append(moved, of_points.sum()))
     return total[:-1] / total[-1]
 
 

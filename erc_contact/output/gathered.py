@@ -17,7 +17,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.contact.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.contact.trace import split
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.output.files import degree_of, gather
 from namedmesh import Domain
 from namedmesh.base.ranks import global_numbers
@@ -91,9 +91,9 @@ class WholeContact:
         return 1 if self.x.shape[1] == self.d else 2
 
 
-def letters_of(model: Model) -> str:
+def letters_of(space: Space) -> str:
     """Return the names of the coordinates of a scene."""
-    return "rz" if model.axisymmetric else "xyz"
+    return "rz" if space.axisymmetric else "xyz"
 
 
 def mean_normal(surface: WholeContact) -> np.ndarray:
@@ -116,36 +116,36 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
 
     The facets of a pair belong to the side that the scene names first.
     """
-    model = admissible.model
+    space = admissible.model.space
     contact = traction.contact
     owned = contact.trace.here.owned
-    gap = gap_at_nodes(model, contact)
+    gap = gap_at_nodes(space, contact)
     u = admissible.displacement.x.array
-    w_n, _, _ = split(contact.trace.of(u), contact.trace.normals)
-    r = np.matmul(at_nodes(model.d - 1, model.degree), traction.values)
-    slip = slip_at(model, contact, u, r, model.facet_points)
+    w_n = split(contact.trace.of(u), contact.trace.normals).normal
+    r = np.matmul(at_nodes(space.d - 1, space.degree), traction.values)
+    slip = slip_at(space, contact, u, r, space.facet_points)
     nodes = traction.nodes
     partners = contact.trace.partners
-    place = model.true_places(contact.facets)
+    place = space.true_places(contact.facets)
     if contact.is_exchanged:
         place = place + contact.to_partners
         nodes, partners = partners, nodes
     parts = gather(
-        model.comm,
+        space.comm,
         area=traction.area[owned],
         values=contact.sign * traction.values[owned],
         friction_bound=traction.friction_bound[owned],
         direction=contact.sign * contact.direction[owned],
         normals=contact.sign * contact.trace.normals_at_vertices[owned],
-        nodes=model.global_numbers(nodes[owned]),
-        x=model.V.tabulate_dof_coordinates()[nodes[owned]],
+        nodes=space.global_numbers(nodes[owned]),
+        x=space.V.tabulate_dof_coordinates()[nodes[owned]],
         gap=gap[owned],
         gap_left=(gap - w_n)[owned],
         status=admissible.status(admissible.traction(contact.name))[owned],
         slip=contact.sign * slip[owned],
         place=place[owned],
         drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
-        partners=model.global_numbers(partners[owned[: len(partners)]]),
+        partners=space.global_numbers(partners[owned[: len(partners)]]),
     )
     if not parts:
         return None
@@ -163,8 +163,8 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     fields = {name: parts[name] for name in OF_FACETS}
     return WholeContact(
         whole_traction,
-        vertices=parts["nodes"][:, : model.d],
-        letters=letters_of(model),
+        vertices=parts["nodes"][:, : space.d],
+        letters=letters_of(space),
         **fields,
     )
 
@@ -209,22 +209,22 @@ def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
     return _number_cells(geometry.x, cells, geometry.index_map(), domain.dim)
 
 
-def body_nodes(model: Model) -> dict[str, np.ndarray]:
+def body_nodes(space: Space) -> dict[str, np.ndarray]:
     """Return the same as :func:`body_mesh`, with all nodes of the displacement.
 
     Returns:
         "points", shape (n, 3), and "cells", shape (m, N).
     """
-    cells = model.nodes[: model.domain.owned_cells]
-    x = model.V.tabulate_dof_coordinates()
-    return _number_cells(x, cells, model.V.dofmap.index_map, model.d)
+    cells = space.nodes[: space.domain.owned_cells]
+    x = space.V.tabulate_dof_coordinates()
+    return _number_cells(x, cells, space.V.dofmap.index_map, space.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
     """Return u^ at the points of :func:`body_nodes` [length], shape (n, 3)."""
     model = admissible.model
-    owned = model.V.dofmap.index_map.size_local
-    return in_space(admissible.displacement.x.array.reshape(-1, model.d)[:owned])
+    owned = model.space.V.dofmap.index_map.size_local
+    return in_space(admissible.displacement.x.array.reshape(-1, model.space.d)[:owned])
 
 
 def whole_body(
@@ -238,11 +238,12 @@ def whole_body(
         that have facets. Other ranks get none of them.
     """
     model = admissible.model
+    space = model.space
     u = nodal_displacement(admissible)
-    prescribed = model.prescribed.x.array.reshape(-1, model.d)[: len(u)]
+    prescribed = model.prescribed.x.array.reshape(-1, space.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
-    still[:, : model.d] = model.held[: len(u)] & (prescribed == 0.0)
-    body = gather(model.comm, **body_nodes(model), u=u, still=still)
+    still[:, : space.d] = model.held[: len(u)] & (prescribed == 0.0)
+    body = gather(space.comm, **body_nodes(space), u=u, still=still)
     return body, whole_contacts(admissible)
 
 

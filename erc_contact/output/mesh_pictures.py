@@ -46,7 +46,7 @@ def draw_meshes(
     """
     letters = "xyz"
     if not isinstance(meshes, Sequence):
-        letters = letters_of(meshes.error.model)
+        letters = letters_of(meshes.error.model.space)
         meshes = meshes.meshes
     if not meshes:
         raise InputError("draw_meshes: no mesh is given; give a history, or pairs (domain, eps_E).")

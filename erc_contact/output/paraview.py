@@ -82,17 +82,17 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
         OSError: If a file cannot be written.
     """
     admissible = error.admissible
-    model = error.model
-    body = gather(model.comm, **body_nodes(model), displacement=nodal_displacement(admissible))
+    space = error.model.space
+    body = gather(space.comm, **body_nodes(space), displacement=nodal_displacement(admissible))
     fields = cell_stresses(admissible)
     for name, shape in states_of(admissible).items():
         values = state(admissible, name)
         fields[name] = values.reshape(-1, 9) if shape else values
-    cells = gather(model.comm, **fields, eps_E=error.indicators)
+    cells = gather(space.comm, **fields, eps_E=error.indicators)
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions_per_area]
 
     def write() -> None:
-        grid = grid_of(body["points"], body["cells"], model.d)
+        grid = grid_of(body["points"], body["cells"], space.d)
         grid.point_data["displacement"] = body["displacement"]
         grid.cell_data.update(cells)
         save_grid(grid, Path(folder) / "body.vtkhdf")
@@ -102,7 +102,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
             file = f"contact_{file_stem(name)}.vtkhdf"
             save_grid(_contact_grid(contact), Path(folder) / file, part=name)
 
-    on_root(model.comm, Path(folder) / "body.vtkhdf", write)
+    on_root(space.comm, Path(folder) / "body.vtkhdf", write)
 
 
 def _contact_grid(surface: WholeContact) -> Any:

@@ -49,7 +49,7 @@ def draw_error(
             axisymmetric.
     """
     if mirrored:
-        only_turned("draw_error: mirrored", error.model)
+        only_turned("draw_error: mirrored", error.model.space)
 
     def scale(eps: np.ndarray) -> Scale:
         from matplotlib.colors import LogNorm, Normalize  # noqa: PLC0415
@@ -92,7 +92,7 @@ def draw_state(
     """
     pair = pair_of(result)
     if mirrored:
-        only_turned("draw_state: mirrored", pair.model)
+        only_turned("draw_state: mirrored", pair.model.space)
     values = state(pair, name)
     if values.ndim > 1:
         values = np.linalg.norm(values, axis=(1, 2))
@@ -151,7 +151,7 @@ def draw_cells(
     domain = admissible.domain
     comm = domain.comm
     up = upward(admissible)
-    letters = letters_of(admissible.model)
+    letters = letters_of(admissible.model.space)
     body = gather(comm, **body_mesh(domain))
     cells = gather(comm, values=values)
 

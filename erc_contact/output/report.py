@@ -192,7 +192,7 @@ def _facing(error: Any) -> dict[str, str]:
 
 def _is_of_rings(error: Any) -> bool:
     """Tell whether an error is of axisymmetric bodies; a folder does not tell."""
-    return isinstance(error, ConstitutiveError) and error.model.axisymmetric
+    return isinstance(error, ConstitutiveError) and error.model.space.axisymmetric
 
 
 def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings: bool) -> str:

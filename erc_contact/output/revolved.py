@@ -75,11 +75,11 @@ def draw_revolved(
     Raises:
         InputError: If the body is not axisymmetric, or the angle is not in (0, 360].
     """
-    model = error.model
-    only_turned("draw_revolved", model)
+    space = error.model.space
+    only_turned("draw_revolved", space)
     if not 0.0 < angle <= 360.0:
         raise InputError(f"draw_revolved: angle is {angle!r}; give degrees in (0, 360].")
-    size = model.domain.extent
+    size = space.domain.extent
     body, contacts = whole_body(error.admissible)
     cells = gather_mises(error.admissible)
     count = int(np.ceil(angle / STEP)) + 1
@@ -104,8 +104,8 @@ def draw_revolved(
         return draw_map(ax, skin, skin.points, mises, scale, views, title=title)
 
     if path is not None and Path(path).suffix == FILE:
-        return on_root(model.comm, path, write)
-    return draw_figure(model.comm, path, None, draw)
+        return on_root(space.comm, path, write)
+    return draw_figure(space.comm, path, None, draw)
 
 
 def _around(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ def write_series(history: LoadingHistory, path: str | Path) -> None:
         model = error.model
         # Steps on the same mesh share it in the file.
         if error.domain is not last:
-            meshes.append(gather(comm, **body_nodes(model)))
+            meshes.append(gather(comm, **body_nodes(model.space)))
         last = error.domain
         mesh_numbers.append(len(meshes) - 1)
         points.append(gather(comm, displacement=nodal_displacement(pair)))

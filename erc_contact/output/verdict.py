@@ -193,7 +193,7 @@ def of_slips(error: ConstitutiveError, shares: Mapping[str, float]) -> list[tupl
     """
     statements = []
     for name, share in shares.items():
-        direction = "" if error.model.d == 2 else ", (1.0, 0.0, 0.0)"
+        direction = "" if error.model.space.d == 2 else ", (1.0, 0.0, 0.0)"
         words = (
             f"The slip of {error.model.contact(name).title} has about {percent(share, 2)} of the "
             f"energy. Its error may be greater than eps = {percent(error.relative)}: a run with "

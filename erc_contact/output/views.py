@@ -62,8 +62,8 @@ def upward(admissible: Admissible) -> np.ndarray:
     ]
     for traction in (on_foundations or admissible.tractions)[:1]:
         owned = traction.contact.trace.here.owned
-        total[: model.d] = traction.area[owned] @ traction.contact.direction[owned]
-    total = np.array(model.comm.allgather(total)).sum(axis=0)
+        total[: model.space.d] = traction.area[owned] @ traction.contact.direction[owned]
+    total = np.array(model.space.comm.allgather(total)).sum(axis=0)
     # Without a contact, y is upward.
     axis = int(abs(total).argmax()) if total.any() else 1
     # The normal points from the body to the foundation, which is below.

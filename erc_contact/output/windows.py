@@ -49,7 +49,7 @@ def contact_zone(admissible: Admissible, contact: str) -> tuple[np.ndarray, np.n
         Their corners and the corners of all facets [length], shape (n, d) each; none on
         ranks but rank 0.
     """
-    model = admissible.model
+    space = admissible.model.space
     traction = admissible.traction(contact)
     here = traction.contact.trace.here
     shown = admissible.status(traction) != OPEN
@@ -57,10 +57,10 @@ def contact_zone(admissible: Admissible, contact: str) -> tuple[np.ndarray, np.n
         strain = np.zeros(here.cell_count)
         owned = state(admissible, ACCUMULATED)
         strain[: len(owned)] = owned
-        shown |= strain[here.facets[:, 0]] > YIELDED * greatest(model.comm, owned)
+        shown |= strain[here.facets[:, 0]] > YIELDED * greatest(space.comm, owned)
     owned_corners = here.corners[here.owned]
-    table = gather(model.comm, corners=owned_corners, shown=shown[here.owned])
+    table = gather(space.comm, corners=owned_corners, shown=shown[here.owned])
     if not table:
-        return np.zeros((0, model.d)), np.zeros((0, model.d))
+        return np.zeros((0, space.d)), np.zeros((0, space.d))
     zone = table["corners"][table["shown"]]
-    return zone.reshape(-1, model.d), table["corners"].reshape(-1, model.d)
+    return zone.reshape(-1, space.d), table["corners"].reshape(-1, space.d)

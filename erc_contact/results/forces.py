@@ -18,6 +18,7 @@ from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.forces import Force, by_cause, total_force
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.scene.contact import Symmetry
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import bernstein, coefficients, mass, nodes, of_facets
@@ -44,11 +45,12 @@ def force(result: Any, part: str) -> Force:
     """
     pair = pair_of(result)
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
-    d = model.d
-    k = model.degree
+    d = space.d
+    k = space.degree
     sides = sides_of(model, part)
-    facets = model.facet_numbers(sides)
+    facets = space.facet_numbers(sides)
     cell, local = np.divmod(cells.side[0][facets], d + 1)
     # Inside the body, the tractions are those on the first cell of a facet.
     sign = np.where(cell == sides[:, 0], 1.0, -1.0)
@@ -58,7 +60,7 @@ def force(result: Any, part: str) -> Force:
     # polynomials.
     hats = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
     forces = np.matmul(hats, sign[:, None, None] * pair.facet_moments[facets])
-    return total_force(model, corners.ravel(), forces.reshape(-1, d))
+    return total_force(space, corners.ravel(), forces.reshape(-1, d))
 
 
 def reactions(result: Any) -> dict[str, Force]:
@@ -73,12 +75,12 @@ def reactions(result: Any) -> dict[str, Force]:
 def _body_force(pair: Admissible) -> Force:
     """Compute resultant and moment of the loads in the body; collective."""
     assert pair.cell_forces is not None
-    model = pair.model
-    owned = model.domain.owned_cells
+    space = pair.model.space
+    owned = space.domain.owned_cells
     vertices = pair.cell_geometry.vertices[:owned]
     # Means of the load times the hat functions are forces at the vertices.
-    forces = np.matmul(mass(model.d, 1, model.degree - 1), pair.cell_forces[:owned])
-    return total_force(model, vertices.ravel(), forces.reshape(-1, model.d))
+    forces = np.matmul(mass(space.d, 1, space.degree - 1), pair.cell_forces[:owned])
+    return total_force(space, vertices.ravel(), forces.reshape(-1, space.d))
 
 
 def whole_force(result: Any, part: str) -> Force:
@@ -95,7 +97,7 @@ def whole_force(result: Any, part: str) -> Force:
     """
     model = pair_of(result).model
     of_part = force(result, part)
-    d = model.d
+    d = model.space.d
     whole = np.zeros(d)
     moment = np.zeros(3)
     own_moment = np.zeros(3)
@@ -117,7 +119,7 @@ def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
     if not names:
         raise InputError("whole_force: this scene has no Symmetry; force() has the force.")
     reflections = [_reflection(model, name) for name in names]
-    d = model.d
+    d = model.space.d
     motions = [(np.eye(d), np.zeros(d))]
     newest = motions
     while newest:
@@ -125,7 +127,7 @@ def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
         for linear, shift in newest:
             for reflection, offset in reflections:
                 motion = reflection @ linear, reflection @ shift + offset
-                if not any(_same(model, motion, known) for known in motions + further):
+                if not any(_same(model.space, motion, known) for known in motions + further):
                     further.append(motion)
         motions = motions + further
         newest = further
@@ -139,16 +141,17 @@ def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _reflection(model: Model, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the linear part and the shift of a reflection; collective."""
+    space = model.space
     trace = model.contact(name).trace
-    normals = model.comm.allgather(trace.direction[:1])
+    normals = space.comm.allgather(trace.direction[:1])
     n = np.concatenate(normals)[0]
-    points = model.comm.allgather(trace.here.corners[:1, 0] @ n)
+    points = space.comm.allgather(trace.here.corners[:1, 0] @ n)
     distance = np.concatenate(points)[0]
-    return np.eye(model.d) - 2 * np.outer(n, n), 2 * distance * n
+    return np.eye(space.d) - 2 * np.outer(n, n), 2 * distance * n
 
 
-def _same(model: Model, first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:
+def _same(space: Space, first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:
     """Tell whether two motions are the same."""
     turned = abs(first[0] - second[0]).max()
-    shifted = abs(first[1] - second[1]).max() / model.domain.extent
+    shifted = abs(first[1] - second[1]).max() / space.domain.extent
     return bool(max(turned, shifted) < SAME_MOTION)

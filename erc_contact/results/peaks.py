@@ -29,9 +29,9 @@ def peaks(pair: Admissible) -> dict[str, float]:
         the points of profiles, nan without a contact; and of each the size of the cell
         or facet [length], with the name ``peak_stress_size`` and so on.
     """
-    model = pair.model
-    volume = pair.cell_geometry.volume[: model.domain.owned_cells]
-    points = profile_points(model)
+    space = pair.model.space
+    volume = pair.cell_geometry.volume[: space.domain.owned_cells]
+    points = profile_points(space)
     # A rank without facets of a contact has empty lists of them.
     pressure = [np.empty(0)]
     shear = [np.empty(0)]
@@ -41,14 +41,14 @@ def peaks(pair: Admissible) -> dict[str, float]:
         pressures, tangential = traction.at_points(points)
         pressure.append(pressures[owned].max(axis=1))
         shear.append(np.linalg.norm(tangential[owned], axis=2).max(axis=1))
-        size.append(traction.area[owned] ** (1 / (model.d - 1)))
+        size.append(traction.area[owned] ** (1 / (space.d - 1)))
     facet_size = np.concatenate(size)
     local = [
-        _greatest(von_mises(mean_stress(pair)), volume ** (1 / model.d)),
+        _greatest(von_mises(mean_stress(pair)), volume ** (1 / space.d)),
         _greatest(np.concatenate(pressure), facet_size),
         _greatest(np.concatenate(shear), facet_size),
     ]
-    ranks = np.array(model.comm.allgather(local))
+    ranks = np.array(space.comm.allgather(local))
     result = {}
     for number, name in enumerate(PEAKS.values()):
         values, sizes = ranks[:, number].T

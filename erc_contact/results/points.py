@@ -63,8 +63,8 @@ def at(result: Any, points: Any) -> Values:
     """
     pair = pair_of(result)
     model = pair.model
-    d = model.d
-    rows = at_points(model, points, partial(_values, pair))
+    d = model.space.d
+    rows = at_points(model.space, points, partial(_values, pair))
     s = pair.stress.shape[3]
     u, sigma, elastic = np.split(rows, [d, d + s], axis=1)
     return Values(u, tensors_of_points(model, sigma), tensors_of_points(model, elastic))
@@ -83,14 +83,15 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         shape (n, d + 2 s).
     """
     model = pair.model
+    space = model.space
     cells = pair.cell_geometry
-    d = model.d
-    k = model.degree
-    if model.axisymmetric:
+    d = space.d
+    k = space.degree
+    if space.axisymmetric:
         # A stress on rings is a limit at the axis.
         x = x.copy()
         x[:, 0] = np.maximum(x[:, 0], BESIDE_AXIS * np.sqrt(cells.volume[cell]))
-    corner = model.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
+    corner = space.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
     nodal = pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
     u = np.einsum("nv,nvi->ni", lagrange(d, k, local[:, 1:]), nodal) + model.jumps_at(cell, x)
@@ -105,7 +106,7 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         polynomials = bernstein(d, k, sub_local[:, 1:])
         values = np.einsum("nm,nms->ns", polynomials, pair.stress[cell, sub])
         sigma += (inside[:, sub] / inside.sum(axis=1))[:, None] * values
-    if model.axisymmetric:
+    if space.axisymmetric:
         if model.hoop_load is not None:
             sigma[:, -1] += model.hoop_load(x[:, None], cell)[:, 0]
         sigma /= circumferences(x)[:, None]

@@ -31,7 +31,7 @@ def profile(result: Any, name: str) -> np.ndarray:
     pair = pair_of(result)
     traction = pair.traction(name)
     r, bound = pair.at_profile_points(traction)
-    return profile_table(pair.model, traction.contact, pair.displacement, r, bound)
+    return profile_table(pair.model.space, traction.contact, pair.displacement, r, bound)
 
 
 def contact_status(result: Any, name: str) -> np.ndarray:

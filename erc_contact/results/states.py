@@ -76,7 +76,7 @@ def plastic_share(result: Any) -> float:
     cells = pair.cell_geometry
     owned = len(has_yielded)
     volume = cells.volume[:owned]
-    if pair.model.axisymmetric:
+    if pair.model.space.axisymmetric:
         volume = volume * circumferences(cells.corners[:owned].mean(axis=1))
     shares = has_yielded.mean(axis=(1, 2))
     comm = pair.domain.comm
@@ -96,4 +96,4 @@ def _values(pair: Admissible) -> np.ndarray:
     assert model.linearised is not None
     after = model.linearised.state_at_end(pair.solution.u)
     assert after is not None
-    return after.in_cells(model.owned_cells)
+    return after.in_cells(model.space.owned_cells)

@@ -79,8 +79,8 @@ def _of_stress(
 
 def _admissible_means(admissible: Admissible) -> np.ndarray:
     """Compute the mean of sigma^ in each owned cell, Mandel components."""
-    if admissible.model.axisymmetric:
-        _, _, weights = macro_points(2, admissible.model.degree)
+    if admissible.model.space.axisymmetric:
+        weights = macro_points(2, admissible.model.space.degree).weights
         return weights @ _at_points(admissible)
     stress = admissible.stress
     # All Bernstein polynomials and all sub-simplices of a cell have the same integral.
@@ -97,7 +97,7 @@ def _elastic_means(admissible: Admissible) -> np.ndarray:
     at_points = _elastic_at_points(admissible)
     if at_points.shape[1] == 1:
         return at_points[:, 0]
-    _, _, weights = macro_points(model.d, model.degree)
+    weights = macro_points(model.space.d, model.space.degree).weights
     repeated = np.tile(weights.ravel(), at_points.shape[1] // weights.size)
     return (repeated / repeated.sum()) @ at_points
 
@@ -121,7 +121,7 @@ def vertex_stress(admissible: Admissible, stress: str = "admissible") -> np.ndar
         InputError: If the stress is another one.
     """
     model = admissible.model
-    d = model.d
+    d = model.space.d
     moments = _of_stress(stress, admissible, _admissible_moments, _elastic_moments)
     linear = from_means(d, 1, moments)
     at_vertices = [stress_in_space(model, linear[:, vertex]) for vertex in range(d + 1)]
@@ -133,17 +133,17 @@ def _admissible_moments(admissible: Admissible) -> np.ndarray:
 
     They are in Mandel components, shape (owned, d+1, s).
     """
-    model = admissible.model
-    d = model.d
-    if model.axisymmetric:
-        _, points, weights = macro_points(d, model.degree)
+    space = admissible.model.space
+    d = space.d
+    if space.axisymmetric:
+        _, points, weights = macro_points(d, space.degree)
         weighted = barycentric(points) * weights[:, None]
         return np.einsum("qv,nqc->nvc", weighted, _at_points(admissible))
     # Hat functions of the cell's vertices, at the vertices of each sub-simplex.
     hats = np.tile(np.eye(d + 1), (d + 1, 1, 1))
     for sub in range(d + 1):
         hats[sub, :, sub] = 1 / (d + 1)
-    weights = np.matmul(hats, mass(d, 1, model.degree)) / (d + 1)
+    weights = np.matmul(hats, mass(d, 1, space.degree)) / (d + 1)
     return np.einsum("svm,nsmc->nvc", weights, admissible.stress)
 
 
@@ -154,7 +154,7 @@ def _elastic_moments(admissible: Admissible) -> np.ndarray:
     """
     model = admissible.model
     at_points = _elastic_at_points(admissible)
-    _, points, weights = macro_points(model.d, model.degree)
+    _, points, weights = macro_points(model.space.d, model.space.degree)
     weighted = barycentric(points) * weights[:, None]
     if at_points.shape[1] == 1:
         weighted = weighted.sum(axis=0, keepdims=True)
@@ -175,22 +175,23 @@ def _at_points(admissible: Admissible) -> np.ndarray:
     It has Mandel components with the hoop stress last, shape (owned, q, 4).
     """
     model = admissible.model
-    near, _, _ = macro_points(2, model.degree)
+    space = model.space
+    near, _, _ = macro_points(2, space.degree)
     sigma = np.matmul(near, admissible.stress)
     owned, pieces, of_piece, components = sigma.shape
     sigma = sigma.reshape(owned, pieces * of_piece, components)
     if model.hoop_load is not None:
-        places = macro_places(model, admissible.cell_geometry, owned)
-        sigma[..., -1] += model.hoop_load(places, model.owned_cells)
+        places = macro_places(space, admissible.cell_geometry, owned)
+        sigma[..., -1] += model.hoop_load(places, space.owned_cells)
     return _over_rings(admissible, sigma)
 
 
 def _over_rings(admissible: Admissible, at_points: np.ndarray) -> np.ndarray:
     """Divide stresses at the points of :func:`macro_points` by the circumference."""
     model = admissible.model
-    if not model.axisymmetric:
+    if not model.space.axisymmetric:
         return at_points
-    places = macro_places(model, admissible.cell_geometry, len(at_points))
+    places = macro_places(model.space, admissible.cell_geometry, len(at_points))
     return at_points / circumferences(places)[..., None]
 
 
@@ -203,7 +204,7 @@ def linear_mises(admissible: Admissible, stress: str = "admissible") -> np.ndarr
         admissible: The pair.
         stress: As in :func:`mean_stress`.
     """
-    if admissible.model.degree == 1:
+    if admissible.model.space.degree == 1:
         return von_mises(mean_stress(admissible, stress))[:, None]
     values = vertex_stress(admissible, stress)
     return von_mises(values.reshape(-1, 3, 3)).reshape(values.shape[:2])
@@ -222,7 +223,7 @@ def _fe_means(admissible: Admissible) -> np.ndarray:
     middles = cells.corners[:owned].mean(axis=1)
     around = hoop[:owned].sum(axis=1) / (2 * np.pi * cells.volume[:owned])
     if model.body_force is not None:
-        of_load = evaluate(model.body_force, model.mesh, nodes(2, 0), model.owned_cells)
+        of_load = evaluate(model.body_force, model.space.mesh, nodes(2, 0), model.space.owned_cells)
         around = around + of_load[:, 0, 0] / (2 * np.pi)
     return stress_in_space(
         model, np.column_stack([in_plane / circumferences(middles)[:, None], around])

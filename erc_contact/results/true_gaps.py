@@ -39,29 +39,30 @@ def gap_deviation(result: Any, name: str) -> float:
     """
     pair = pair_of(result)
     model = pair.model
+    space = model.space
     contact = model.contact(name)
     trace = contact.trace
     if contact.against is None or contact in model.ties:
         raise InputError(f"gap_deviation: {name!r} is no contact between bodies; give one of them.")
     u = pair.displacement.x.array
-    places = model.V.tabulate_dof_coordinates()[:, : model.d] + u.reshape(-1, model.d)
+    places = space.V.tabulate_dof_coordinates()[:, : space.d] + u.reshape(-1, space.d)
     owned = trace.here.owned
 
     # Facets of the deformed side are curved where u^ is, and are taken in pieces.
-    pieces = facet_pieces(model.d - 1) if model.degree > 1 else np.eye(model.d)[None]
-    shape = lagrange(model.d - 1, model.degree, pieces[..., 1:].reshape(-1, model.d - 1))
+    pieces = facet_pieces(space.d - 1) if space.degree > 1 else np.eye(space.d)[None]
+    shape = lagrange(space.d - 1, space.degree, pieces[..., 1:].reshape(-1, space.d - 1))
     of_pieces = np.matmul(shape, places[trace.there.nodes[owned]])
-    of_ranks = model.comm.allgather(of_pieces.reshape(-1, model.d, model.d))
+    of_ranks = space.comm.allgather(of_pieces.reshape(-1, space.d, space.d))
     corners = np.concatenate(of_ranks)
 
     pressure, _, _ = pair.tractions[model.contacts.index(contact)].in_law()
-    is_closed = owned & ~is_open(model, contact, pressure)
-    n = np.broadcast_to(trace.normals, (*trace.here.nodes.shape, model.d))[is_closed]
+    is_closed = owned & ~is_open(space, contact, pressure)
+    n = np.broadcast_to(trace.normals, (*trace.here.nodes.shape, space.d))[is_closed]
     left = ((contact.to_partners - trace.of(u))[is_closed] * n).sum(axis=-1)
-    x = places[trace.here.nodes[is_closed]].reshape(-1, model.d)
+    x = places[trace.here.nodes[is_closed]].reshape(-1, space.d)
     facet, local, _ = closest(x, corners)
     nearest = np.einsum("nv,nvi->ni", local, corners[facet])
     # Along the normal: a point that slid off the end of the other side has no distance.
-    distance = ((nearest - x) * n.reshape(-1, model.d)).sum(axis=1)
+    distance = ((nearest - x) * n.reshape(-1, space.d)).sum(axis=1)
     greatest = abs(distance - left.ravel()).max(initial=0.0)
-    return float(model.comm.allreduce(float(greatest), MPI.MAX))
+    return float(space.comm.allreduce(float(greatest), MPI.MAX))

@@ -78,6 +78,7 @@ from erc_contact.model.law.law_entries import place_of
 from erc_contact.model.law.law_state import ValuesAt
 from erc_contact.model.law.potential import StrainOf
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.solution import Solution
 from namedmesh.for_solvers import closest
 from namedmesh.simplex import barycentric, bernstein, lagrange, projection, rule
@@ -161,8 +162,8 @@ def _work_on_slip(
         end: That at its end.
         floor: What integrals may leave unknown [force length].
     """
-    model = pair.model
-    sliding = Sliding(model, end)
+    space = pair.model.space
+    sliding = Sliding(space, end)
     mean = 0.5 * (begin.values + end.values)
 
     def density(
@@ -171,8 +172,8 @@ def _work_on_slip(
         t = np.matmul(shape, mean[facet])
         return (t * sliding.slip(facet, shape, w, n, x)).sum(axis=-1)
 
-    works = contact_integral(model, end.contact, pair.displacement, density, floor)
-    return BoundedNumber.summed(model.comm, works).value
+    works = contact_integral(space, end.contact, pair.displacement, density, floor)
+    return BoundedNumber.summed(space.comm, works).value
 
 
 def _compute_dissipation(
@@ -183,8 +184,8 @@ def _compute_dissipation(
     See :func:`_work_on_slip` for the arguments.
     """
     # both friction bounds act on the slip of this step
-    at_begin = friction_work(pair.model, begin, pair.displacement, floor, end)
-    at_end = friction_work(pair.model, end, pair.displacement, floor)
+    at_begin = friction_work(pair.model.space, begin, pair.displacement, floor, end)
+    at_end = friction_work(pair.model.space, end, pair.displacement, floor)
     return 0.5 * (at_begin.value + at_end.value)
 
 
@@ -196,11 +197,12 @@ def _traction_at_begin(
     It has the friction law of that time. On a mesh that refines the last one it is the
     same field, on another one a projection of it.
     """
+    space = model.space
     contact = traction.contact
     if before is None:  # from rest, without pressure
         return replace(traction, values=np.zeros_like(traction.values))
     old = before.model
-    if old.domain is model.domain and old.degree == model.degree:
+    if old.domain is model.domain and old.space.degree == space.degree:
         last = before.traction(contact.name)
         friction = last.contact.friction
         values = contact.sign * last.contact.sign * last.values
@@ -208,11 +210,11 @@ def _traction_at_begin(
         declared = next(
             candidate for candidate in old.scene.contacts if candidate.facets == contact.name
         )
-        friction = bind_contact(model, declared, model.modulus).friction
-        points, weights = rule(model.d - 1, 2 * model.degree)
+        friction = bind_contact(space, declared, model.modulus).friction
+        points, weights = rule(space.d - 1, 2 * space.degree)
         x = contact.trace.here.points_at(points)
         carried, _ = _carry(before, contact.side_names[0], x)
-        values = np.matmul(projection(model.d - 1, model.degree, points, weights), carried)
+        values = np.matmul(projection(space.d - 1, space.degree, points, weights), carried)
     return replace(traction, contact=replace(contact, friction=friction), values=values)
 
 
@@ -236,24 +238,24 @@ def _work(pair: Admissible, before: Admissible | None, part: str) -> float:
         before: That at its begin, or None.
         part: Name of the part.
     """
-    model = pair.model
-    points, weights = rule(model.d - 1, 2 * model.degree)
-    facets = model.domain.owned_facets(part)
+    space = pair.model.space
+    points, weights = rule(space.d - 1, 2 * space.degree)
+    facets = space.domain.owned_facets(part)
     t, u = _fields(pair, part, points)
     if before is None:  # from rest, without forces
         t = 0.5 * t
     else:
         old = before.model
-        if old.domain is model.domain and old.degree == model.degree:
+        if old.domain is space.domain and old.space.degree == space.degree:
             old_t, old_u = _fields(before, part, points)
         else:
-            x = np.matmul(barycentric(points), model.facet_corners(facets))
+            x = np.matmul(barycentric(points), space.facet_corners(facets))
             old_t, old_u = _carry(before, part, x)
         t = 0.5 * (t + old_t)
         u = u - old_u
-    areas = model.facet_areas(facets)
+    areas = space.facet_areas(facets)
     local = float(areas @ ((t * u).sum(axis=-1) @ weights))
-    return float(model.comm.allreduce(local, MPI.SUM))
+    return float(space.comm.allreduce(local, MPI.SUM))
 
 
 def _fields(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -267,10 +269,10 @@ def _fields(pair: Admissible, part: str, points: np.ndarray) -> tuple[np.ndarray
     Returns:
         Both fields, shape (f, q, d) each.
     """
-    model = pair.model
+    space = pair.model.space
     _, t, u = _facets(pair, part)
-    shape_t = bernstein(model.d - 1, model.degree, points)
-    shape_u = lagrange(model.d - 1, model.degree, points)
+    shape_t = bernstein(space.d - 1, space.degree, points)
+    shape_u = lagrange(space.d - 1, space.degree, points)
     return np.matmul(shape_t, t), np.matmul(shape_u, u)
 
 
@@ -284,13 +286,14 @@ def _facets(pair: Admissible, part: str) -> tuple[np.ndarray, np.ndarray, np.nda
         m, d) [force/area], and nodal values of u^ (f, m, d) [length].
     """
     model = pair.model
+    space = model.space
     facets = model.domain.owned_facets(part)
-    t = tractions_of(model, pair.facet_moments, facets)
+    t = tractions_of(space, pair.facet_moments, facets)
     for spring, of_spring in zip(model.springs, pair.spring_tractions, strict=True):
         if spring.name == part:
             t -= of_spring[spring.side.owned]
-    u = pair.displacement.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
-    return model.facet_corners(facets), t, u
+    u = pair.displacement.x.array.reshape(-1, space.d)[space.facet_nodes(facets)]
+    return space.facet_corners(facets), t, u
 
 
 def _carry(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -298,14 +301,14 @@ def _carry(pair: Admissible, part: str, x: np.ndarray) -> tuple[np.ndarray, np.n
 
     Each point takes the values of the nearest facet.
     """
-    model = pair.model
-    d = model.d
+    space = pair.model.space
+    d = space.d
     # facets of the other mesh are on other ranks, so that each rank needs all of them
-    gathered = model.comm.allgather(_facets(pair, part))
+    gathered = space.comm.allgather(_facets(pair, part))
     corners, t, u = (np.concatenate(arrays) for arrays in zip(*gathered, strict=True))
     number, local, _ = closest(x.reshape(-1, d), corners)
-    shape_t = bernstein(d - 1, model.degree, local[:, 1:])
-    shape_u = lagrange(d - 1, model.degree, local[:, 1:])
+    shape_t = bernstein(d - 1, space.degree, local[:, 1:])
+    shape_u = lagrange(d - 1, space.degree, local[:, 1:])
     t = np.einsum("nm,nmi->ni", shape_t, t[number])
     u = np.einsum("nm,nmi->ni", shape_u, u[number])
     return t.reshape(x.shape), u.reshape(x.shape)
@@ -347,19 +350,20 @@ def _stress_on_strains(given: Model, pair: Admissible) -> float:
         pair: The pair of sigma^.
     """
     model = pair.model
+    space = model.space
     if given.strains is None:
         return 0.0
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
     there = given
     if given is not model:
-        there = Model(given.scene, model.domain, model.degree)
-    shape, points, weights = macro_points(model.d, model.degree)
+        there = Model(given.scene, model.domain, space.degree)
+    shape, points, weights = macro_points(space.d, space.degree)
     strain = given_strains(there, cells, points, owned)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), strain.shape[2])
     means = np.einsum("nqs,nqs,q->n", sigma, np.broadcast_to(strain, sigma.shape), weights)
     local = float(cells.volume[:owned] @ means)
-    return float(model.comm.allreduce(local, MPI.SUM))
+    return float(space.comm.allreduce(local, MPI.SUM))
 
 
 def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
@@ -372,8 +376,8 @@ def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
     """
     if loads.body_force is None:
         return 0.0
-    there = model if loads is model else Model(loads.scene, model.domain, model.degree)
-    return assemble_number(there, there.loads(pair.displacement, on=[None]))
+    there = model if loads is model else Model(loads.scene, model.domain, model.space.degree)
+    return assemble_number(there.space, there.loads(pair.displacement, on=[None]))
 
 
 def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float, float] | None:
@@ -387,6 +391,7 @@ def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float,
         last: The solution at its begin; None from rest.
     """
     model = solution.model
+    space = model.space
     shapes = getattr(solution.scene.material, "state", {})
     if shapes.get(PLASTIC_STRAIN) != (3, 3) or model.linearised is None:
         return None
@@ -397,8 +402,8 @@ def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float,
     stress = model.linearised.stress_at_end(solution.u)
     old_stress = None
     if last is not None and last.model.linearised is not None:
-        old_stress = carry_state(last.model.linearised.stress_at_end(last.u), model)
-    strain_at = StrainOf(model, solution.u)
+        old_stress = carry_state(last.model.linearised.stress_at_end(last.u), space)
+    strain_at = StrainOf(space, solution.u)
     in_space = model.linearised.law.in_space
     place = place_of(shapes, PLASTIC_STRAIN)
 
@@ -412,14 +417,14 @@ def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float,
     def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         return (after.at(x, cells) - before.at(x, cells))[..., place]
 
-    stored = 0.5 * _integral(model, stress.at, elastic)
-    return stored, _integral(model, mean_stress, growth)
+    stored = 0.5 * _integral(space, stress.at, elastic)
+    return stored, _integral(space, mean_stress, growth)
 
 
-def _integral(model: Model, stress_at: ValuesAt, strain_at: ValuesAt) -> float:
+def _integral(space: Space, stress_at: ValuesAt, strain_at: ValuesAt) -> float:
     """Integrate the product of two fields over the bodies; collective."""
-    x, weights = model.cell_rule(2 * model.degree - 1)
-    cells = model.owned_cells
+    x, weights = space.cell_rule(2 * space.degree - 1)
+    cells = space.owned_cells
     density = (stress_at(x, cells) * strain_at(x, cells)).sum(axis=-1)
     local = float((weights * density).sum())
-    return float(model.comm.allreduce(local, MPI.SUM))
+    return float(space.comm.allreduce(local, MPI.SUM))

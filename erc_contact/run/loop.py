@@ -421,7 +421,7 @@ def new_step(error: ConstitutiveError, mesh_seconds: float, began: float) -> Ste
     return Step(
         cells=domain.cells,
         vertices=domain.vertices,
-        dofs=model.V.dofmap.index_map.size_global * domain.dim,
+        dofs=model.space.V.dofmap.index_map.size_global * domain.dim,
         newton_steps=solution.newton_steps,
         method=type(solution.method).__name__,
         eps=error.relative,
@@ -432,6 +432,6 @@ def new_step(error: ConstitutiveError, mesh_seconds: float, began: float) -> Ste
         equilibrate_seconds=admissible.seconds,
         error_seconds=error.seconds,
         mesh_seconds=mesh_seconds,
-        seconds=model.comm.allreduce(perf_counter() - began, MPI.MAX),
+        seconds=model.space.comm.allreduce(perf_counter() - began, MPI.MAX),
         **greatest,
     )

@@ -22,8 +22,8 @@ from mpi4py import MPI
 from erc_contact.admissible.equilibrate import equilibrate
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
+from erc_contact.model.space import Space
 from erc_contact.newton.after import last_step
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
@@ -72,10 +72,11 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     solution = error.solution
     domain = error.domain
     model = solution.model
-    comm = model.comm
-    x = model.V.tabulate_dof_coordinates()
+    space = model.space
+    comm = space.comm
+    x = space.V.tabulate_dof_coordinates()
     # nodes at vertices have the coordinates of these to the last digit
-    x[model.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
+    x[space.vertices] = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)]
     u = _pick_owned(error, solution.u)
     at_nodes = {}
     for number, multiplier in enumerate(solution.multipliers):
@@ -84,16 +85,16 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         at_nodes[ABOUT] = _pick_owned(error, model.linearised.u)
     tags = tag_tables(domain)
     mesh = about_mesh(domain, tags)
-    cells = model.global_numbers(model.nodes[: domain.owned_cells])
+    cells = space.global_numbers(space.nodes[: domain.owned_cells])
     u_hat = nodal_displacement(error.admissible)
     points = gather(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
-    rows = gather(comm, cells=cells, drawn=body_nodes(model)["cells"], **tags)
+    rows = gather(comm, cells=cells, drawn=body_nodes(space)["cells"], **tags)
     stresses = cell_stresses(error.admissible)
     single = {name: values.astype(np.float32) for name, values in stresses.items()}
     in_cells = gather(comm, **single, eps_E=error.indicators)
     about = {
         "rows": [asdict(step) for step in steps],
-        "degree": model.degree,
+        "degree": space.degree,
         **mesh,
         "multipliers": len(solution.multipliers),
         ABOUT: ABOUT in at_nodes,
@@ -210,13 +211,13 @@ class Restored:
         # Forces of preloads have become shifts; older files have none.
         scene = with_locked_shifts(with_shifts(scene, about.get("shifts", {})), after)
         model = bind(scene, self.domain, about["degree"], last)
-        u = self._function(model, "u")
+        u = self._function(model.space, "u")
         if about.get(ABOUT, False):
             assert model.linearised is not None
-            model.linearised.move(self._function(model, ABOUT))
+            model.linearised.move(self._function(model.space, ABOUT))
         multipliers = []
         for number in range(about["multipliers"]):
-            multipliers.append(self._function(model, f"multipliers/{number}"))
+            multipliers.append(self._function(model.space, f"multipliers/{number}"))
         method = methods[0]
         for candidate in methods:
             if repr(candidate) == about["method"]:
@@ -230,11 +231,11 @@ class Restored:
         """Return a table of the level on rank 0; None on the other ranks."""
         return self._tables.get(name)
 
-    def _function(self, model: Model, name: str) -> fem.Function:
+    def _function(self, space: Space, name: str) -> fem.Function:
         """Return a vector field from the table of its values; collective."""
-        function = model.function()
-        values = self._rows.of_nodes(self._table(name), self._table("cells"), model.degree)
-        function.x.array.reshape(-1, model.d)[model.nodes] = values
+        function = space.function()
+        values = self._rows.of_nodes(self._table(name), self._table("cells"), space.degree)
+        function.x.array.reshape(-1, space.d)[space.nodes] = values
         return function
 
 

@@ -435,8 +435,8 @@ def difference_from_halves(
     difference = halves.u.copy()
     difference.x.array[:] -= whole.u.x.array
     model = halves.model
-    square = assemble_number(model, model.stiffness(difference, difference))
-    size = assemble_number(model, model.stiffness(halves.u, halves.u))
+    square = assemble_number(model.space, model.stiffness(difference, difference))
+    size = assemble_number(model.space, model.stiffness(halves.u, halves.u))
     size = max(size, 2 * ROUND_OFF * greatest_energy)
     if size > 0:
         return float(np.sqrt(square / size))
@@ -459,7 +459,7 @@ def _shear_of(error: ConstitutiveError) -> float:
         # The mean of Bernstein coefficients is the mean of the polynomial.
         pressure = area @ -traction.normal_component.mean(axis=1)
         shear = area @ traction.tangential_part.mean(axis=1)
-        sums = pair.model.comm.allreduce(np.append(shear, pressure))
+        sums = pair.model.space.comm.allreduce(np.append(shear, pressure))
         if sums[-1] > 0 and error.scale > 0:
             return float(np.linalg.norm(sums[:-1]) / sums[-1])
         return np.nan

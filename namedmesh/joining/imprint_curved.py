@@ -169,7 +169,7 @@ def _places(
     points = np.unique(taken.triangles)
     facet, _, distance = closest(x[points], x[kept.triangles])
     to_outline = np.full(len(x), np.inf)
-    _, _, to_outline[points] = closest(x[points], x[outlines.inner])
+    to_outline[points] = closest(x[points], x[outlines.inner]).distance
     none = SAME * min(kept.shortest, taken.shortest)
     # Points beside the other side are nearest to its outline.
     on_kept = distance < to_outline[points] - none

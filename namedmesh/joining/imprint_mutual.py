@@ -146,7 +146,7 @@ def _lie_on(side: FacetSide, other_side: FacetSide, apart: float, beside: float)
     points = np.unique(side.triangles)
     facet, _, distance = closest(x[points], x[other_side.triangles])
     lies = distance <= apart + allowance(side, points, other_side, facet)
-    _, _, to_outline = closest(x[points], x[_outline_amid(other_side, side, apart)])
+    to_outline = closest(x[points], x[_outline_amid(other_side, side, apart)]).distance
     lies &= to_outline >= beside * side.edge_lengths[points]
     of_points = np.zeros(len(x), dtype=bool)
     of_points[points] = lies
@@ -167,7 +167,7 @@ def _outline_amid(side: FacetSide, other_side: FacetSide, apart: float) -> np.nd
     points = np.unique(side.outline)
     facet, _, distance = closest(x[points], x[other_side.triangles])
     allowed = apart + allowance(side, points, other_side, facet)
-    _, _, to_outline = closest(x[points], x[other_side.outline])
+    to_outline = closest(x[points], x[other_side.outline]).distance
     amid = np.zeros(len(x), dtype=bool)
     amid[points] = (distance <= allowed) & (to_outline > allowed)
     return side.outline[amid[side.outline].any(axis=1)]

@@ -244,7 +244,7 @@ def outlines_on(x: np.ndarray, contact: SideContact) -> Outlines:
 
     # Points of the other outline move to the nearest ones, where both run together.
     others = np.unique(outline)
-    _, _, to_common = closest(x[others], x[edges[common]])
+    to_common = closest(x[others], x[edges[common]]).distance
     apart = np.linalg.norm(x[others][:, None] - x[targets], axis=2)
     nearest = targets[apart.argmin(axis=1)]
     close = apart.min(axis=1) <= allowed[nearest] + CLOSE * taken.edge_lengths[others]

@@ -63,7 +63,7 @@ def pair(request: pytest.FixtureRequest) -> Admissible:
 
 
 def worst(pair: Admissible, values: np.ndarray) -> float:
-    return pair.solution.model.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+    return pair.solution.model.space.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
 
 
 def owned_moments(pair: Admissible) -> np.ndarray:
@@ -80,7 +80,7 @@ def test_elements_balance_forces(pair):
 
 def test_elements_balance_moments(pair):
     moment, cells, d = owned_moments(pair), pair.cell_geometry, pair.cell_geometry.d
-    x = pair.solution.model.V.tabulate_dof_coordinates()[:, :d][cells.nodes[: len(moment)]]
+    x = pair.solution.model.space.V.tabulate_dof_coordinates()[:, :d][cells.nodes[: len(moment)]]
     arm = x - x.mean(
         axis=1, keepdims=True
     )  # nodal values of a linear function are its coefficients, too
@@ -99,7 +99,7 @@ def test_opposite_tractions_between_ranks(pair):
     The values must agree.
     """
     model = pair.solution.model
-    facets = model.mesh.topology.index_map(model.d - 1)
+    facets = model.space.mesh.topology.index_map(model.space.d - 1)
     size = np.linalg.norm(pair.facet_moments.sum(axis=1), axis=1)
     complete = np.zeros(len(size), dtype=bool)
     complete[pair.cell_geometry.facets[: model.domain.owned_cells]] = True
@@ -161,18 +161,22 @@ def test_stress_is_in_equilibrium_inside(pair):
 
 def test_facets_carry_loads_and_contact_tractions(pair):
     model, d = pair.solution.model, pair.cell_geometry.d
-    of_cell = model.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
-    k = model.degree
+    of_cell = model.space.mesh.topology.connectivity(d, d - 1).array.reshape(-1, d + 1)
+    k = model.space.degree
     found = force_coefficients(pair.facet_moments, k)
     for load in model.surface_loads:
         facets = model.domain.facets(load.facets)
         facets = facets[facets[:, 0] < model.domain.owned_cells]
-        order = facet_order(model.facet_nodes(facets)[:, :d], k)
+        order = facet_order(model.space.facet_nodes(facets)[:, :d], k)
         exact = np.matmul(
-            coefficients(d - 1, k), evaluate(load.density, model.mesh, model.facet_points, facets)
+            coefficients(d - 1, k),
+            evaluate(load.density, model.space.mesh, model.space.facet_points, facets),
         )
         exact = np.take_along_axis(exact, order[..., None], axis=1)
-        here = found[of_cell[facets[:, 0], facets[:, 1]]] / model.facet_areas(facets)[:, None, None]
+        here = (
+            found[of_cell[facets[:, 0], facets[:, 1]]]
+            / model.space.facet_areas(facets)[:, None, None]
+        )
         assert worst(pair, here - exact) < BALANCE * worst(
             pair, exact
         )  # the loads are linear on each facet
@@ -193,12 +197,12 @@ def points_on_facets(d: int) -> np.ndarray:
 def test_traction_in_the_cone(pair):
     model, d = pair.solution.model, pair.cell_geometry.d
     points = points_on_facets(d)
-    shape = bernstein(d - 1, model.degree, points)
+    shape = bernstein(d - 1, model.space.degree, points)
     for t in pair.tractions:
         r = np.einsum("qm,fmi->fqi", shape, t.values)
         r_n, _, r_t = split(r, t.contact.direction[:, None, :])
         bound = t.contact.friction_bound(
-            np.maximum(-r_n, 0.0), friction_parameters(model, t.contact, points)
+            np.maximum(-r_n, 0.0), friction_parameters(model.space, t.contact, points)
         )
         scale = worst(pair, r)
         assert worst(pair, np.maximum(r_n, 0.0)) <= CONE * scale
@@ -209,14 +213,14 @@ def test_traction_in_the_cone(pair):
 def test_displacement_outside_the_foundation(pair):
     model, d = pair.solution.model, pair.cell_geometry.d
     points = points_on_facets(d)
-    shape = lagrange(d - 1, model.degree, points)
+    shape = lagrange(d - 1, model.space.degree, points)
     values = pair.displacement.x.array.reshape(-1, d)
     for t in pair.tractions:
         own = t.contact.facets[:, 0] < model.domain.owned_cells
         w_n = np.einsum("qm,fmi,fi->fq", shape, values[t.nodes[own]], t.contact.direction[own])
         gap = 0.0
         if t.contact.gap is not None:
-            gap = evaluate(t.contact.gap, model.mesh, points, t.contact.facets[own])
+            gap = evaluate(t.contact.gap, model.space.mesh, points, t.contact.facets[own])
         assert worst(pair, np.maximum(w_n - gap, 0.0)) <= CONE * worst(pair, values)
 
 
@@ -319,13 +323,13 @@ def test_round_off_does_not_shrink_the_friction_of_a_facet():
     (traction,) = ec.equilibrate(solution, tighten=0).tractions
     values = np.zeros_like(traction.values)
     values[..., 1] = 0.01  # n points down: a pressure
-    x = solution.model.V.tabulate_dof_coordinates()[traction.nodes, 0]
+    x = solution.model.space.V.tabulate_dof_coordinates()[traction.nodes, 0]
     values[..., 0] = 0.25 * 0.01 * x
-    assert np.all(lowering(solution.model, replace(traction, values=values)) == 1.0)
+    assert np.all(lowering(solution.model.space, replace(traction, values=values)) == 1.0)
     values[..., 0] += np.where(x < 1e-12, 1e-18, 0.0)  # friction is zero there
-    assert np.all(lowering(solution.model, replace(traction, values=values)) == 1.0)
+    assert np.all(lowering(solution.model.space, replace(traction, values=values)) == 1.0)
     values[..., 0] *= 3.0
-    assert np.all(lowering(solution.model, replace(traction, values=values)) < 1.0)
+    assert np.all(lowering(solution.model.space, replace(traction, values=values)) < 1.0)
 
 
 @pytest.mark.serial
@@ -345,8 +349,8 @@ def test_macro_stress_reproduces_polynomials(d, degree):
 
     scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("left", (0.0,) * d)])
     model = Model(scene, domain, degree)
-    cells, count = cell_geometry(model), domain.owned_cells
-    x = model.V.tabulate_dof_coordinates()[:, :d][cells.nodes]
+    cells, count = cell_geometry(model.space), domain.owned_cells
+    x = model.space.V.tabulate_dof_coordinates()[:, :d][cells.nodes]
     rng = np.random.default_rng(1)
     powers = np.array([p for p in np.ndindex((degree + 1,) * d) if sum(p) <= degree])
     basis = rng.standard_normal((len(powers), d, d))
@@ -371,7 +375,7 @@ def test_macro_stress_reproduces_polynomials(d, degree):
     # The bubbles, from degree 2 on, are chosen by the nearest stress.
     for is_relaxed in range(degree):
         if is_relaxed:
-            points = macro_points(d, degree)[1]
+            points = macro_points(d, degree).points
             at = x[:count, :1] + np.einsum("qj,nij->nqi", points, cells.J[:count])
             compliance = moduli(model, cells, points[:1], 1, inverse=True)
             stress = relax(cells, stress, mandel(stress_at(at)), compliance)

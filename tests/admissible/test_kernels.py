@@ -72,7 +72,7 @@ def small(d: int, degree: int) -> tuple[Model, np.ndarray]:
     stiff = {"lower": 1.0, "upper": 4.0}
     held = [ec.Displacement("bottom", (0.0,) * d)]
     model = Model(ec.Scene(ec.Elastic(stiff, {"lower": 0.3, "upper": 0.45}), held), domain, degree)
-    cells = cell_geometry(model)
+    cells = cell_geometry(model.space)
     return model, cells.has_second[:, None] | (rng.random((len(cells.side[0]), d)) < 0.5)
 
 
@@ -111,15 +111,15 @@ def unit_tractions(cells: CellGeometry, x: np.ndarray, ring: np.ndarray) -> np.n
 def test_patches_against_numpy(d, size, modulus):
     """``sum_p T_p (T_p^T K T_p)^+ T_p^T``, to the digits of the factors."""
     model, free = small(d, 1)
-    cells = cell_geometry(model)
-    x = size * model.V.tabulate_dof_coordinates()[:, :d]
+    cells = cell_geometry(model.space)
+    x = size * model.space.V.tabulate_dof_coordinates()[:, :d]
     cells = replace(
         cells, J=size * cells.J, volume=size**d * cells.volume, area=size ** (d - 1) * cells.area
     )
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True) / modulus
     energy, patches = (
         ComplementaryEnergy(cells, len(cells.nodes), compliance),
-        Patches(model, cells, compliance, free),
+        Patches(model.space, cells, compliance, free),
     )
     unit = np.eye(free.size * d).reshape(-1, len(free), d, d)
     K = np.stack([energy(e)[1].ravel() for e in unit])
@@ -142,12 +142,16 @@ def test_patches_against_numpy(d, size, modulus):
 def test_energy_against_numpy(d, degree, at_points):
     """Balanced tractions have the energy of the stresses of :mod:`macro` with the bubbles of least energy."""
     model, free = small(d, degree)
-    cells, m, rng = cell_geometry(model), len(model.facet_points), np.random.default_rng(degree)
+    cells, m, rng = (
+        cell_geometry(model.space),
+        len(model.space.facet_points),
+        np.random.default_rng(degree),
+    )
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     x = rng.standard_normal((len(free), m, d))
-    x[:, :d] = Patches(model, cells, compliance, free)(x)[:, :d]
+    x[:, :d] = Patches(model.space, cells, compliance, free)(x)[:, :d]
     if at_points:
-        stiffer = 1 + rng.random((len(cells.nodes), len(macro_points(d, degree)[1]), 1, 1))
+        stiffer = 1 + rng.random((len(cells.nodes), len(macro_points(d, degree).points), 1, 1))
         compliance = compliance * stiffer
     near, _, weights = macro_points(d, degree)
     forces = force_coefficients(
@@ -170,9 +174,9 @@ def test_energy_against_numpy(d, degree, at_points):
 @dimensions
 def test_blocks_against_numpy(d):
     model, free = small(d, 2)
-    cells = cell_geometry(model)
+    cells = cell_geometry(model.space)
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
-    m, count, mine = len(model.facet_points), len(cells.nodes), np.full(len(free), True)
+    m, count, mine = len(model.space.facet_points), len(cells.nodes), np.full(len(free), True)
     mine[3] = False
     near, _, weights = macro_points(d, 2)
     nothing = np.zeros((count, d + 1, d, d))
@@ -208,7 +212,7 @@ def test_graph_laplacians_against_numpy(d, degree):
     Components of Gamma_D are grounded.
     """
     model, free = small(d, degree)
-    cells, rng = cell_geometry(model), np.random.default_rng(7)
+    cells, rng = cell_geometry(model.space), np.random.default_rng(7)
     inner, weight, N = cells.has_second, rng.random(len(free)) + 0.5, cells.nodes.shape[1]
     of_facets, count = local_facet_nodes(d, degree), cells.nodes.size
     ends = [
@@ -258,8 +262,8 @@ def test_squares_against_numpy(d, degree):
 def test_macro_stress_against_numpy(d, degree):
     """``sigma_h + map(F^ - sigma_h n, f + div sigma_h)``."""
     model, _ = small(d, degree)
-    cells, rng = cell_geometry(model), np.random.default_rng(3)
-    n, b, m = len(cells.nodes), len(nodes(d, degree - 1)), len(model.facet_points)
+    cells, rng = cell_geometry(model.space), np.random.default_rng(3)
+    n, b, m = len(cells.nodes), len(nodes(d, degree - 1)), len(model.space.facet_points)
     stress = rng.standard_normal((n, b, d, d))
     stress = stress + stress.transpose(0, 1, 3, 2)
     forces, force = rng.standard_normal((n, d + 1, m, d)), rng.standard_normal((n, b, d))

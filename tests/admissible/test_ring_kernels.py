@@ -37,19 +37,19 @@ def rings(inner_radius: float, degree: int) -> tuple[Model, Elements]:
         {"lower": 1.0, "upper": 4.0}, {"lower": 0.3, "upper": 0.45}, hypothesis="axisymmetric"
     )
     model = Model(ec.Scene(material, [ec.Displacement("bottom", (0, 0))]), domain, degree)
-    cells = cell_geometry(model)
+    cells = cell_geometry(model.space)
     force = rng.standard_normal((len(cells.nodes), degree * (degree + 1) // 2, 2))
-    return model, Elements(model, cells, force)
+    return model, Elements(model.space, cells, force)
 
 
 def compliances(model: Model, elements: Elements) -> np.ndarray:
-    _, points, _ = macro_points(2, model.degree)
+    points = macro_points(2, model.space.degree).points
     return law_of_cells(model.constitution.metric, elements.corners, points)
 
 
 def energy_of(model: Model, elements: Elements, stress: np.ndarray, elastic: np.ndarray) -> float:
     """``int (S - S_0) : M : (S - S_0) / c`` by the rule of the pieces, c circumference."""
-    k = model.degree
+    k = model.space.degree
     _, points, weights = macro_points(2, k)
     table = bernstein(2, k, rule(2, 2 * k)[0])
     values = np.matmul(table, stress).reshape(len(stress), -1, 4) - elastic
@@ -68,9 +68,9 @@ def test_energies_of_stresses(inner_radius: float, degree: int) -> None:
     model, elements = rings(inner_radius, degree)
     cells = elements.cells
     rng = np.random.default_rng(5)
-    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree)[1]), 4))
+    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree).points), 4))
     energies = elements.energies(elastic, compliances(model, elements))
-    off = off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], degree)
+    off = off_axis(~nodes_on_axis(model.space)[cells.vertices_of_facets], degree)
     forces = rng.standard_normal((*off.shape, 2)) * off[..., None]
     value, half = _Energy(cells, energies).start(forces)
     of_cells = moments_of_cells(cells, forces)
@@ -97,17 +97,17 @@ def test_tightening_ends_at_the_least_energy(inner_radius: float, degree: int) -
     model, elements = rings(inner_radius, degree)
     cells = elements.cells
     rng = np.random.default_rng(7)
-    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree)[1]), 4))
+    elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree).points), 4))
     energies = elements.energies(elastic, compliances(model, elements))
-    off = off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], degree)
+    off = off_axis(~nodes_on_axis(model.space)[cells.vertices_of_facets], degree)
     # Forces of the boundary are free on its upper side, which is connected: patches of
     # vertices do not move a resultant from a part of the boundary to another one.
-    heights = model.V.tabulate_dof_coordinates()[cells.vertices_of_facets, 1]
+    heights = model.space.V.tabulate_dof_coordinates()[cells.vertices_of_facets, 1]
     on_top = heights.min(axis=1) > 1 - 1e-9
     free = np.repeat(off[..., None] & (cells.has_second | on_top)[:, None, None], 2, axis=-1)
     start = rng.standard_normal(free.shape) * off[..., None]
     forces, done, square = tighten_forces(
-        model, elements, energies, start, free, Ending(300, 1e-13)
+        model.space, elements, energies, start, free, Ending(300, 1e-13)
     )
     assert done < 300
     # The same by dense matrices: free forces without axial resultant on any cell.

@@ -53,7 +53,7 @@ class Given:
 def test_the_slope_is_of_fenchels_gap(kind, law, degree):
     solution = body(kind, law, 2, degree=degree)
     pair = ec.equilibrate(solution)
-    model, cells = solution.model, cell_geometry(solution.model)
+    model, cells = solution.model, cell_geometry(solution.model.space)
     about = _AboutStress(Given(model, cells, pair.displacement))
     of_law, gap = about(pair.stress)
     assert isinstance(of_law, CellLaw)
@@ -62,7 +62,7 @@ def test_the_slope_is_of_fenchels_gap(kind, law, degree):
     change[pair.stress == 0.0] = 0.0
     slope = (about(pair.stress + change)[1] - about(pair.stress - change)[1]) / 2
     # The same of the quadratic form |sigma - S|^2.
-    shape, points, weights = macro_points(model.d, degree)
+    shape, points, weights = macro_points(model.space.d, degree)
     values = [
         np.matmul(shape, stress).reshape(len(cells.nodes), len(points), -1)
         for stress in (pair.stress, change)

@@ -64,16 +64,16 @@ scenes = pytest.mark.parametrize(
 
 
 def worst(pair: Admissible, values: np.ndarray) -> float:
-    return pair.solution.model.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
+    return pair.solution.model.space.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)
 
 
 def imbalance(
     model: Model, moment: np.ndarray, force: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Resultant forces, and moments about the barycentre over the size, of tractions and body force of owned cells."""
-    cells = cell_geometry(model)
+    cells = cell_geometry(model.space)
     seen = moments_of_cells(cells, moment)[: model.domain.owned_cells]
-    x = model.V.tabulate_dof_coordinates()[:, : cells.d][cells.nodes[: len(seen)]]
+    x = model.space.V.tabulate_dof_coordinates()[:, : cells.d][cells.nodes[: len(seen)]]
     arm = (x - x.mean(axis=1, keepdims=True)) / cells.volume[: len(seen), None, None] ** (
         1 / cells.d
     )
@@ -133,7 +133,9 @@ def test_given_tractions_stay(name, degree):
     loose, *tight = pairs(name, degree)
     model, cells = loose.solution.model, loose.cell_geometry
     free = cells.has_second[:, None] | np.zeros(cells.d, dtype=bool)
-    of_cell = model.mesh.topology.connectivity(cells.d, cells.d - 1).array.reshape(-1, cells.d + 1)
+    of_cell = model.space.mesh.topology.connectivity(cells.d, cells.d - 1).array.reshape(
+        -1, cells.d + 1
+    )
     for facets, components in model.fixed_facets:
         free[of_cell[facets[:, 0], facets[:, 1]]] |= components
     here = np.isin(np.arange(len(free)), cells.facets[: model.domain.owned_cells])
@@ -150,10 +152,10 @@ def test_patches_balance_any_residual(seed):
     One wrong sign of a force, couple or bar leaves elements unbalanced.
     """
     model = Model(*random_scene(seed))
-    cells, d = cell_geometry(model), model.d
+    cells, d = cell_geometry(model.space), model.space.d
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     free = np.repeat(cells.has_second[:, None], d, axis=1)
-    moment = Patches(model, cells, compliance, free)(
+    moment = Patches(model.space, cells, compliance, free)(
         np.random.default_rng(seed).standard_normal((len(free), d, d))
     )
     assert abs(moment).max() > 0
@@ -167,14 +169,14 @@ def test_patches_balance_any_residual(seed):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_preconditioner_and_energy_are_symmetric(seed, degree):
     model = Model(*random_scene(seed), degree)
-    cells, d, m = cell_geometry(model), model.d, len(model.facet_points)
+    cells, d, m = cell_geometry(model.space), model.space.d, len(model.space.facet_points)
     compliance = macro_moduli(model, cells, len(cells.nodes), inverse=True)
     energy = ComplementaryEnergy(cells, model.domain.owned_cells, compliance)
     free = np.repeat(cells.has_second[:, None], d, axis=1)
     x, y = np.random.default_rng(seed).standard_normal((2, len(free), m, d))
     operators = [
         (lambda x: energy(x)[1], slice(None)),
-        (Patches(model, cells, compliance, free), slice(None)),
+        (Patches(model.space, cells, compliance, free), slice(None)),
     ]
     if degree == 2:
         operators.append((Blocks(cells, compliance, free, np.full(len(free), True)), slice(d, m)))
@@ -234,13 +236,13 @@ def test_error_is_the_sum_of_both_errors(d, n):
     solution = ec.solve(scene, domain)
     model = solution.model
     near, reference, _ = macro_points(d, 1)
-    every = cell_geometry(model)
+    every = cell_geometry(model.space)
     C, S = macro_moduli(model, every, 1)[0, 0], macro_moduli(model, every, 1, inverse=True)[0, 0]
     for steps in (0, 1, 5):
         pair = ec.equilibrate(solution, tighten=steps)
         e = ec.constitutive_error(pair).absolute
         cells, count = pair.cell_geometry, domain.owned_cells
-        corners = model.V.tabulate_dof_coordinates()[:, :d][cells.nodes[:count]]
+        corners = model.space.V.tabulate_dof_coordinates()[:, :d][cells.nodes[:count]]
         x = corners[:, :1] + np.einsum("qj,nij->nqi", reference, cells.J[:count])
         gradient = x[..., -1, None, None] * A
         gradient[..., -1] += np.einsum("ij,nqj->nqi", A, x)

@@ -84,10 +84,10 @@ def nearly_exact():
 def test_e_bounds_the_true_error_of_anything(degree):
     reference = nearly_exact()
     coarse = solved(degree)
-    nodes = coarse.model.V.tabulate_dof_coordinates()
+    nodes = coarse.model.space.V.tabulate_dof_coordinates()
     sunk = coarse.u.copy()
     sunk.x.array[1::2] -= 0.002 * (7.0 - nodes[:, 1])
-    x = reference.model.V.tabulate_dof_coordinates()[:, :2]
+    x = reference.model.space.V.tabulate_dof_coordinates()[:, :2]
     # The nodes of the coarse mesh are among the nodes of the fine mesh.
     fine = x, reference.u.x.array.reshape(-1, 2)
     given = {
@@ -110,7 +110,7 @@ def test_e_bounds_the_true_error_of_anything(degree):
 def test_points_in_any_order_and_digits():
     solution = solved(2, n=3)
     if MPI.COMM_WORLD.size == 1:
-        x = solution.model.V.tabulate_dof_coordinates()[:, :2]
+        x = solution.model.space.V.tabulate_dof_coordinates()[:, :2]
         u = solution.u.x.array.reshape(-1, 2)
         order = np.random.default_rng(0).permutation(len(x))
         rounded = np.array([[float(f"{value:.5e}") for value in row] for row in x[order]])
@@ -266,10 +266,12 @@ def test_a_result_of_triangles_is_that_of_its_points(degree, shared_tmp_path):
     if MPI.COMM_WORLD.size == 1:
         import meshio
 
-        x = solution.model.V.tabulate_dof_coordinates()
+        x = solution.model.space.V.tabulate_dof_coordinates()
         # DOLFINx has the middle of the edge opposite to a vertex first.
         order = [0, 1, 2] if degree == 1 else [0, 1, 2, 5, 3, 4]
-        cells = {"triangle" if degree == 1 else "triangle6": solution.model.V.dofmap.list[:, order]}
+        cells = {
+            "triangle" if degree == 1 else "triangle6": solution.model.space.V.dofmap.list[:, order]
+        }
         u = np.pad(solution.u.x.array.reshape(-1, 2), ((0, 0), (0, 1)))
         meshio.Mesh(x, cells, point_data={"disp": u}).write(path)
         certificate = ec.certify(SCENE, solution.domain, path)
@@ -291,8 +293,8 @@ def test_a_file_tells_two_bodies_apart(shared_tmp_path):
     certificate = ec.certify(scene, bodies, solution.u)
     parts = MPI.COMM_WORLD.gather(
         (
-            solution.model.V.tabulate_dof_coordinates(),
-            solution.model.V.dofmap.list[: bodies.owned_cells],
+            solution.model.space.V.tabulate_dof_coordinates(),
+            solution.model.space.V.dofmap.list[: bodies.owned_cells],
             solution.u.x.array.reshape(-1, 2),
         )
     )

@@ -43,14 +43,14 @@ def works(pair, points):
     Friction and the rest, shape (f, q) each.
     """
     traction, model = pair.tractions[0], pair.solution.model
-    shape = bernstein(model.d - 1, model.degree, points)
-    nodal = pair.displacement.x.array.reshape(-1, model.d)[traction.nodes]
-    at_nodes = bernstein(model.d - 1, model.degree, model.facet_points)
+    shape = bernstein(model.space.d - 1, model.space.degree, points)
+    nodal = pair.displacement.x.array.reshape(-1, model.space.d)[traction.nodes]
+    at_nodes = bernstein(model.space.d - 1, model.space.degree, model.space.facet_points)
     w = shape @ np.linalg.solve(at_nodes, nodal)
     r = shape @ traction.values
     normal = traction.contact.direction[:, None, :]
     _, slip, length = split(w, normal)
-    parameters = friction_parameters(model, traction.contact, points)
+    parameters = friction_parameters(model.space, traction.contact, points)
     bound = traction.contact.friction_bound(-(r * normal).sum(axis=-1), parameters)
     return 2 * bound * length, 2 * (r * w).sum(axis=-1), slip
 
@@ -68,7 +68,7 @@ def test_exact_in_the_plane(friction, degree):
     sliding, rest, slip = works(pair, t[:, None])
     assert has_kinks(slip) >= 1
     reference = pair.tractions[0].area @ (sliding + rest).mean(axis=1)
-    part = contact_parts(pair.solution.model, pair.displacement, pair.tractions[0]).sum()
+    part = contact_parts(pair.solution.model.space, pair.displacement, pair.tractions[0]).sum()
     scale = pair.tractions[0].area @ sliding.mean(axis=1)
     assert abs(part - reference) <= 1e-8 * scale  # the midpoint rule leaves (1/20000)^2
 
@@ -86,5 +86,5 @@ def test_not_from_below_in_space(degree):
     assert np.linalg.norm(slip, axis=-1).min() < 0.05 * np.linalg.norm(slip, axis=-1).max()
     mean = (sliding + rest) @ np.tile(weights, len(cells)) / len(cells)
     reference = pair.tractions[0].area @ mean
-    part = contact_parts(pair.solution.model, pair.displacement, pair.tractions[0]).sum()
+    part = contact_parts(pair.solution.model.space, pair.displacement, pair.tractions[0]).sum()
     assert reference * (1 - 1e-5) <= part <= reference * (1 + 2e-3)

@@ -69,9 +69,9 @@ def test_patch_test_is_exact(friction, nu):
     scene, (b, c, e) = patch_test(friction, nu)
     domain = ec.rectangle((0.0, 0.0), (1.0, 2.0), size=0.3)
     solution = ec.solve(scene, domain)
-    x = solution.model.V.tabulate_dof_coordinates()
+    x = solution.model.space.V.tabulate_dof_coordinates()
     exact = np.column_stack([c + b * x[:, 1], e * x[:, 1]])
-    owned = solution.model.V.dofmap.index_map.size_local
+    owned = solution.model.space.V.dofmap.index_map.size_local
     difference = abs(solution.u.x.array.reshape(-1, 2) - exact)[:owned].max(initial=0.0)
     assert domain.mesh.comm.allreduce(difference, MPI.MAX) < 1e-12 * abs(exact).max()
     error = ec.constitutive_error(ec.equilibrate(solution))
@@ -130,7 +130,7 @@ def test_parts(seed):
         error.relative**2, rel=1e-12
     )
     for traction in error.admissible.tractions:
-        part = contact_parts(error.solution.model, error.admissible.displacement, traction)
+        part = contact_parts(error.solution.model.space, error.admissible.displacement, traction)
         assert part.min(initial=0.0) >= -1e-14 * error.scale**2
     assert error.oscillation > 0  # the body force of these scenes is not piecewise constant
 

@@ -80,7 +80,7 @@ def errors(case: str) -> tuple[list[ec.ConstitutiveError], ec.ConstitutiveError]
 def test_resultants_hold_those_of_a_fine_mesh(case):
     coarse, fine = errors(case)
     name = CASES[case][2]
-    d = fine.admissible.solution.model.d
+    d = fine.admissible.solution.model.space.d
     true = sum_of(fine.admissible.tractions[0])
     for axis in range(d):
         bounds = [ec.resultant(error, name, np.eye(d)[axis]) for error in coarse]
@@ -142,7 +142,7 @@ def test_middle_is_that_of_both_stresses(case, degree):
     error = error_of(scene, mesh(n), tighten=2, degree=degree)
     pair = error.admissible
     model, cells, count = pair.solution.model, pair.cell_geometry, pair.solution.domain.owned_cells
-    d = model.d
+    d = model.space.d
     shape, points, weights = macro_points(d, degree)
     sigma = np.matmul(shape, pair.stress).reshape(count, len(points), -1)
     elastic = elastic_stress(model, cells, pair.displacement, count)
@@ -153,7 +153,7 @@ def test_middle_is_that_of_both_stresses(case, degree):
         value = np.einsum(
             "n,q,nqs,nqs->", cells.volume[:count], weights, 0.5 * (sigma + elastic), strain
         )
-        value = model.comm.allreduce(float(value), MPI.SUM)
+        value = model.space.comm.allreduce(float(value), MPI.SUM)
         loads = load_work(model, phi).value
         b = ec.resultant(error, name, a)
         assert b.value == pytest.approx(value - loads, rel=1e-9, abs=1e-12 * error.scale)
@@ -238,7 +238,7 @@ def test_weighted_resultant():
     square = [ec.rectangle((0, 0), (1, 1), cells=(n, n)) for n in (4, 64)]
     coarse, fine = (error_of(held_at_the_side(), domain) for domain in square)
     traction = fine.admissible.tractions[0]
-    ends = fine.admissible.solution.model.V.tabulate_dof_coordinates()[traction.nodes][..., 0]
+    ends = fine.admissible.solution.model.space.V.tabulate_dof_coordinates()[traction.nodes][..., 0]
     for a in np.eye(2):
         b = ec.resultant(coarse, "bottom", a)
         assert b.weighted
@@ -333,7 +333,7 @@ def test_rank_independence(make):
         model = error.solution.model
         bounds = [ec.potential_energy(error)]
         for contact in model.contacts:
-            bounds += [ec.resultant(error, contact.name, a) for a in np.eye(model.d)]
+            bounds += [ec.resultant(error, contact.name, a) for a in np.eye(model.space.d)]
         results.append(bounds)
     scale = max(abs(b.value) for b in results[0])
     for a, b in zip(*results, strict=True):

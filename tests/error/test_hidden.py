@@ -35,19 +35,20 @@ def composite_rule():
 def own_integral(pair):
     """Twice the integral of Fenchel's gap of a pair in the plane."""
     model = pair.model
+    space = model.space
     law = model.linearised.law
     cells = pair.cell_geometry
-    strain = CellStrains.of(model, cells, pair.displacement)
+    strain = CellStrains.of(space, cells, pair.displacement)
     cell = np.arange(model.domain.owned_cells)
     total = 0.0
-    for piece in cell_pieces(model.d):
+    for piece in cell_pieces(space.d):
         rule = composite_rule() @ piece
         places = np.broadcast_to(rule, (len(cell), *rule.shape))
         x = places @ cells.corners[cell]
-        sigma = macro_values(pair.stress, model.degree, cell, places)
+        sigma = macro_values(pair.stress, space.degree, cell, places)
         eps = strain.at(cell, places, x)
         near = np.zeros(sigma.shape[:2])
-        gap = model.constitution.fenchel(law, eps, sigma, near, x, model.owned_cells[cell])
+        gap = model.constitution.fenchel(law, eps, sigma, near, x, space.owned_cells[cell])
         total += cells.volume[cell] @ gap[..., 0].mean(axis=1) / 3
     return total
 

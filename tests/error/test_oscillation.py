@@ -257,7 +257,7 @@ def test_asperity_between_the_nodes(width, degree):
     pair = error.admissible
     model, (traction,) = pair.solution.model, pair.tractions
     t = np.linspace(0, 1, 1001)[:, None]
-    x = evaluate(model.x, model.mesh, t, traction.contact.facets)
+    x = evaluate(model.space.x, model.space.mesh, t, traction.contact.facets)
     down = -np.matmul(
         lagrange(1, degree, t), pair.displacement.x.array.reshape(-1, 2)[traction.nodes]
     )[..., 1]
@@ -367,15 +367,15 @@ def by_brute_force(scene: ec.Scene, n: int) -> np.ndarray:
     """Energy and vertical force on the foundation of a fine quadratic solution, with quadrature of high degree."""
     solution = ec.solve(scene, square(n), degree=2)
     model, u = solution.model, solution.u
-    (contact,), phi = model.contacts, fem.Function(model.V)
+    (contact,), phi = model.contacts, fem.Function(model.space.V)
     (load,) = model.surface_loads
     on_right, traction = load.ds, load.density
     dx, on_right, on_contact = (
-        m(metadata={"quadrature_degree": 12}) for m in (model.dx, on_right, contact.ds)
+        m(metadata={"quadrature_degree": 12}) for m in (model.space.dx, on_right, contact.ds)
     )
     slip = u - ufl.dot(u, contact.normal) * contact.normal
     friction = contact.friction.bound(0.0) * ufl.sqrt(ufl.dot(slip, slip)) * on_contact
-    phi.x.array.reshape(-1, 2)[np.unique(model.facet_nodes(contact.facets)), 1] = 1.0
+    phi.x.array.reshape(-1, 2)[np.unique(model.space.facet_nodes(contact.facets)), 1] = 1.0
 
     def elastic(v, w):
         return ufl.inner(model.stress(v), strain(w)) * dx

@@ -283,7 +283,7 @@ def test_sizes_do_not_depend_on_the_number_of_ranks():
     assert sizes[0].predicted_cells == pytest.approx(sizes[1].predicted_cells, rel=1e-6)
     assert sizes[0].predicted_eps == pytest.approx(sizes[1].predicted_eps, rel=1e-6)
     everywhere = [
-        np.sort(np.concatenate(s.error.solution.model.comm.allgather(s.ratio))) for s in sizes
+        np.sort(np.concatenate(s.error.solution.model.space.comm.allgather(s.ratio))) for s in sizes
     ]
     assert np.allclose(everywhere[0], everywhere[1], rtol=1e-5)
 

@@ -170,7 +170,7 @@ def test_distances_are_bounded_without_a_search(d, degree):
     facets = contact.facets
     places = np.random.default_rng(1).dirichlet(np.ones(d), 400)
     x = places @ contact.trace.here.corners
-    gap = Everywhere(contact.gap, solution.model.mesh)(x, facets).reshape(len(facets), -1)
+    gap = Everywhere(contact.gap, solution.model.space.mesh)(x, facets).reshape(len(facets), -1)
     shape = bernstein(d - 1, degree, places[:, 1:])
     below = gap_limits(solution.model, contact, solution.u.x.array.reshape(-1, d)) @ shape.T
     scale = abs(gap).max()
@@ -180,7 +180,7 @@ def test_distances_are_bounded_without_a_search(d, degree):
     of_w = contact.trace.coefficients(contact.trace.of(solution.u.x.array))
     w_n = ((shape @ of_w) * contact.trace.normals_at_places(places)).sum(axis=-1)
     excess = np.maximum((w_n - gap).max(axis=1), 0.0)
-    bound = excess_over_gap(solution.model, contact, of_w)
+    bound = excess_over_gap(solution.model.space, contact, of_w)
     assert np.all(bound >= excess - 1e-14 * scale)
     assert (bound - excess).max() < 0.01 * scale
 

@@ -75,7 +75,7 @@ def test_a_column_lifts_off():
 def test_error_in_the_law():
     entry, pressure = np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(0.0, 3.0, 31))
     k = np.full(entry.shape, 2.0)
-    value = law_error(*spring_of(entry, pressure, k))
+    value = law_error(spring_of(entry, pressure, k))
     beyond = abs(pressure - k * np.maximum(entry, 0.0))
     assert np.all(value[beyond < 1e-12] < 1e-15)
     # It is at least the least convex one: the square of what the law is missed by.

@@ -87,12 +87,12 @@ def slipping(d: int, order: str) -> tuple[ec.Scene, dict]:
 
 def distance(solution: ec.Solution, exact: dict) -> float:
     """Largest difference of u from the exact one of its body, over the slip; collective."""
-    model = solution.model
-    x = model.V.tabulate_dof_coordinates()
-    u = solution.u.x.array.reshape(-1, model.d)
+    space = solution.model.space
+    x = space.V.tabulate_dof_coordinates()
+    u = solution.u.x.array.reshape(-1, space.d)
     worst = 0.0
     for body, of_body in exact.items():
-        nodes = np.unique(model.nodes[model.domain.region(body)])
+        nodes = np.unique(space.nodes[space.domain.region(body)])
         along, across = of_body(x[nodes].T)
         difference = np.column_stack([u[nodes, 0] - along, u[nodes, -1] - across])
         worst = max(worst, abs(difference).max(initial=0.0))

@@ -404,10 +404,10 @@ def test_cells_at_a_sharp_edge_have_both_normals():
     sides_of_cell = np.bincount(facets[:, 0])
     assert sides_of_cell.max() >= 2
     # Each side bulges a little.
-    own = model.outward_normals(facets)
-    tilted = own[:, None] + 0.05 * model.facet_corners(facets) * (1 - abs(own[:, None]))
+    own = model.space.outward_normals(facets)
+    tilted = own[:, None] + 0.05 * model.space.facet_corners(facets) * (1 - abs(own[:, None]))
     tilted /= np.linalg.norm(tilted, axis=-1)[..., None]
-    normal, of_corners = normal_field(model, facets, tilted)
+    normal, of_corners = normal_field(model.space, facets, tilted)
     assert abs(of_corners - tilted).max() < 1e-15
     points, _ = rule(2, 4)
     expected = interpolate_normals(tilted, barycentric(points))
@@ -475,9 +475,10 @@ def test_normals_are_exact_on_quadrics(kind):
     facets = domain.facets("curved")
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("curved", (0.0, 0.0, 0.0))])
     model = Model(scene, domain, 1, None)
-    corners = model.facet_corners(facets)
-    own = outward_normals(model.cell_corners()[facets[:, 0]], facets[:, 1])
-    found = vertex_normals(COMM, corners, model.facet_nodes(facets), own)
+    space = model.space
+    corners = space.facet_corners(facets)
+    own = outward_normals(space.cell_corners()[facets[:, 0]], facets[:, 1])
+    found = vertex_normals(COMM, corners, space.facet_nodes(facets), own)
     radial = corners.copy()
     if kind != "sphere":
         radius = np.linalg.norm(corners[..., :2], axis=2)

@@ -140,7 +140,9 @@ def test_contact_part_by_other_formulas(degree):
     assert density.min() > -1e-12 * work.max()
     comm = error.domain.comm
     own = comm.allreduce(float(2 * trace.here.owned_areas @ density.mean(axis=1)))
-    parts = comm.allreduce(float(contact_parts(error.model, pair.displacement, traction).sum()))
+    parts = comm.allreduce(
+        float(contact_parts(error.model.space, pair.displacement, traction).sum())
+    )
     assert own > 1e-3 * error.absolute**2
     assert parts == pytest.approx(own, rel=0.03)
 

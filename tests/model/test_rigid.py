@@ -165,7 +165,7 @@ def test_resultants_and_motions(case):
     for given, found in zip(rigid.motions, motions, strict=True):
         assert given is None or found == pytest.approx(given, abs=1e-14)
     # u^ is rigid on the face.
-    x = error.model.V.tabulate_dof_coordinates()[:, : rigid.d]
+    x = error.model.space.V.tabulate_dof_coordinates()[:, : rigid.d]
     on_face = abs(x[:, -1] - 1.0) < 1e-12
     turned = x[on_face] - arm
     if rigid.d == 2:

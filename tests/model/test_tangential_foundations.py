@@ -150,7 +150,7 @@ def test_error_in_the_law():
     r_t = rng.uniform(-1.0, 1.0, slide.shape)
     r_t *= (b * rng.uniform(0.0, 1.0, k.shape) / np.linalg.norm(r_t, axis=-1))[..., None]
     law = slider_of(slide, r_t, b, k)
-    value = law_error(*law)
+    value = law_error(law)
     # Fenchel's inequality as it stands, with Huber's function.
     length = np.linalg.norm(slide, axis=-1)
     stored = np.where(k * length <= b, k * length**2 / 2, b * length - b**2 / (2 * k))
@@ -158,10 +158,10 @@ def test_error_in_the_law():
     assert value == pytest.approx(stored + other + (r_t * slide).sum(axis=-1), abs=1e-13)
     beyond = ((r_t + law.allowed) ** 2).sum(axis=-1)
     assert np.all(value >= beyond / (2 * k) - 1e-15)
-    assert np.all(law_error(*slider_of(slide, -law.allowed, b, k)) < 1e-15)
+    assert np.all(law_error(slider_of(slide, -law.allowed, b, k)) < 1e-15)
     # A stiff one has the term of a rigid foundation.
     rigid = b * length + (r_t * slide).sum(axis=-1)
-    assert law_error(*slider_of(slide, r_t, b, 1e9 * k)) == pytest.approx(rigid, abs=1e-8)
+    assert law_error(slider_of(slide, r_t, b, 1e9 * k)) == pytest.approx(rigid, abs=1e-8)
 
 
 def pressed(k, friction=0.3, k_n=None, moved=(0.01, -0.02)) -> ec.Scene:

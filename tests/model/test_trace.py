@@ -103,7 +103,7 @@ def two_sided(d: int, degree: int):
     model = bind(scene, domain, degree)
     here, there = facing_facets(domain)
     normal = np.tile(np.eye(d)[0], (len(here), 1))
-    sides = [model.side(facets, model.modulus) for facets in (here, there)]
+    sides = [model.space.side(facets, model.modulus) for facets in (here, there)]
     return model, Trace(sides[0], sides[1], normal)
 
 
@@ -116,13 +116,13 @@ class TestTwoSides:
         model, trace = two_sided(d, degree)
         count = COMM.allreduce(int(trace.here.owned.sum()))
         assert count == (N if d == 2 else 2 * N**2)
-        x = model.V.tabulate_dof_coordinates()[:, :d]
+        x = model.space.V.tabulate_dof_coordinates()[:, :d]
         continuous = np.sin(x @ np.arange(1.0, d + 1))[:, None] * np.ones(d)
         assert abs(trace.of(continuous)).max(initial=0.0) <= 1e-14
         # The left box moves away by a known field.
         is_left = np.zeros(len(x), dtype=bool)
-        left_cells = x[model.nodes].mean(axis=1)[:, 0] < 1.0
-        is_left[model.nodes[left_cells]] = True
+        left_cells = x[model.space.nodes].mean(axis=1)[:, 0] < 1.0
+        is_left[model.space.nodes[left_cells]] = True
         opened = continuous + np.where(is_left[:, None], x**2 + 0.5, 0.0)
         known = (x**2 + 0.5)[trace.here.nodes]
         assert abs(trace.of(opened) - known).max(initial=0.0) <= 1e-14
@@ -130,7 +130,7 @@ class TestTwoSides:
     def test_back_is_its_transpose(self, d, degree):
         model, trace = two_sided(d, degree)
         rng = np.random.default_rng(COMM.rank)
-        u = rng.standard_normal((model.node_count, d))
+        u = rng.standard_normal((model.space.node_count, d))
         forces = rng.standard_normal(trace.of(u).shape)
         nodal = trace.back(forces)
         work = (forces * trace.of(u)).sum()
@@ -148,7 +148,7 @@ class TestTwoSides:
         cells = trace.share(values)
         assert cells.sum() == pytest.approx(values.sum())
         # The cells of both sides get their halves from whichever rank has the facet.
-        of_owners = sums_of_cells(model, cells)
+        of_owners = sums_of_cells(model.space, cells)
         assert COMM.allreduce(of_owners.sum()) == pytest.approx(COMM.allreduce(values.sum()))
         for side in (trace.here, trace.there):
             owned = side.facets[side.owned, 0]
@@ -166,7 +166,7 @@ def test_foundation(degree):
     trace = model.contact("bottom").trace
     nodal = first.u.x.array.reshape(-1, 2)
     w = trace.of(first.u.x.array)
-    assert np.array_equal(w, nodal[model.facet_nodes(trace.here.facets)])
+    assert np.array_equal(w, nodal[model.space.facet_nodes(trace.here.facets)])
     # The normal is vertical: the history takes the tangential component away.
     assert abs(trace.since(first.u.x.array)[..., 0]).max(initial=0.0) <= 1e-15
     assert np.array_equal(trace.since(first.u.x.array)[..., 1], w[..., 1])
@@ -175,6 +175,13 @@ def test_foundation(degree):
     assert np.allclose(shape @ trace.coefficients(w)[..., 0][..., None], w[..., :1], atol=1e-16)
     assert trace.stiffness == pytest.approx(2.0 / 0.25)
     assert trace.here.owned_areas.sum() == pytest.approx(0.25 * trace.here.owned.sum())
+    # The other side has no facets: it gets no forces, and holds no component.
+    forces = np.ones(w.shape)
+    assert trace.partners.shape == (0, degree + 1)
+    assert not trace.back_there(forces).any()
+    assert np.array_equal(trace.back(forces), trace.back_here(forces))
+    assert trace.fixed(np.ones(nodal.shape, dtype=bool)).all()
+    assert trace.share(np.ones(len(w))).sum() == pytest.approx(len(w))
 
 
 @pytest.mark.parametrize("degree", [1, 2])

@@ -213,7 +213,7 @@ def test_gap_and_normal_are_those_of_the_true_surface(normal, shared_tmp_path):
     model = Model(scene, domain)
     bound = model.contacts[0]
     points = np.array([[1 / 3, 1 / 3], [0.5, 0.5], [0.2, 0.6]])
-    values, x = (evaluate(e, domain.mesh, points, bound.facets) for e in (bound.gap, model.x))
+    values, x = (evaluate(e, domain.mesh, points, bound.facets) for e in (bound.gap, model.space.x))
     polygon = 1.1 - np.linalg.norm(x, axis=2)
     assert COMM.allreduce(float((polygon - 0.1).max(initial=0.0)), MPI.MAX) > 0.01
     assert abs(values - 0.1).max(initial=0.0) < 1e-3  # the offset is quadratic on each facet
@@ -249,9 +249,12 @@ def test_hertz_by_marking():
     peak = 2 * force / (np.pi * half_width)
     points = np.linspace(0, 1, 9)[:, None]
     pressure = -traction.normal_component @ bernstein(1, 2, points).T
-    x = evaluate(model.x, domain if model is None else model.mesh, points, traction.contact.facets)[
-        ..., 0
-    ]
+    x = evaluate(
+        model.space.x,
+        domain if model is None else model.space.mesh,
+        points,
+        traction.contact.facets,
+    )[..., 0]
     hertzian = peak * np.sqrt(np.maximum(1 - (x / half_width) ** 2, 0.0))
     own = (traction.contact.facets[:, 0] < model.domain.owned_cells)[:, None] & (
         abs(x) < 0.98 * half_width

@@ -32,14 +32,15 @@ def missing(scene: ec.Scene, domain: ec.Domain) -> list[Imbalance]:
 def nodal_moment(solution: ec.Solution) -> np.ndarray:
     """``sum u_i F_j - u_j F_i`` over nodal forces of supports, contacts and loads."""
     model = solution.model
-    d = model.d
+    space = model.space
+    d = space.d
     nodal = sum(solution._nodal_reactions().values())
-    loads = model.loads(ufl.TestFunction(model.V))
+    loads = model.loads(ufl.TestFunction(space.V))
     if loads is not None:
         from erc_contact.model.forces import _assemble
 
-        nodal = nodal + _assemble(model, loads)
-    owned = model.V.dofmap.index_map.size_local
+        nodal = nodal + _assemble(space, loads)
+    owned = space.V.dofmap.index_map.size_local
     u = solution.u.x.array.reshape(-1, d)[:owned]
     product = np.einsum("ni,nj->ij", u, nodal[:owned])
     total = COMM.allreduce(product - product.T, MPI.SUM)

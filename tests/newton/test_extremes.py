@@ -41,18 +41,19 @@ def check(error: ec.ConstitutiveError) -> None:
     """
     solution = error.solution
     model = solution.model
-    points, _ = rule(model.d - 1, model.contact_degree)
+    space = model.space
+    points, _ = rule(space.d - 1, space.contact_degree)
     tractions = [
-        evaluate(solution.traction(c), model.mesh, points, c.facets) for c in model.contacts
+        evaluate(solution.traction(c), space.mesh, points, c.facets) for c in model.contacts
     ]
     inside = abs(
-        cell_stress(model, cell_geometry(model), solution.u).in_plane
+        cell_stress(model, cell_geometry(space), solution.u).in_plane
     ).max()  # an open contact's is round-off of it
     scale = max(inside, *(abs(r).max() for r in tractions)) or 1.0
     assert np.isfinite([error.relative, inside, abs(solution.u.x.array).max()]).all()
     for contact, r in zip(model.contacts, tractions, strict=True):
         r_n, _, shear = split(r / scale, contact.direction[:, None, :])
-        parameters = friction_parameters(model, contact, points)
+        parameters = friction_parameters(space, contact, points)
         bound = contact.friction_bound(np.maximum(-r_n, 0.0) * scale, parameters) / scale
         assert max(r_n.max(), (shear - bound).max()) < 1e-12
 

@@ -110,11 +110,13 @@ def test_the_error_of_the_displacement_is_bounded():
         elastic = dataclasses.replace(fine.scene, material=ec.Elastic(1.0, 0.3))
         if isinstance(material, Hencky):
             elastic = dataclasses.replace(fine.scene, material=Quadratic(*material.elastic))
-        difference = carry_displacement(error.admissible.displacement, error.solution.model, model)
+        difference = carry_displacement(
+            error.admissible.displacement, error.solution.model.space, model.space
+        )
         assert difference is not None
         difference.x.array[:] -= fine.u.x.array
         norm = ec.solve(elastic, fine.domain).model
-        square = assemble_number(norm, norm.stiffness(difference, difference))
+        square = assemble_number(norm.space, norm.stiffness(difference, difference))
         assert 0.3 * error.absolute < np.sqrt(square) < error.displacement_error
 
 
@@ -182,14 +184,14 @@ def test_a_ring_that_is_let_go():
 def test_a_state_on_a_refined_mesh_in_any_unit(unit):
     """Children inherit it, however small the body is."""
     coarse, fine = (Model(pressed(STEEL), scaled(unit, n), 1) for n in (2, 8))
-    field = LawState.of(coarse, 1, lambda x, cells: (x @ [[3.0], [7.0]]) / unit)
-    carried_over = carry_state(field, fine)
-    middles = fine.cell_corners()[fine.owned_cells].mean(axis=1)
+    field = LawState.of(coarse.space, 1, lambda x, cells: (x @ [[3.0], [7.0]]) / unit)
+    carried_over = carry_state(field, fine.space)
+    middles = fine.space.cell_corners()[fine.space.owned_cells].mean(axis=1)
     columns, rows = (np.floor(2 * middles[:, axis] / unit) for axis in (0, 1))
     # A cell of the coarse mesh is left or right of the diagonal of its square.
     within = 2 * middles / unit - np.column_stack([columns, rows])
     key = 4 * columns + 2 * rows + (within[:, 0] > within[:, 1])
-    values = carried_over.in_cells(fine.owned_cells)[:, 0, 0]
+    values = carried_over.in_cells(fine.space.owned_cells)[:, 0, 0]
     key, values = (np.concatenate(COMM.allgather(known)) for known in (key, values))
     assert carried_over.moved < 1e-14
     for number in np.unique(key):

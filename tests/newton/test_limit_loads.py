@@ -135,7 +135,7 @@ def test_what_has_a_solution_is_not_refused(seed):
         contacts.append(ec.Contact(here, against=there, friction=friction, gap=gap))
     scene = ec.Scene(SOFT, loads=ec.BodyForce((0.0,) * d), contacts=contacts)
     model = bind(scene, domain, 1, None)
-    nodal = model.function()
+    nodal = model.space.function()
     for contact, told_contact in zip(model.contacts, contacts, strict=True):
         trace = contact.trace
         shape = trace.here.nodes.shape

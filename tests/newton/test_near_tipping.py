@@ -61,7 +61,7 @@ def test_cells_that_press_are_named():
     solution = ec.solve(pushed(0.97), block)
     with pytest.raises(TooCoarse, match="refine the mesh at the contact") as failure:
         ec.equilibrate(solution)
-    middles = solution.model.cell_corners()[failure.value.cells].mean(axis=1)
+    middles = solution.model.space.cell_corners()[failure.value.cells].mean(axis=1)
     assert len(middles) > 0
     assert (middles[:, 1] < 0.2).all()
     assert (middles[:, 0] > 0.6).all()

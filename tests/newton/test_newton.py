@@ -38,23 +38,23 @@ METHODS = [ec.Nitsche(), ec.Nitsche(theta=-1), ec.AugmentedLagrangian()]
 
 def whole_residual(solution: ec.Solution) -> float:
     """Largest nodal force out of balance in the whole body, over the largest internal one."""
-    model, u, v = solution.model, solution.u, ufl.TestFunction(solution.model.V)
+    model, u, v = solution.model, solution.u, ufl.TestFunction(solution.model.space.V)
     inner = model.stiffness(u, v)
     residual = inner - (model.loads(v) or 0)
     for k, contact in enumerate(model.contacts):
         if solution.method.multiplier:
             residual -= ufl.inner(solution.multipliers[k], v) * contact.ds(
-                metadata=solution.model.nodal_rule
+                metadata=solution.model.space.nodal_rule
             )
         else:
             residual += solution.method.equations(model, contact, u, v)
     sizes = []
     for form in (residual, inner):
-        force = fem.Function(model.V)
+        force = fem.Function(model.space.V)
         fem.assemble_vector(force.x.array, fem.form(form))
         force.x.scatter_reverse(la.InsertMode.add)
         force.x.array[model.fixed.ravel()] = 0.0
-        owned = model.V.dofmap.index_map.size_local * model.d
+        owned = model.space.V.dofmap.index_map.size_local * model.space.d
         sizes.append(COMM.allreduce(float(abs(force.x.array[:owned]).max(initial=0.0)), MPI.MAX))
     return sizes[0] / sizes[1]
 
@@ -104,7 +104,7 @@ def test_parameters_change_little():
 def test_augmented_lagrangian_keeps_the_conditions_at_the_nodes():
     solution = ec.solve(common_block(), block(16), ec.AugmentedLagrangian())
     model, contact = solution.model, solution.model.contacts[0]
-    nodes = model.facet_nodes(contact.facets)
+    nodes = model.space.facet_nodes(contact.facets)
     u = solution.u.x.array.reshape(-1, 2)[nodes]
     r = solution.multipliers[0].x.array.reshape(-1, 2)[nodes]
     size = COMM.allreduce(abs(r).max(initial=0.0), MPI.MAX)
@@ -187,7 +187,7 @@ def test_continuum_of_solutions_is_reported(method, caplog):
         assert not one.singular
         assert one.least_singular_value > 1e-6
     u = ec.solve(*triangle(1.9), method).u.x.array.reshape(-1, 2)
-    x = many.model.V.tabulate_dof_coordinates()
+    x = many.model.space.V.tabulate_dof_coordinates()
     exact = 0.1 + 0.533333 * x[:, 1] + 0.4 * (x[:, 0] - 4 * x[:, 1] / 3), -0.1 * x[:, 1]
     assert abs(u - np.column_stack(exact)).max(initial=0.0) < 1e-5
 
@@ -409,7 +409,7 @@ def test_foundation_with_turning_normals(d):
         make = ec.rectangle if d == 2 else ec.box
         pair = ec.equilibrate(ec.solve(scene, make((0.0,) * d, (1.0,) * d, cells=(n,) * d)))
         t = pair.tractions[0]
-        x = pair.solution.model.V.tabulate_dof_coordinates()[t.nodes].mean(axis=1)[:, :d]
+        x = pair.solution.model.space.V.tabulate_dof_coordinates()[t.nodes].mean(axis=1)[:, :d]
         inward = (np.array(centre) - x) / np.linalg.norm(np.array(centre) - x, axis=1)[:, None]
         assert np.allclose(t.contact.direction, inward, atol=0.03)
         assert np.abs(t.tangential_part).max(initial=0.0) <= 1e-15
@@ -424,7 +424,7 @@ def test_integral_of_the_traction_balances_the_load():
     for method in (ec.Nitsche(), ec.AugmentedLagrangian()):
         solution = ec.solve(greco(), ec.rectangle((0.0, 0.0), (40.0, 40.0), cells=(8, 8)), method)
         contact = solution.model.contacts[0]
-        ds = contact.ds(metadata={"quadrature_degree": solution.model.contact_degree})
+        ds = contact.ds(metadata={"quadrature_degree": solution.model.space.contact_degree})
         pressure = solution.traction(contact)[1] * ds
         assert COMM.allreduce(fem.assemble_scalar(fem.form(pressure))) == pytest.approx(
             2000.0, rel=1e-9

@@ -158,24 +158,25 @@ def test_children_have_the_state_of_their_parents(degree):
     after = solution.model.linearised.state_at_end(solution.u)
     marked = np.arange(0, solution.domain.owned_cells, 3)
     fine = Model(scene_at(2.0), solution.domain.refined(marked), degree)
-    children = carry_state(after, fine)
+    children = carry_state(after, fine.space)
     assert children.moved < 1e-14
     assert fine.domain.cells > solution.domain.cells
     # Integrals of polynomials over both meshes, by the nodes of a linear function.
     assert _moments(after, solution.model) == pytest.approx(_moments(children, fine), rel=1e-12)
-    assert carry_state(after, solution.model) is after
+    assert carry_state(after, solution.model.space) is after
 
 
 def _moments(state, model):
     """Integrals of all components times 1, x and y, over all ranks."""
-    corners = model.cell_corners()[model.owned_cells]
+    space = model.space
+    corners = space.cell_corners()[space.owned_cells]
     points = np.array([[4.0, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6
     x = np.matmul(points, corners)
-    values = state.at(x, model.owned_cells)
+    values = state.at(x, space.owned_cells)
     volume = abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) / 6
     weights = np.concatenate([np.ones_like(x[..., :1]), x], axis=-1)
     local = np.einsum("n,nqi,nqj->ij", volume, values, weights)
-    return model.comm.allreduce(local, MPI.SUM).ravel()
+    return space.comm.allreduce(local, MPI.SUM).ravel()
 
 
 @pytest.mark.serial
@@ -186,8 +187,8 @@ def test_the_law_is_convex_where_the_polynomial_of_the_state_is_below_zero():
     scene = ec.Scene(hard, ec.Displacement("top", (0.06, -0.12)), contacts=contact)
     first = ec.solve(scene, layer(), ec.AugmentedLagrangian(), degree=2)
     law = Model(scene, first.domain, 2, last=last_step(first)).linearised.law
-    cells = first.model.owned_cells
-    x = first.model.cell_corners()[cells]
+    cells = first.model.space.owned_cells
+    x = first.model.space.cell_corners()[cells]
     limit = hard.yield_stress + hard.hardening * law.state.at(x, cells)[..., -1]
     assert limit.min() < -0.5 * hard.yield_stress
     strain = 0.02 * np.random.default_rng(0).normal(size=(*x.shape[:2], 3))
@@ -229,7 +230,7 @@ def test_ranks_move_a_state_alike(degree):
         solution = ec.solve(scene, layer(comm), degree=degree)
         after = solution.model.linearised.state_at_end(solution.u)
         other = Model(scene, layer(comm, (5, 3)), degree)
-        state = carry_state(after, other)
+        state = carry_state(after, other.space)
         assert 1e-3 < state.moved < 1.0
         moved.append([state.moved, *_moments(state, other)])
     assert moved[1] == pytest.approx(moved[0], rel=1e-8, abs=1e-12)
@@ -312,7 +313,9 @@ def test_energies_add_up_to_the_error_on_rings(degree, friction):
     pair, model = error.admissible, error.model
     psi, psi_star = energies_of_law(error)
     loads = load_work(model, pair.displacement).value
-    of_friction = sum(friction_work(model, t, pair.displacement, 0.0).value for t in pair.tractions)
+    of_friction = sum(
+        friction_work(model.space, t, pair.displacement, 0.0).value for t in pair.tractions
+    )
     J = psi - loads + of_friction
     J_star = psi_star - error.force("top").force[1] * -0.01
     half = psi + psi_star - stress_work(pair, pair.displacement).value + error.contact_error**2 / 2

@@ -113,7 +113,8 @@ def test_energies_add_up_to_the_error(d, degree, friction):
     loads = load_work(model, pair.displacement).value
     unknown = 1e-3 * error.contact_error**2
     of_friction = sum(
-        friction_work(model, t, pair.displacement, unknown / 100).value for t in pair.tractions
+        friction_work(model.space, t, pair.displacement, unknown / 100).value
+        for t in pair.tractions
     )
     supports = float(error.force("top").force @ np.array(vector(d, 0.004, -0.03)))
     J, J_star = psi - loads + of_friction, psi_star - supports

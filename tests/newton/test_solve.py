@@ -34,7 +34,7 @@ def ends(traction: ContactTraction, solution: ec.Solution) -> tuple[np.ndarray, 
 
     Their ends, and their status (0 open, 1 slip, 2 stick).
     """
-    x = np.sort(solution.model.V.tabulate_dof_coordinates()[traction.nodes][:, :, 0], axis=1)
+    x = np.sort(solution.model.space.V.tabulate_dof_coordinates()[traction.nodes][:, :, 0], axis=1)
     pressure = -traction.normal_component.mean(axis=1)
     shear = np.linalg.norm(traction.tangential_part.mean(axis=1), axis=1)
     bound = traction.friction_bound.mean(axis=1)
@@ -47,7 +47,7 @@ def ends(traction: ContactTraction, solution: ec.Solution) -> tuple[np.ndarray, 
 
 def check_greco(solution: ec.Solution) -> None:
     pair = ec.equilibrate(solution)
-    x = solution.model.V.tabulate_dof_coordinates()
+    x = solution.model.space.V.tabulate_dof_coordinates()
     bottom = np.flatnonzero(abs(x[:, 1]) < 1e-9)
     bottom = bottom[np.argsort(x[bottom, 0])]
     u = np.interp(GRECO_X, x[bottom, 0], solution.u.x.array.reshape(-1, 2)[bottom, 0])
@@ -96,8 +96,10 @@ def test_common_block_forces_and_zones():
     # digits of the codes
     model, contact = solution.model, solution.model.contacts[0]
     shear = fem.form(solution.traction(contact)[0] * contact.ds(metadata={"quadrature_degree": 4}))
-    assert model.comm.allreduce(fem.assemble_scalar(shear)) == pytest.approx(-0.001350, abs=0.6e-6)
-    if model.comm.size == 1:
+    assert model.space.comm.allreduce(fem.assemble_scalar(shear)) == pytest.approx(
+        -0.001350, abs=0.6e-6
+    )
+    if model.space.comm.size == 1:
         nodes = np.unique(traction.nodes)
         pressure = np.bincount(traction.nodes.ravel(), -traction.normal_component.ravel())[nodes]
         slide = np.bincount(traction.nodes.ravel(), traction.tangential_part[..., 0].ravel())[nodes]
@@ -126,7 +128,7 @@ def test_frictionless_scene_has_no_friction_term():
     solution = ec.solve(scene, block(4))
     model = solution.model
     form = solution.method.equations(
-        model, model.contacts[0], solution.u, ufl.TestFunction(model.V)
+        model, model.contacts[0], solution.u, ufl.TestFunction(model.space.V)
     )
     assert model.contacts[0].friction is None
     assert model.contacts[0].gap is None

@@ -98,7 +98,7 @@ def check(case: str, degree: int) -> None:
     at_contact[local] = rng.standard_normal(len(local))
     x, b, residual = solved(elastic, at_contact)
     assert residual < 1e-12
-    u, force = model.function(), model.function()
+    u, force = model.space.function(), model.space.function()
     u.x.array[:owned], force.x.array[:owned] = x, b
     u_L, force_L = elastic.gather(u), elastic.gather(force)
     if COMM.rank == 0:
@@ -228,7 +228,7 @@ def test_units_do_not_change_a_digit(exponent):
             contacts=ec.Contact("u bottom", against="l top", friction=0.3),
         )
         elastic = Stiffness(bind(scene, domain, 1))
-        force = elastic.model.function()
+        force = elastic.model.space.function()
         force.x.array[:] = unit * np.cos(np.arange(len(force.x.array)))
         elastic.free()  # the next factor is a plain one
         return elastic.schur / unit, elastic.solve_glued(force, supports=False).x.array

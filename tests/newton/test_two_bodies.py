@@ -110,12 +110,12 @@ def patch(name: str, d: int) -> tuple[ec.Scene, dict]:
 
 def distance(solution: ec.Solution, exact) -> float:
     """Largest difference of u from the exact one of its body, over the largest u; collective."""
-    model = solution.model
-    x = model.V.tabulate_dof_coordinates()[:, : model.d]
-    u = solution.u.x.array.reshape(-1, model.d)
+    space = solution.model.space
+    x = space.V.tabulate_dof_coordinates()[:, : space.d]
+    u = solution.u.x.array.reshape(-1, space.d)
     differences, sizes = [0.0], [0.0]
     for body in ("upper", "lower"):
-        nodes = np.unique(model.nodes[model.domain.region(body)])
+        nodes = np.unique(space.nodes[space.domain.region(body)])
         wanted = exact(body, x[nodes])
         differences.append(abs(u[nodes] - wanted).max(initial=0.0))
         sizes.append(abs(wanted).max(initial=0.0))

@@ -588,8 +588,8 @@ def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
 def ground_and_nodes(error, seen):
     """On rank 0: the drawn line of the only foundation, from left to right, and the contact nodes with their u^."""
     model, (traction,) = error.solution.model, error.admissible.tractions
-    nodes = np.unique(traction.nodes[model.owned(traction.contact.facets)])
-    x = model.V.tabulate_dof_coordinates()[nodes, :2]
+    nodes = np.unique(traction.nodes[model.space.owned(traction.contact.facets)])
+    x = model.space.V.tabulate_dof_coordinates()[nodes, :2]
     u = error.admissible.displacement.x.array.reshape(-1, 2)[nodes]
     every = np.concatenate(COMM.allgather(np.column_stack([x, u])))
     if COMM.rank > 0:

@@ -236,7 +236,7 @@ def test_stress_of_degree_2_is_linear_in_elements(d):
     error = error_of(scene, domain, degree=2)
     assert error.relative < 1e-8
     model = error.solution.model
-    x = model.V.tabulate_dof_coordinates()[
+    x = model.space.V.tabulate_dof_coordinates()[
         error.admissible.cell_geometry.vertices[: domain.owned_cells]
     ]
     expected = np.zeros((*x.shape[:2], 3, 3))

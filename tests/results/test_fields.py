@@ -57,7 +57,7 @@ def test_the_error_is_one_form_of_the_user(d, degree):
     assert inside == pytest.approx(assembled(ufl.inner(sigma, ufl.grad(u)) * pair.dx()), rel=1e-12)
     outside = 0.0
     for part in ("top", "bottom"):
-        ds = pair.model.ds(pair.domain.tag(part))
+        ds = pair.model.space.ds(pair.domain.tag(part))
         outside += assembled(ufl.inner(pair.traction_function(part), u) * ds)
     assert outside == pytest.approx(inside, rel=1e-11)
 
@@ -143,14 +143,14 @@ def test_data_at_nodes(d, degree):
         return model, given, nodal
 
     model, contact, nodal = data(lambda x: jumping)
-    ds = contact.ds(metadata=model.nodal_rule)
+    ds = contact.ds(metadata=model.space.nodal_rule)
     assert assembled(nodal * ds) == pytest.approx(assembled(jumping * ds), rel=1e-13)
     assert assembled(abs(nodal - jumping) * ds) > 0.01 * assembled(nodal * ds)
 
     model, contact, nodal = data(lambda x: 0.1 + x[0] ** 2)
-    parts = (model.mesh, model.facet_points, contact.facets)
+    parts = (model.space.mesh, model.space.facet_points, contact.facets)
     (value,) = contact.friction.parameters.values()
     at_nodes = evaluate(value, *parts)
-    last = np.zeros(model.node_count)
+    last = np.zeros(model.space.node_count)
     last[contact.trace.here.nodes] = at_nodes
     assert np.array_equal(evaluate(nodal, *parts), last[contact.trace.here.nodes])

@@ -208,8 +208,8 @@ def test_weights_of_a_profile_integrate(d, degree):
     name = scene.contacts[0].facets
     profile, force, model = error.profile(name), error.force(name), error.solution.model
     contact = model.contact(name)
-    own = model.owned(contact.facets)
-    area = COMM.allreduce(model.facet_areas(contact.facets[own]).sum())
+    own = model.space.owned(contact.facets)
+    area = COMM.allreduce(model.space.facet_areas(contact.facets[own]).sum())
     weight, pressure = profile["weight"], profile["pressure"]
     assert weight.min() > 0.0
     assert weight.sum() == pytest.approx(area, rel=1e-13)

@@ -137,7 +137,7 @@ def test_sliding_blocks_slip_everywhere(d, varies):
     assert share(profile, SLIP) > 0.7
     owned = pair.model.contact("bottom").trace.here.owned
     status = contact_status(pair, "bottom")[owned]
-    counts = pair.model.comm.allreduce(np.bincount(status, minlength=4))
+    counts = pair.model.space.comm.allreduce(np.bincount(status, minlength=4))
     points = np.bincount(profile["status"], minlength=4)
     assert np.array_equal(counts * (points.sum() // counts.sum()), points)
 

@@ -237,12 +237,12 @@ def test_dissipation_where_a_contact_opens():
         np.matmul(bernstein(1, 1, points), t.values)[..., 0]
         * np.matmul(lagrange(1, 1, points), since)[..., 0]
     )
-    own = model.owned(t.contact.facets)
+    own = model.space.owned(t.contact.facets)
     work, most = (
         -(t.area * (product @ weights))[own],
-        contact_parts(model, pair.displacement, t)[own] / 2,
+        contact_parts(model.space, pair.displacement, t)[own] / 2,
     )
-    taken = friction_works(model, t, pair.displacement, 0.0).value[own, 0]
+    taken = friction_works(model.space, t, pair.displacement, 0.0).value[own, 0]
     assert COMM.allreduce(float(work.min(initial=0.0)), MPI.MIN) < -1e-9
     assert np.all(taken >= 0)
     assert np.all(taken >= work)

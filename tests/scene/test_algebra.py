@@ -148,8 +148,13 @@ def test_taylor_remainder(method, state):
     Remainders of second order.
     """
     model = Model(common_block(), block(2))
+    space = model.space
     contact = model.contacts[0]
-    u, field, v = fem.Function(model.V), fem.Function(model.V), ufl.TestFunction(model.V)
+    u, field, v = (
+        fem.Function(space.V),
+        fem.Function(space.V),
+        ufl.TestFunction(space.V),
+    )
     shear = {"open": (0.01, 0.02), "slip": (0.3, -0.01), "stick": (0.001, -0.01)}[state]
     # displacement at the bottom: away from, along, or into the foundation
     u.interpolate(lambda x: np.array([shear[0] * (1 + 0.1 * x[0]), shear[1] * (1 + 0.01 * x[1])]))
@@ -157,7 +162,7 @@ def test_taylor_remainder(method, state):
     form = fem.form(residual)
     rng = np.random.default_rng(0)
     for unknown in (u, field) if method.multiplier else (u,):
-        change = fem.Function(model.V)
+        change = fem.Function(space.V)
         change.x.array[:] = rng.standard_normal(len(change.x.array))
         change.x.scatter_forward()
         r_0 = fem.assemble_vector(form).array.copy()

@@ -16,7 +16,7 @@ from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
 from erc_contact.model.meridian import nodes_on_axis, off_axis, without_axis
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import mass
 
 
@@ -28,12 +28,12 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     """
     model, cells = given.model, given.cells
     owned = model.domain.owned_cells
-    off = _off_axis(model, cells)
+    off = _off_axis(model.space, cells)
     # Nodes on the axis have no radial equilibrium: whatever is left there is free.
     with_axis = given.fixed.copy()
     with_axis[:, 0] |= ~off.any(axis=1)
     first = without_axis(given.first_moments(with_axis), off)
-    elements = Elements(model, cells, given.force)
+    elements = Elements(model.space, cells, given.force)
     law = _law(given)
 
     def balanced(forces: np.ndarray, energies: Energies) -> Tight:
@@ -44,7 +44,7 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
 
     def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
         energies = elements.energies(*law)
-        forces, done, square = tighten_forces(model, elements, energies, forces, free, ending)
+        forces, done, square = tighten_forces(model.space, elements, energies, forces, free, ending)
         return replace(balanced(forces, energies), iterations=done, square=square)
 
     to_moments = mass(1, cells.degree, cells.degree)
@@ -73,24 +73,24 @@ def _law(given: Reconstruction) -> CellLaw:
     owned = model.domain.owned_cells
     elastic = elastic_coefficients(model, cells, given.displacement, owned)
     if model.hoop_load is not None:
-        places = macro_places(model, cells, owned)
-        elastic[..., -1] -= model.hoop_load(places, model.owned_cells)
-    _, points, _ = macro_points(2, cells.degree)
+        places = macro_places(model.space, cells, owned)
+        elastic[..., -1] -= model.hoop_load(places, model.space.owned_cells)
+    points = macro_points(2, cells.degree).points
     return CellLaw(elastic, law_of_cells(model.constitution.metric, cells.corners, points))
 
 
-def boundary_off_axis(model: Model, cells: CellGeometry, boundary: np.ndarray) -> np.ndarray:
+def boundary_off_axis(space: Space, cells: CellGeometry, boundary: np.ndarray) -> np.ndarray:
     """Return moments of given tractions that vanish on the axis [force].
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         cells: Geometry.
         boundary: Moments of the tractions that are given, shape (facets, m, 2).
     """
     to_moments = mass(1, cells.degree, cells.degree)
-    return np.matmul(to_moments, without_axis(boundary, _off_axis(model, cells)))
+    return np.matmul(to_moments, without_axis(boundary, _off_axis(space, cells)))
 
 
-def _off_axis(model: Model, cells: CellGeometry) -> np.ndarray:
+def _off_axis(space: Space, cells: CellGeometry) -> np.ndarray:
     """Tell which nodes of facets are off the axis, shape (facets, m)."""
-    return off_axis(~nodes_on_axis(model)[cells.vertices_of_facets], cells.degree)
+    return off_axis(~nodes_on_axis(space)[cells.vertices_of_facets], cells.degree)

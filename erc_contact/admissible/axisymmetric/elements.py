@@ -38,7 +38,7 @@ from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.model.data.quadrature import cell_pieces
 from erc_contact.model.law.constitution import ElasticMatrix
 from erc_contact.model.meridian import ON_AXIS
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import (
     barycentric,
     bernstein,
@@ -84,10 +84,10 @@ class Elements:
             counts, shape (n, b, 2), or None.
     """
 
-    def __init__(self, model: Model, cells: CellGeometry, force: np.ndarray | None) -> None:
+    def __init__(self, space: Space, cells: CellGeometry, force: np.ndarray | None) -> None:
         self.cells = cells
         self.corners = cells.corners
-        self.on_axis = abs(self.corners[..., 0]) <= ON_AXIS * model.domain.extent
+        self.on_axis = abs(self.corners[..., 0]) <= ON_AXIS * space.domain.extent
         b = len(nodes(2, cells.degree - 1))
         axial = np.zeros((len(self.corners), b)) if force is None else force[..., 1]
         self.force = np.ascontiguousarray(axial)

@@ -127,7 +127,7 @@ def _is_linear(given: Reconstruction, stress: np.ndarray) -> bool:
     Both are taken of the mean stress of each cell, in its middle: bodies that do not
     yield pay for no more.
     """
-    d = given.model.d
+    d = given.model.space.d
     at = _AtPoints(given, np.full((1, d), 1 / (d + 1)), np.ones(1))
     # The mean of a polynomial is the mean of its Bernstein coefficients.
     sigma = at.stress(stress.mean(axis=(1, 2))[:, None])
@@ -157,21 +157,21 @@ class _AtPoints:
 
     def __init__(self, given: Reconstruction, points: np.ndarray, weights: np.ndarray) -> None:
         model, cells = given.model, given.cells
-        owned = model.owned_cells
+        owned = model.space.owned_cells
         assert model.linearised is not None
         self.law = model.linearised.law
         x = np.matmul(barycentric(points), cells.corners[: len(owned)])
         self.places = x, owned
-        strain = CellStrains.of(model, cells, given.displacement)
+        strain = CellStrains.of(model.space, cells, given.displacement)
         self.strain = strain.at_points(slice(len(owned)), points, x)
         self.of_strain = self.law.whole_stress(self.strain, *self.places)
         self.around = np.ones((*x.shape[:2], 1))
-        if model.axisymmetric:
+        if model.space.axisymmetric:
             self.around = circumferences(x)[..., None]
         self.hoop_load: np.ndarray | float = 0.0
         if model.hoop_load is not None:
             self.hoop_load = model.hoop_load(*self.places)
-        self._comm = model.comm
+        self._comm = model.space.comm
         self._weights = cells.volume[: len(owned), None] * weights * self.around[..., 0]
 
     def stress(self, values: np.ndarray) -> np.ndarray:
@@ -206,7 +206,7 @@ class _AboutStress:
 
     def __init__(self, given: Reconstruction) -> None:
         self._space = given.model
-        self._shape, points, weights = macro_points(given.model.d, given.model.degree)
+        self._shape, points, weights = macro_points(given.model.space.d, given.model.space.degree)
         self._at = _AtPoints(given, points, weights)
 
     def __call__(self, stress: np.ndarray) -> tuple[CellLaw, float]:
@@ -222,7 +222,7 @@ class _AboutStress:
         beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
         elastic = at.around * (sigma + beyond)
         elastic[..., -1] -= at.hoop_load
-        law = CellLaw(elastic, _with_ghosts(self._space, compliance)[:, None])
+        law = CellLaw(elastic, _with_ghosts(self._space.space, compliance)[:, None])
         return law, at.total(gap)
 
 

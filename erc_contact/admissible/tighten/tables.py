@@ -143,17 +143,17 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
     products = np.einsum("qax,qr,rby->xyab", bubble, weights, bubble, optimize=True)
     products = upper_entries(products)
     return MacroTable(
-        len(stress),
-        _to_coefficients(d, k),
-        Sparse.from_matrix(matrix),
-        Sparse.from_matrix(matrix.T),
-        Sparse.from_matrix(weights),
-        np.ascontiguousarray(body),
-        np.ascontiguousarray(bubble.reshape(len(matrix), -1)),
-        np.ascontiguousarray(bubble.reshape(len(matrix), -1).T),
-        np.ascontiguousarray(products[np.tril_indices(bubble.shape[2])]),
-        Sparse.from_matrix(nodal),
-        from_points,
+        count=len(stress),
+        to_coefficients=_to_coefficients(d, k),
+        stress=Sparse.from_matrix(matrix),
+        back=Sparse.from_matrix(matrix.T),
+        weights=Sparse.from_matrix(weights),
+        body=np.ascontiguousarray(body),
+        bubbles=np.ascontiguousarray(bubble.reshape(len(matrix), -1)),
+        transposed=np.ascontiguousarray(bubble.reshape(len(matrix), -1).T),
+        products=np.ascontiguousarray(products[np.tril_indices(bubble.shape[2])]),
+        nodal=Sparse.from_matrix(nodal),
+        from_points=from_points,
     )
 
 
@@ -217,24 +217,34 @@ def stress_map(d: int, k: int) -> np.ndarray:
     return np.einsum("sQfmc,ml->sQflc", at_points, _to_coefficients(d, k))
 
 
-def _nodal_stresses(d: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the stresses at the nodes of all sub-simplices.
+class _Stresses(NamedTuple):
+    """Hold the stresses of a reference cell at nodes of its sub-simplices.
 
-    Returns:
-        The maps from coefficients of tractions and of body force, the bubbles, and the
-        matrix that gives the coefficients in the sub-simplices from those at the nodes,
-        here the identity.
+    Attributes:
+        of_tractions: Map from the coefficients of tractions.
+        of_body_force: Map from the coefficients of the body force.
+        bubbles: The stresses without tractions and body force.
+        spread: Matrix from stresses at the nodes to coefficients in the sub-simplices.
     """
+
+    of_tractions: np.ndarray
+    of_body_force: np.ndarray
+    bubbles: np.ndarray
+    spread: np.ndarray
+
+
+def _nodal_stresses(d: int, k: int) -> _Stresses:
+    """Return the stresses at the nodes of all sub-simplices."""
     m = len(nodes(d - 1, k))
     full = reference_map(d, k)
     table = full.reshape(-1, *full.shape[2:])
     bubble = bubbles(d, k).reshape(len(table), table.shape[1], -1)
     of_tractions = table[:, :, : (d + 1) * m]
     of_body_force = table[:, :, (d + 1) * m :]
-    return of_tractions, of_body_force, bubble, np.eye(len(table))
+    return _Stresses(of_tractions, of_body_force, bubble, np.eye(len(table)))
 
 
-def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _vertex_stresses(d: int) -> _Stresses:
     """Return the same for degree 1, with fewer stresses.
 
     There is one for each vertex of each sub-simplex, and one at the barycentre. A
@@ -284,4 +294,4 @@ def _vertex_stresses(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nda
     spread[range(n), range(n), -1] = 1.0  # vertex i of sub-simplex i is the barycentre
     no_body_force = np.zeros((n * d + 1, s, 1, d))
     no_bubbles = np.zeros((n * d + 1, s, 0))
-    return stress, no_body_force, no_bubbles, spread.reshape(n * n, -1)
+    return _Stresses(stress, no_body_force, no_bubbles, spread.reshape(n * n, -1))

@@ -182,7 +182,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
     refuse_potential(error.solution.scene.material, "coulomb_certificate()", e_alone)
     pair = error.admissible
     model = pair.model
-    raise_together(model.comm, None)
+    raise_together(model.space.comm, None)
     contacts = []
     for contact in model.contacts:
         if depends_on_pressure(contact.friction):
@@ -214,7 +214,7 @@ def _best(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Coul
     comparison = other_mesh(error.model)
     tried = []
     for smoothing, t in zip(LENGTHS, slip_fields(pair), strict=True):
-        q = coupling(normal, traces, t, x)[0]
+        q = coupling(normal, traces, t, x).q
         other_q = q if comparison is None else comparison.norm(surface, t)[0]
         change = change_of_norm(q, surface, other_q, comparison)
         tried.append(replace(_try_field(error, pair, traces, t, q, change), smoothing=smoothing))
@@ -232,10 +232,10 @@ def _single(error: ConstitutiveError, pair: PairOnSurface, traces: Traces) -> Co
     t = slip_fields(pair)[SMOOTH_FIELD]
     comparison = other_mesh(error.model)
     other_q, start = (0.0, None) if comparison is None else comparison.norm(surface, t)
-    q, missing, _ = coupling(surface.normal, traces, t, surface.positions(), start)
-    change = change_of_norm(q, surface, other_q, comparison) + missing
-    certificate = _try_field(error, pair, traces, t, q, change)
-    return replace(certificate, smoothing=LENGTHS[SMOOTH_FIELD], q_largest=q + change)
+    norm = coupling(surface.normal, traces, t, surface.positions(), start)
+    change = change_of_norm(norm.q, surface, other_q, comparison) + norm.raised
+    certificate = _try_field(error, pair, traces, t, norm.q, change)
+    return replace(certificate, smoothing=LENGTHS[SMOOTH_FIELD], q_largest=norm.q + change)
 
 
 def _try_field(

@@ -15,6 +15,8 @@ needs one lifting and one displacement a step.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from erc_contact.newton.linear.solver import Traces
@@ -37,9 +39,24 @@ It is over the sum of the stiffnesses.
 """
 
 
+class Coupling(NamedTuple):
+    """Hold the norm of the map W.
+
+    Attributes:
+        q: The norm [-].
+        raised: By how much the last step has raised it [-].
+        displacement: Normal displacements that W makes of a v with this ratio, shape
+            (n,).
+    """
+
+    q: float
+    raised: float
+    displacement: np.ndarray
+
+
 def coupling(
     n: np.ndarray, traces: Traces, t: np.ndarray, x: np.ndarray, start: np.ndarray | None = None
-) -> tuple[float, float, np.ndarray]:
+) -> Coupling:
     """Compute the norm q for a field t at the nodes; collective.
 
     q is infinite if the body can move rigidly along the contact, and W does not make a
@@ -52,16 +69,12 @@ def coupling(
         x: Positions of the nodes [length], shape (n, d).
         start: Normal displacements to start from, shape (n,); waves of all lengths by
             default.
-
-    Returns:
-        q [-], by how much the last step has raised it, and normal displacements that W
-        makes of a v with this ratio, shape (n,).
     """
     if not np.any(t):
-        return 0.0, 0.0, np.zeros(len(n))
+        return Coupling(0.0, 0.0, np.zeros(len(n)))
     resisted = _resisted_motion(n, traces, t, x)
     if resisted is not None:
-        return np.inf, 0.0, resisted
+        return Coupling(np.inf, 0.0, resisted)
     # N does not see them. They would grow from step to step, till round-off is all.
     unseen = _normal_motions(n, traces.motions)
     phi = _waves(x) if start is None else start
@@ -94,9 +107,9 @@ def coupling(
         q = float(np.sqrt(max(values[-1], 0.0)))
         if q - before <= traces.tolerance * q:
             break
-    if not basis:
-        return q, q - before, phi
-    return q, q - before, vectors[:, -1] @ basis[: len(vectors)]
+    if basis:
+        phi = vectors[:, -1] @ basis[: len(vectors)]
+    return Coupling(q, q - before, phi)
 
 
 def _normal_motions(n: np.ndarray, motions: np.ndarray) -> np.ndarray:

@@ -65,9 +65,9 @@ class OtherMesh:
         # The other surface gives the field; edges and supports of this one block it.
         x = here.positions()
         field = np.where(here.blocked[:, None], 0.0, surface.interpolate(t, x))
-        q, _, phi = coupling(here.normal, self.traces, field, x)
-        along = here.interpolate(phi[:, None] * here.normal, surface.positions())
-        return q, (along * surface.normal).sum(axis=1)
+        norm = coupling(here.normal, self.traces, field, x)
+        along = here.interpolate(norm.displacement[:, None] * here.normal, surface.positions())
+        return norm.q, (along * surface.normal).sum(axis=1)
 
 
 def other_mesh(model: Model) -> OtherMesh | None:
@@ -78,7 +78,7 @@ def other_mesh(model: Model) -> OtherMesh | None:
         cannot be meshed so coarsely.
     """
     domain = model.domain
-    d = model.d
+    d = model.space.d
     try:
         if domain.cells * 2**d <= MOST_REFINED[d]:
             return body_on(model, domain.refined())
@@ -93,7 +93,7 @@ def other_mesh(model: Model) -> OtherMesh | None:
 
 def body_on(model: Model, domain: Domain) -> OtherMesh:
     """Make the body of a model on another mesh; collective."""
-    new_model = bind(model.scene, domain, model.degree)
+    new_model = bind(model.scene, domain, model.space.degree)
     surface = coulomb_surface(new_model)
     stiffness = stiffness_of(new_model)
     with stiffness.in_memory():

@@ -66,7 +66,7 @@ def _rough(pair: PairOnSurface) -> tuple[np.ndarray, np.ndarray]:
     pressure /= node_area
 
     # E slip/h has the unit of the pressure, which makes the two comparable.
-    _, w_t, _ = split(pair.displacement, s.normals)
+    w_t = split(pair.displacement, s.normals).tangential
     share = np.broadcast_to(s.area[:, None], s.facets.shape)
     pull = s.sum_up(share[..., None] * pair.stiffness[:, None, None] * w_t, s.facets)
     pull /= s.sum_up(share, s.facets)[:, None]

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.trace import interpolate_normals, split
 from erc_contact.model.last_step import interpolate
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.simplex import (
     barycentric,
     bernstein,
@@ -111,6 +113,24 @@ class CoulombSurface:
         return total
 
 
+class OnPieces(NamedTuple):
+    """Hold a traction on a quadrature of the pieces of the facets.
+
+    There are c pieces of a facet, with q points each.
+
+    Attributes:
+        area: Weights [length^(d-1)], shape (F, c, q).
+        linear: The functions that are linear on a piece at its points, shape (q, d).
+        pressure: Pressure of r^ [force/area], shape (F, c, q).
+        shear: Its tangential part, shape (F, c, q, d).
+    """
+
+    area: np.ndarray
+    linear: np.ndarray
+    pressure: np.ndarray
+    shear: np.ndarray
+
+
 @dataclass(frozen=True, eq=False)
 class PairOnSurface:
     """Hold an admissible pair on a surface.
@@ -137,14 +157,8 @@ class PairOnSurface:
         np.minimum.at(least, self.surface.facets, self.friction)
         return least
 
-    def at_points(self, degree: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Evaluate the traction on a quadrature of the pieces of the facets.
-
-        Returns:
-            Its weights [length^(d-1)], shape (F, c, q); the functions that are linear
-            on a piece at its points, (q, d); the pressure of r^ [force/area], (F, c,
-            q), and its tangential part, (F, c, q, d).
-        """
+    def at_points(self, degree: int) -> OnPieces:
+        """Evaluate the traction on a quadrature of a degree."""
         s = self.surface
         d = s.normal.shape[1]
         k = s.degree
@@ -157,7 +171,7 @@ class PairOnSurface:
         shape = (len(s.facets), len(corners), len(points))
         area = np.broadcast_to(s.area[:, None, None] * weights / len(corners), shape)
         pressure = -np.minimum(r_n, 0.0).reshape(shape)
-        return area, linear, pressure, r_t.reshape(*shape, d)
+        return OnPieces(area, linear, pressure, r_t.reshape(*shape, d))
 
     def unbalanced(self, t: np.ndarray) -> tuple[np.ndarray, float]:
         """Assemble ``rho = r^_t + |r^_n| t`` as forces at the nodes [force].
@@ -172,13 +186,13 @@ class PairOnSurface:
         d = t.shape[1]
         k = s.degree
         cut = pieces(d - 1, k)
-        area, linear, pressure, shear = self.at_points(2 * k + 1)
-        points = np.matmul(linear, nodes(d - 1, k)[cut])
+        at = self.at_points(2 * k + 1)
+        points = np.matmul(at.linear, nodes(d - 1, k)[cut])
         # The field is linear on a piece, less its normal part.
-        field = np.matmul(linear, t[s.facets[:, cut]])
+        field = np.matmul(at.linear, t[s.facets[:, cut]])
         normals = s.normals_at(points.reshape(-1, d - 1)).reshape(field.shape)
         field -= (field * normals).sum(axis=-1, keepdims=True) * normals
-        rho = area[..., None] * (shear + pressure[..., None] * field)
+        rho = at.area[..., None] * (at.shear + at.pressure[..., None] * field)
         shape = lagrange(d - 1, k, points.reshape(-1, d - 1)).reshape(*points.shape[:2], -1)
         of_facets = np.einsum("cqm,fcqi->fmi", shape, rho)
         return s.sum_up(of_facets, s.facets), float(np.sum(of_facets * self.displacement))
@@ -225,6 +239,7 @@ def coulomb_surface(model: Model) -> CoulombSurface:
 
     There is one at least.
     """
+    space = model.space
     numbers_of_contacts = []
     corners_of_contacts = []
     normals_of_contacts = []
@@ -233,7 +248,7 @@ def coulomb_surface(model: Model) -> CoulombSurface:
     for contact in model.contacts:
         here = contact.trace.here
         facet_nodes = here.nodes[here.owned]
-        of_contact = model.global_numbers(facet_nodes)
+        of_contact = space.global_numbers(facet_nodes)
         if not has_coulomb(contact):
             others.append(of_contact.ravel())
             continue
@@ -241,33 +256,33 @@ def coulomb_surface(model: Model) -> CoulombSurface:
         corners_of_contacts.append(here.corners[here.owned])
         normals_of_contacts.append(contact.trace.normals_at_vertices[here.owned])
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
-        # The unknown of the solver at a node of a pair is the jump, and not u.
+        # At a node of a pair the body is seen by the jump, and not by u.
         foundation = here.only(contact.trace.on_foundation)
         nodes = foundation.nodes[foundation.owned]
-        others.append(model.global_numbers(nodes[model.connections.is_paired[nodes]]))
-        # Nor is the jump of a contact an unknown where more than two bodies meet.
+        others.append(space.global_numbers(nodes[model.connections.is_paired[nodes]]))
+        # Where more than two bodies meet it is seen by the jump of one pair alone.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
-    all_numbers = _gather(model, numbers_of_contacts)
-    corners = _gather(model, corners_of_contacts)
-    of_corners = _gather(model, normals_of_contacts)
-    fixed = _gather(model, fixed_of_contacts)
+    all_numbers = _gather(space, numbers_of_contacts)
+    corners = _gather(space, corners_of_contacts)
+    of_corners = _gather(space, normals_of_contacts)
+    fixed = _gather(space, fixed_of_contacts)
     numbers, places = np.unique(all_numbers, return_inverse=True)
     facets = places.reshape(all_numbers.shape)
-    normal = np.zeros((len(numbers), model.d))
-    of_nodes = interpolate_normals(of_corners, barycentric(model.facet_points))
+    normal = np.zeros((len(numbers), space.d))
+    of_nodes = interpolate_normals(of_corners, barycentric(space.facet_points))
     np.add.at(normal, facets, measures(corners)[:, None, None] * of_nodes)
     normal /= np.linalg.norm(normal, axis=1)[:, None]
 
     # Blocked are nodes of another contact, at an edge of the foundation, and where a
     # support holds some component of the normal but not all components.
-    blocked = np.isin(numbers, _gather(model, others))
+    blocked = np.isin(numbers, _gather(space, others))
     cosine = (normal[facets] * of_nodes).sum(axis=-1)
     blocked[facets[cosine < EDGE_COSINE]] = True
-    supported = np.zeros((len(numbers), model.d), dtype=bool)
+    supported = np.zeros((len(numbers), space.d), dtype=bool)
     supported[facets] = fixed
     some_of_normal = (supported & (abs(normal) > ZERO_COMPONENT)).any(axis=1)
     blocked |= some_of_normal & ~supported.all(axis=1)
-    return CoulombSurface(model.degree, numbers, facets, corners, of_corners, normal, blocked)
+    return CoulombSurface(space.degree, numbers, facets, corners, of_corners, normal, blocked)
 
 
 def pair_on_surface(pair: Admissible) -> PairOnSurface:
@@ -276,6 +291,7 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
     There is one such contact at least.
     """
     model = pair.model
+    space = model.space
     u = pair.displacement.x.array
     values = []
     displacements = []
@@ -289,29 +305,29 @@ def pair_on_surface(pair: Admissible) -> PairOnSurface:
         owned = trace.here.owned
         values.append(traction.values[owned])
         displacements.append(trace.since(u)[owned])
-        frictions.append(_friction(model, contact)[owned])
+        frictions.append(_friction(space, contact)[owned])
         stiffnesses.append(trace.stiffness[owned])
     return PairOnSurface(
         surface=coulomb_surface(model),
-        traction=_gather(model, values),
-        displacement=_gather(model, displacements),
-        friction=_gather(model, frictions),
-        stiffness=_gather(model, stiffnesses),
+        traction=_gather(space, values),
+        displacement=_gather(space, displacements),
+        friction=_gather(space, frictions),
+        stiffness=_gather(space, stiffnesses),
     )
 
 
-def _friction(model: Model, contact: ContactOnMesh) -> np.ndarray:
+def _friction(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Return the coefficient mu at nodes of facets [-], shape (f, m); collective."""
-    ones = np.ones((len(contact.facets), len(model.facet_points)))
-    parameters = friction_parameters(model, contact, model.facet_points)
+    ones = np.ones((len(contact.facets), len(space.facet_points)))
+    parameters = friction_parameters(space, contact, space.facet_points)
     return np.array(contact.friction_bound(ones, parameters))
 
 
-def _gather(model: Model, parts: list[np.ndarray]) -> np.ndarray:
+def _gather(space: Space, parts: list[np.ndarray]) -> np.ndarray:
     """Gather arrays of the facets of this rank, contact by contact; collective.
 
     Returns:
         One array of all ranks.
     """
-    gathered: list[np.ndarray] = model.comm.allgather(np.concatenate(parts))
+    gathered: list[np.ndarray] = space.comm.allgather(np.concatenate(parts))
     return np.concatenate(gathered)

@@ -48,7 +48,7 @@ class _Bodies:
 
     def at(self, nodes: np.ndarray) -> frozenset[int]:
         """Return the bodies of nodes of all ranks."""
-        return frozenset(union(self.base.model.comm, self.body[nodes.ravel()].tolist()))
+        return frozenset(union(self.base.model.space.comm, self.body[nodes.ravel()].tolist()))
 
     def of_contact(self, contact: ContactOnMesh) -> tuple[frozenset[int], frozenset[int]]:
         """Return the bodies on this side of a contact, and on the other side.
@@ -87,7 +87,7 @@ def contact_perturbation(base: BaseScene, part: str, motion: VirtualMotion) -> P
         # Without friction there is no force along the contact.
         return Perturbation(None, no_load, 1.0, BoundedNumber(0.0), 1.0)
     # A moment of the opposite force is the opposite one if the sides have one place.
-    apart = _working_jump(contact, motion.nodal(model).x.array)
+    apart = _working_jump(contact, motion.nodal(model.space).x.array)
     is_opposite = contact.against is not None and not _works(base, motion, apart)
     sides = [(here, there, is_here), (there, here, not is_here)]
     sides.sort(key=lambda side: not side[2])
@@ -126,15 +126,15 @@ def _of_set(
     base = bodies.base
     model = base.model
     scene = base.scene
-    virtual = motion.nodal(model)
+    virtual = motion.nodal(model.space)
     outside = ~np.isin(bodies.body, list(moving))
-    virtual.x.array.reshape(-1, model.d)[outside] = 0.0
+    virtual.x.array.reshape(-1, model.space.d)[outside] = 0.0
     supports = []
     for support in scene.supports:
-        held = bodies.at(model.facet_nodes(model.domain.facets(support.facets)))
+        held = bodies.at(model.space.facet_nodes(model.domain.facets(support.facets)))
         if held & moving and not held <= moving:
             return None
-        supports.append(bool(held & moving) and motion.moves(model, support))
+        supports.append(bool(held & moving) and motion.moves(model.space, support))
     for spring in model.springs:
         stiffest = max(spring.normal, spring.tangential)
         if _works(base, motion, spring.pull(virtual.x.array) / stiffest):
@@ -155,7 +155,7 @@ def _of_set(
     def scene_at(t: float) -> Scene:
         new_supports = []
         for support, is_moved in zip(scene.supports, supports, strict=True):
-            new_supports.append(motion.move(model, support, t) if is_moved else support)
+            new_supports.append(motion.move(model.space, support, t) if is_moved else support)
         new_contacts = []
         for entry, on_mesh, factor in zip(scene.contacts, model.contacts, factors, strict=True):
             new_contacts.append(_with_gap(entry, on_mesh, motion, factor * t))
@@ -163,7 +163,7 @@ def _of_set(
 
     # int r.W = -(forces of supports and other contacts).W - loads.W
     constant = -sign * load_work(model, virtual)
-    step = base.step_of(motion.size(model))
+    step = base.step_of(motion.size(model.space))
     is_told_by_loads = not any(supports) and not any(factors)
     return Perturbation(None if is_told_by_loads else scene_at, no_load, sign, constant, step)
 
@@ -187,7 +187,7 @@ def _of_gap(
             contacts.append(_with_gap(entry, on_mesh, motion, t if on_mesh is contact else 0.0))
         return replace(scene, contacts=contacts)
 
-    step = base.step_of(motion.size(base.model))
+    step = base.step_of(motion.size(base.model.space))
     return Perturbation(scene_at, no_load, sign, BoundedNumber(0.0), step)
 
 
@@ -207,7 +207,7 @@ def _working_jump(contact: ContactOnMesh, values: np.ndarray) -> np.ndarray:
 def _normal_parts(base: BaseScene, contact: ContactOnMesh, motion: VirtualMotion) -> np.ndarray:
     """Return ``n . W`` at the nodes of the facets of a contact, shape (f, m)."""
     model = base.model
-    values = motion.nodal(model).x.array.reshape(-1, model.d)
+    values = motion.nodal(model.space).x.array.reshape(-1, model.space.d)
     trace = contact.trace
     return np.asarray((values[trace.here.nodes] * trace.normals).sum(axis=-1))
 
@@ -215,8 +215,8 @@ def _normal_parts(base: BaseScene, contact: ContactOnMesh, motion: VirtualMotion
 def _works(base: BaseScene, motion: VirtualMotion, jump: np.ndarray) -> bool:
     """Tell whether a part of a motion is more than round-off; collective."""
     model = base.model
-    largest = model.comm.allreduce(float(abs(jump).max(initial=0.0)), MPI.MAX)
-    return bool(largest > NO_WORK * motion.size(model))
+    largest = model.space.comm.allreduce(float(abs(jump).max(initial=0.0)), MPI.MAX)
+    return bool(largest > NO_WORK * motion.size(model.space))
 
 
 def _with_gap(entry: Contact, contact: ContactOnMesh, motion: VirtualMotion, t: float) -> Contact:

@@ -33,10 +33,10 @@ def resultant(base: BaseScene, goal: Resultant, a: np.ndarray) -> Perturbation:
 def moment(base: BaseScene, goal: Moment, axis: np.ndarray) -> Perturbation:
     """Return the perturbation for a moment."""
     model = base.model
-    centre = centroid(model, model.domain.facets(goal.part))
+    centre = centroid(model.space, model.domain.facets(goal.part))
     if goal.about is not None:
         centre = np.array(goal.about, dtype=float)
-    return _work_of_part(base, goal, VirtualMotion(np.zeros(model.d), axis, centre))
+    return _work_of_part(base, goal, VirtualMotion(np.zeros(model.space.d), axis, centre))
 
 
 def _work_of_part(base: BaseScene, goal: Resultant | Moment, motion: VirtualMotion) -> Perturbation:
@@ -73,20 +73,20 @@ def _support_perturbation(
     """Return the perturbation for ``int sigma n . W`` on a support; collective."""
     model = base.model
     scene = base.scene
-    of_loads = load_work(model, motion.nodal(model), goal.part)
+    of_loads = load_work(model, motion.nodal(model.space), goal.part)
     constant = of_loads + _given_work(base, goal, motion)
 
     moving = []
     for support in scene.supports:
-        moving.append(support.facets == goal.part and motion.moves(model, support))
+        moving.append(support.facets == goal.part and motion.moves(model.space, support))
 
     def scene_at(t: float) -> Scene:
         supports = []
         for support, is_moved in zip(scene.supports, moving, strict=True):
-            supports.append(motion.move(model, support, t) if is_moved else support)
+            supports.append(motion.move(model.space, support, t) if is_moved else support)
         return replace(scene, supports=supports)
 
-    step = base.step_of(motion.size(model))
+    step = base.step_of(motion.size(model.space))
     return Perturbation(scene_at if any(moving) else None, no_load, -1.0, constant, step)
 
 
@@ -98,7 +98,7 @@ def _given_work(base: BaseScene, goal: Resultant | Moment, motion: VirtualMotion
     """
     for support in base.scene.supports:
         if support.facets == goal.part and isinstance(support, Rigid):
-            return _work_of_face(goal, bind_rigid(base.model, support), motion)
+            return _work_of_face(goal, bind_rigid(base.model.space, support), motion)
     return BoundedNumber(0.0)
 
 

@@ -31,6 +31,7 @@ from erc_contact.error.works import strain_work
 from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.quadrature import polynomials
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.scene.goal import StressIntensity
 from erc_contact.scene.scene import Scene
 from namedmesh.base.ranks import of_all
@@ -93,7 +94,7 @@ def checked_compliance(model: Model, goal: StressIntensity) -> np.ndarray:
             of the plane as long as the radius, the radius reaches the boundary, or
             within it the material varies or a load, support, spring or given strain is.
     """
-    if model.d != 2 or model.axisymmetric:
+    if model.space.d != 2 or model.space.axisymmetric:
         raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
     if model.strains is not None or model.body_force is not None:
         raise InputError(
@@ -147,12 +148,13 @@ class _Frame:
 
 def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
     """Check that there is a crack and nothing else within the radius; collective."""
-    topology = model.mesh.topology
-    facets = np.column_stack(boundary_sides(model.mesh, dmesh.exterior_facet_indices(topology)))
-    corners = model.facet_corners(facets)
+    space = model.space
+    topology = space.mesh.topology
+    facets = np.column_stack(boundary_sides(space.mesh, dmesh.exterior_facet_indices(topology)))
+    corners = space.facet_corners(facets)
     on_faces = frame.on_faces(corners)
     beside = frame.distances(corners[~on_faces]).min(initial=np.inf)
-    room = model.comm.allreduce(float(beside), MPI.MIN)
+    room = space.comm.allreduce(float(beside), MPI.MIN)
     if room < goal.radius * (1 - ON_LINE):
         raise InputError(
             f"{goal!r}: the boundary of the body comes as near as {room:.3g} to the tip, where"
@@ -161,7 +163,7 @@ def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
         )
     # The part of each facet within the radius; both faces have facets of their own.
     back = np.clip(-frame.at(corners[on_faces])[..., 0], 0, goal.radius)
-    length = model.comm.allreduce(float(abs(back[:, 1] - back[:, 0]).sum()), MPI.SUM)
+    length = space.comm.allreduce(float(abs(back[:, 1] - back[:, 0]).sum()), MPI.SUM)
     if abs(length - 2 * goal.radius) > ON_LINE * goal.radius:
         raise InputError(
             f"{goal!r}: behind the tip both faces of a crack are {length / 2:.3g} long within the"
@@ -177,8 +179,8 @@ def _check_faces(model: Model, goal: StressIntensity, frame: _Frame) -> None:
     held += [spring.facets for spring in model.scene.springs]
     near = []
     for name in held:
-        corners = model.facet_corners(model.domain.facets(name))
-        if model.comm.allreduce(bool(frame.near(corners).any()), MPI.LOR):
+        corners = model.space.facet_corners(model.domain.facets(name))
+        if model.space.comm.allreduce(bool(frame.near(corners).any()), MPI.LOR):
             near.append(name)
     if near:
         raise InputError(
@@ -193,14 +195,14 @@ def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarra
     Raises:
         InputError: If the material varies there, or is not isotropic.
     """
-    corners = model.cell_corners()
+    corners = model.space.cell_corners()
     # The tip is a vertex: a cell that the circle meets has an edge within it.
     edges = np.stack([corners[:, [i, (i + 1) % 3]] for i in range(3)], axis=1)
     is_near = frame.near(edges.reshape(-1, 2, 2)).reshape(-1, 3).any(axis=1)
     cells = np.flatnonzero(is_near).astype(np.int32)
     points = np.concatenate([corners[cells], corners[cells].mean(axis=1, keepdims=True)], axis=1)
     local = model.constitution.metric(points, cells).reshape(-1, 3, 3)
-    (values,) = of_all(model.comm, local)
+    (values,) = of_all(model.space.comm, local)
     first = values[0]
     changes = abs(values - first).max()
     # In Mandel components shear has the factor S_11 - S_12 in an isotropic material.
@@ -217,11 +219,12 @@ def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarra
 def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
     """Return what tractions on the faces add [force/length^1.5]; collective."""
     model = error.model
+    space = model.space
     total = BoundedNumber(0.0)
     for load in model.surface_loads:
         facets = model.domain.owned_facets(load.facets)
-        density = partial(_of_load, model, Everywhere(load.density, model.mesh), facets)
-        value, _ = _on_faces(model, frame, facets, density)
+        density = partial(_of_load, space, Everywhere(load.density, space.mesh), facets)
+        value, _ = _on_faces(space, frame, facets, density)
         total += BoundedNumber(value, 0.0, value == 0.0 or not load.varies)
     for traction in error.admissible.tractions:
         trace = traction.contact.trace
@@ -229,21 +232,21 @@ def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
         for side, sign in ((trace.here, 1.0), (trace.there, -1.0)):
             count = len(side.facets)
             owned = here.owned[:count]
-            density = partial(_of_contact, model.degree, sign * traction.values[:count][owned])
-            value, size = _on_faces(model, frame, side.facets[owned], density)
+            density = partial(_of_contact, space.degree, sign * traction.values[:count][owned])
+            value, size = _on_faces(space, frame, side.facets[owned], density)
             total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
     return total
 
 
 def _on_faces(
-    model: Model, frame: _Frame, facets: np.ndarray, density: Density
+    space: Space, frame: _Frame, facets: np.ndarray, density: Density
 ) -> tuple[float, float]:
     """Integrate tractions against the weight of the faces; collective.
 
     With ``rho = s^2`` the weight has no singularity.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         frame: The frame of the tip.
         facets: Facets (cell, local facet), each on one rank, shape (f, 2).
         density: The tractions.
@@ -252,9 +255,9 @@ def _on_faces(
         The integral, and the integral of the size of the tractions [force/length^1.5].
     """
     goal = frame.goal
-    corners = model.facet_corners(facets)
+    corners = space.facet_corners(facets)
     chosen = np.flatnonzero(frame.near(corners) & frame.on_faces(corners))
-    middles = model.cell_corners()[facets[chosen, 0]].mean(axis=1)
+    middles = space.cell_corners()[facets[chosen, 0]].mean(axis=1)
     side = np.sign(frame.at(middles)[:, 1])
     unit = frame.aside if goal.mode == "I" else frame.forward
     ends = -frame.at(corners[chosen])[..., 0]
@@ -272,15 +275,15 @@ def _on_faces(
         values = density(chosen, share)
         totals[0] += (weight * side[:, None] * (values @ unit)).sum()
         totals[1] += (weight * np.linalg.norm(values, axis=-1)).sum()
-    value, size = model.comm.allreduce(totals, MPI.SUM)
+    value, size = space.comm.allreduce(totals, MPI.SUM)
     return float(value), float(size)
 
 
 def _of_load(
-    model: Model, density: Everywhere, facets: np.ndarray, chosen: np.ndarray, share: np.ndarray
+    space: Space, density: Everywhere, facets: np.ndarray, chosen: np.ndarray, share: np.ndarray
 ) -> np.ndarray:
     """Return a load on some of its facets, see :data:`Density`."""
-    x = np.matmul(_barycentric(share), model.facet_corners(facets[chosen]))
+    x = np.matmul(_barycentric(share), space.facet_corners(facets[chosen]))
     return density(x, facets[chosen])
 
 

@@ -35,7 +35,7 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.contact.contact_values import ContactData
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
-from erc_contact.model.space import circumferences
+from erc_contact.model.space import Space, circumferences
 from erc_contact.scene.goal import GoalOfContact, Opening, Slip
 from erc_contact.scene.load import Drive
 from erc_contact.scene.scene import Scene
@@ -45,9 +45,10 @@ from namedmesh.simplex import rule
 def jump_perturbation(base: BaseScene, goal: GoalOfContact) -> Perturbation:
     """Return the perturbation for a mean slip or a mean opening; collective."""
     model = base.model
+    space = model.space
     scene = base.scene
     contact = _contact(model, goal)
-    area = _area(model, contact)
+    area = _area(space, contact)
     drives = _drives(goal, contact, 1.0 / area)
 
     def scene_at(t: float) -> Scene:
@@ -57,20 +58,20 @@ def jump_perturbation(base: BaseScene, goal: GoalOfContact) -> Perturbation:
     def psi(u: fem.Function) -> BoundedNumber:
         total = BoundedNumber(0.0)
         for drive in drives:
-            total += work_of_load(model, drive, u)
+            total += work_of_load(space, drive, u)
         return total
 
     constant = BoundedNumber(0.0)
     least = -np.inf
     if isinstance(goal, Opening):
-        constant = (1.0 / area) * _volume_of_gap(model, contact)
+        constant = (1.0 / area) * _volume_of_gap(space, contact)
         if not (_has_facet_normals(contact) and contact.trace.corner_normals is not None):
             # Along its normals no admissible displacement has a distance below zero.
             least = 0.0
     elif contact.trace.before is not None:
         # A foundation that moves takes the body along without a slip.
         constant = -1.0 * psi(contact.trace.before)
-    size, varies = load_size(model, drives[0])
+    size, varies = load_size(space, drives[0])
     if size == 0:
         raise InputError(f"{goal!r}: the direction has no part along the contact.")
     step = base.e * base.norm / (base.length * size)
@@ -89,7 +90,7 @@ def _contact(model: Model, goal: GoalOfContact) -> ContactOnMesh:
     if isinstance(goal, Opening):
         if contact.bilateral:
             raise InputError(f"{goal!r}: a bilateral contact does not open.")
-    elif goal.direction is None and model.d == 3:
+    elif goal.direction is None and model.space.d == 3:
         raise InputError(f"{goal!r}: give a direction in space, e.g. (1.0, 0.0, 0.0).")
     return contact
 
@@ -136,26 +137,26 @@ def _along(direction: tuple[float, ...], n: Ufl) -> Ufl:
     return vector - ufl.dot(vector, n) * n
 
 
-def _area(model: Model, contact: ContactOnMesh) -> float:
+def _area(space: Space, contact: ContactOnMesh) -> float:
     """Return the area of a contact, of rings if it is of rings; collective."""
-    points, weights = rule(model.d - 1, model.degree + 1)
+    points, weights = rule(space.d - 1, space.degree + 1)
     facets = contact.facets[contact.trace.here.owned]
-    local = float(model.facet_weights(facets, points, weights).sum())
-    return float(model.comm.allreduce(local, MPI.SUM))
+    local = float(space.facet_weights(facets, points, weights).sum())
+    return float(space.comm.allreduce(local, MPI.SUM))
 
 
-def _volume_of_gap(model: Model, contact: ContactOnMesh) -> BoundedNumber:
+def _volume_of_gap(space: Space, contact: ContactOnMesh) -> BoundedNumber:
     """Return the integral of the gap of a contact; collective."""
     if contact.gap is None:
         return BoundedNumber(0.0)
-    data = ContactData(contact, model.mesh)
+    data = ContactData(contact, space.mesh)
 
     def volume(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
         gap = data.gap(facet, x)
-        return gap * circumferences(x) if model.axisymmetric else gap
+        return gap * circumferences(x) if space.axisymmetric else gap
 
     return BoundedNumber.summed(
-        model.comm, contact_integral(model, contact, model.function(), volume)
+        space.comm, contact_integral(space, contact, space.function(), volume)
     )

@@ -31,14 +31,15 @@ from namedmesh.simplex import lagrange, rule
 def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) -> Perturbation:
     """Return the perturbation for a mean displacement: a load there grows by t."""
     model = base.model
+    space = model.space
     scene = base.scene
     for face in model.loose_faces:
         if face.name == goal.part:
             return _translation(base, goal, face, a)
     facets = model.domain.owned_facets(goal.part)
-    points, weights = rule(model.d - 1, model.degree + 1)
-    of_points = model.facet_weights(facets, points, weights)
-    area = model.comm.allreduce(float(of_points.sum()), MPI.SUM)
+    points, weights = rule(space.d - 1, space.degree + 1)
+    of_points = space.facet_weights(facets, points, weights)
+    area = space.comm.allreduce(float(of_points.sum()), MPI.SUM)
     taken = [support.facets for support in scene.supports]
     for contact in scene.contacts:
         taken += contact.sides
@@ -54,10 +55,10 @@ def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) ->
         return replace(scene, loads=(*scene.loads, load))
 
     def psi(u: fem.Function) -> BoundedNumber:
-        values = u.x.array.reshape(-1, model.d)[model.facet_nodes(facets)]
-        at_points = np.matmul(lagrange(model.d - 1, model.degree, points), values)
+        values = u.x.array.reshape(-1, space.d)[space.facet_nodes(facets)]
+        at_points = np.matmul(lagrange(space.d - 1, space.degree, points), values)
         local = float(np.einsum("fq,fqi,i->", of_points, at_points, density))
-        return BoundedNumber(float(model.comm.allreduce(local, MPI.SUM)))
+        return BoundedNumber(float(space.comm.allreduce(local, MPI.SUM)))
 
     size = float(np.linalg.norm(a))
     step = base.e * base.norm / (base.length * size)
@@ -80,7 +81,7 @@ def _translation(
 def rotation(base: BaseScene, goal: Rotation, axis: np.ndarray) -> Perturbation:
     """Return the perturbation for a rotation of a rigid face: a moment grows by t."""
     model = base.model
-    d = model.d
+    d = model.space.d
     faces = [face for face in model.loose_faces if face.name == goal.part]
     if not faces:
         loose = listed([face.name for face in model.loose_faces])
@@ -107,7 +108,7 @@ def _motion(base: BaseScene, face: RigidFace, amounts: np.ndarray) -> Perturbati
         amounts: Factors of its motions in the sum, shape (freedoms,).
     """
     scene = base.scene
-    d = base.model.d
+    d = base.model.space.d
 
     def scene_at(t: float) -> Scene:
         supports = list(scene.supports)
@@ -159,7 +160,7 @@ def functional(base: BaseScene, goal: Functional) -> Perturbation:
     """Return the perturbation for the work of a load: t times the load is added."""
     model = base.model
     scene = base.scene
-    size, varies = load_size(model, goal.load)
+    size, varies = load_size(model.space, goal.load)
     if size == 0:
         raise InputError(f"{goal!r}: the load is zero everywhere; give another one.")
 
@@ -167,7 +168,7 @@ def functional(base: BaseScene, goal: Functional) -> Perturbation:
         return replace(scene, loads=(*scene.loads, _Scaled(goal.load, t)))
 
     def psi(u: fem.Function) -> BoundedNumber:
-        return work_of_load(model, goal.load, u)
+        return work_of_load(model.space, goal.load, u)
 
     # A load on a support or in contact has no place in a scene, which says so.
     replace(scene, loads=(*scene.loads, goal.load))

@@ -24,6 +24,7 @@ from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
 from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
 from erc_contact.scene.goal import (
     BoltForce,
@@ -136,6 +137,7 @@ def _check(model: Model, goal: GoalOfPair) -> np.ndarray:
 
     It is the direction, or the axis: one number in the plane, none without a part.
     """
+    space = model.space
     soft = [contact.name for contact in model.contacts if contact.is_compliant]
     if soft:
         raise InputError(
@@ -143,16 +145,16 @@ def _check(model: Model, goal: GoalOfPair) -> np.ndarray:
             " ec.resultant for a force of a contact."
         )
     if isinstance(goal, Slip) and goal.direction is not None:
-        _check_vector(goal, goal.direction, model.d)
+        _check_vector(goal, goal.direction, space.d)
     if not isinstance(goal, MeanDisplacement | Rotation | Moment | Resultant):
         return np.zeros(0)
-    vector = _checked_vector(goal, model.d)
-    if model.axisymmetric:
-        _check_on_rings(model, goal, vector)
+    vector = _checked_vector(goal, space.d)
+    if space.axisymmetric:
+        _check_on_rings(space, goal, vector)
     return vector
 
 
-def _check_on_rings(model: Model, goal: GoalOfPart, vector: np.ndarray) -> None:
+def _check_on_rings(space: Space, goal: GoalOfPart, vector: np.ndarray) -> None:
     """Check that a goal exists for an axisymmetric body; collective."""
     if isinstance(goal, Moment | Rotation):
         raise InputError(
@@ -161,9 +163,9 @@ def _check_on_rings(model: Model, goal: GoalOfPart, vector: np.ndarray) -> None:
         )
     if isinstance(goal, MeanDisplacement) or vector[0] == 0.0:
         return
-    corners = model.facet_corners(model.domain.facets(goal.part))
-    meets_axis = not vertices_off_axis(model, corners).all()
-    if model.comm.allreduce(meets_axis, MPI.LOR):
+    corners = space.facet_corners(space.domain.facets(goal.part))
+    meets_axis = not vertices_off_axis(space, corners).all()
+    if space.comm.allreduce(meets_axis, MPI.LOR):
         raise InputError(
             f"{goal!r}: a part that meets the axis cannot move radially, so that its radial"
             " force has no interval; give direction=(0.0, 1.0)."
@@ -175,7 +177,7 @@ def _base_scene(error: ConstitutiveError) -> BaseScene:
     pair = error.admissible
     model = pair.model
     largest = float(abs(pair.displacement.x.array).max(initial=0.0))
-    length = model.comm.allreduce(largest, MPI.MAX) or 1.0
+    length = model.space.comm.allreduce(largest, MPI.MAX) or 1.0
     energy = elastic_work(pair, pair.displacement, pair.displacement).value
     norm = float(np.sqrt(max(energy, 0.0))) or 1.0
     e = max(error.absolute, LEAST_ERROR * norm)

@@ -164,7 +164,7 @@ def measure_unmoved(
     base = Unmoved(error, psi, [], M)
     pair = error.admissible
     for traction in pair.tractions:
-        work = friction_work(pair.model, traction, pair.displacement, base.floor)
+        work = friction_work(pair.model.space, traction, pair.displacement, base.floor)
         base.frictions.append(work)
     return base
 
@@ -211,14 +211,14 @@ def _spread(base: Unmoved, plus: Admissible, t: float) -> float:
     closes the other way.
     """
     pair = base.error.admissible
-    model = pair.model
+    space = pair.model.space
     total = -(base.error.contact_error**2)
     contacts = zip(pair.tractions, plus.tractions, base.frictions, strict=True)
     for here, there, slid in contacts:
         u = plus.displacement
-        work = contact_work(model, there.contact, here.values, u, base.floor)
-        work += friction_work(model, here, u, base.floor)
-        work += contact_work(model, here.contact, there.values, pair.displacement, base.floor)
+        work = contact_work(space, there.contact, here.values, u, base.floor)
+        work += friction_work(space, here, u, base.floor)
+        work += contact_work(space, here.contact, there.values, pair.displacement, base.floor)
         total += (work + slid).value
     return max(total, 0.0) / t
 
@@ -230,7 +230,7 @@ def _ends(
     t: float,
 ) -> Ends:
     """Compute the interval from V and ``d^2`` of both ends; collective."""
-    comm = base.error.model.comm
+    comm = base.error.model.space.comm
     ends = []
     sizes = []
     for sign, (V, d_squares) in ((-1.0, lower), (1.0, upper)):
@@ -264,8 +264,9 @@ def _end(
     error = base.error
     pair = error.admissible
     model = pair.model
+    space = model.space
     first, second, moved = displacements
-    phi = model.function()
+    phi = space.function()
     phi.x.array[:] = (first.displacement.x.array - second.displacement.x.array) / t
     more, less = stresses
     u = pair.displacement
@@ -274,7 +275,7 @@ def _end(
     size = float(np.sqrt(max(size_2, 0.0)))
     law = MovedLaw.between(first.model, second.model, t)
     product, d_squares = _across(base, phi, law, more, less, t, size)
-    d_2 = model.comm.allreduce(float(d_squares.sum()), MPI.SUM)
+    d_2 = space.comm.allreduce(float(d_squares.sum()), MPI.SUM)
     if d_2 > size_2:
         # Forces that a contact bears have a tau, and no phi.
         product, d_squares = _across(base, phi, law, more, less, t, float(np.sqrt(d_2)))
@@ -287,8 +288,8 @@ def _end(
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
-        V += contact_work(model, traction.contact, tau, u, base.floor / t)
-        slides = friction_work(model, traction, moved.displacement, base.floor)
+        V += contact_work(space, traction.contact, tau, u, base.floor / t)
+        slides = friction_work(space, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
     return V, d_squares
@@ -332,7 +333,7 @@ def _across(
     d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
     d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
     local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
-    product, lost, left = model.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
+    product, lost, left = model.space.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
     return BoundedNumber(product / (8 * h), lost / (8 * h), bool(left == 0.0)), d_squares
 
 
@@ -344,7 +345,7 @@ def _bulk(
     It is a gap [force length], with the springs at the cell.
     """
     model = pair.model
-    u_hat = model.function()
+    u_hat = model.space.function()
     u_hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
     of_springs = []
     triples = zip(pair.spring_tractions, more.spring_tractions, less.spring_tractions, strict=True)

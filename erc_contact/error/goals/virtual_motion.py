@@ -13,8 +13,8 @@ from mpi4py import MPI
 
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_faces import bind_rigid
+from erc_contact.model.space import Space
 from erc_contact.scene.support import Displacement, Rigid
 
 Shift = float | Callable[[Ufl], Ufl]
@@ -52,18 +52,18 @@ class VirtualMotion:
         """Return the motion at positions, shapes (..., d)."""
         return np.asarray(self.translation + (x - self.centre) @ self.spin.T)
 
-    def nodal(self, model: Model) -> fem.Function:
+    def nodal(self, space: Space) -> fem.Function:
         """Return the motion at the nodes of a mesh, where it is exact."""
-        motion = model.function()
-        x = model.V.tabulate_dof_coordinates()[:, : model.d]
+        motion = space.function()
+        x = space.V.tabulate_dof_coordinates()[:, : space.d]
         motion.x.array[:] = self.at(x).ravel()
         return motion
 
-    def size(self, model: Model) -> float:
+    def size(self, space: Space) -> float:
         """Return its largest displacement on a mesh; collective."""
-        values = self.nodal(model).x.array.reshape(-1, model.d)
+        values = self.nodal(space).x.array.reshape(-1, space.d)
         largest = float(np.linalg.norm(values, axis=1).max(initial=0.0))
-        return float(model.comm.allreduce(largest, MPI.MAX))
+        return float(space.comm.allreduce(largest, MPI.MAX))
 
     def freedoms(self, centre: np.ndarray) -> np.ndarray:
         """Return its translation at a point and its rotation, shape (freedoms,)."""
@@ -77,24 +77,24 @@ class VirtualMotion:
             return constant
         return partial(_affine, constant, row.tolist(), self.centre.tolist())
 
-    def moves(self, model: Model, support: Displacement | Rigid) -> bool:
+    def moves(self, space: Space, support: Displacement | Rigid) -> bool:
         """Tell whether a support has components that move; collective."""
-        moved = self.move(model, support, 1.0)
+        moved = self.move(space, support, 1.0)
         if isinstance(support, Rigid) and isinstance(moved, Rigid):
             return moved.motions != support.motions
         return moved != support
 
-    def move(self, model: Model, support: Displacement | Rigid, t: float) -> Displacement | Rigid:
+    def move(self, space: Space, support: Displacement | Rigid, t: float) -> Displacement | Rigid:
         """Return a support moved by t W, in the components that it has; collective."""
         if isinstance(support, Displacement):
             values = []
-            for unit, value in zip(np.eye(model.d), support.value, strict=True):
+            for unit, value in zip(np.eye(space.d), support.value, strict=True):
                 values.append(shift_value(value, self.component(unit, t)))
             return Displacement(support.facets, tuple(values))
-        shifts = t * self.freedoms(bind_rigid(model, support).about)
+        shifts = t * self.freedoms(bind_rigid(space, support).about)
         motions = tuple(map(shift_value, support.motions, shifts.tolist()))
-        displacement = motions[: model.d]
-        rotation = motions[model.d :]
+        displacement = motions[: space.d]
+        rotation = motions[space.d :]
         return replace(support, displacement=displacement, rotation=rotation)
 
 

@@ -56,7 +56,7 @@ def spring_displacement(
         Shape (f, q, d); 0 on the axis of rings, where no shear acts.
     """
     stiffness = evaluate(contact.tangential_stiffness, space.mesh, points, contact.facets)
-    _, r_t, _ = split(r, contact.trace.normals_at(points))
+    r_t = split(r, contact.trace.normals_at(points)).tangential
     k = stiffness[..., None]
     return np.divide(-r_t, k, out=np.zeros_like(r_t), where=k > 0)
 
@@ -91,7 +91,7 @@ def slip_at(
     w = np.matmul(shape, trace.of(u) - trace.of_before)
     if contact.tangential_stiffness is not None:
         w = w - give_way(space, contact, r, points)
-    return split(w, trace.normals_at(points))[1]
+    return split(w, trace.normals_at(points)).tangential
 
 
 class ContactData:

@@ -10,6 +10,7 @@ step leaves is the displacement relative to the foundation.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import ufl
@@ -83,7 +84,8 @@ def bind_contact(
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     sides = here, there
-    normal, direction, of_corners, given_normal = _normal(space, contact, sides, surface, sign)
+    normals = _normal(space, contact, sides, surface, sign)
+    normal, of_corners = normals.field, normals.of_corners
     of_gap = None
     if of_corners is not None:
         normal = normal / ufl.sqrt(ufl.dot(normal, normal))
@@ -91,7 +93,7 @@ def bind_contact(
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
-    trace = Trace(here, there, direction, corner_normals=of_corners)
+    trace = Trace(here, there, normals.direction, corner_normals=of_corners)
     between = None
     if space.domain.distance(contact.facets, contact.against) > 0:
         # Facing facets are one facet in their parameters, so this is linear on each. A
@@ -103,7 +105,7 @@ def bind_contact(
         motion = components(space, contact.motion, f"{what}: motion")
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
-    friction = _friction(space, contact, facets, direction)
+    friction = _friction(space, contact, facets, normals.direction)
     stiffnesses = {}
     for name in ("normal", "tangential"):
         k = getattr(contact.foundation, name, None)
@@ -127,7 +129,7 @@ def bind_contact(
         trace=replace(trace, before=before),
         ds=space.ds(space.domain.tag(part)),
         normal=normal,
-        given_normal=given_normal,
+        given_normal=normals.given,
         friction=friction,
         gap=sum_of(gaps),
         given_gap=sum_of(given_gaps),
@@ -250,9 +252,25 @@ def _true_surface(space: Space, contact: Contact) -> Ufl:
     return space.x + space.domain.offset
 
 
-def _normal(
-    space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float
-) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
+class _Normals(NamedTuple):
+    """Hold the normals of a contact.
+
+    Attributes:
+        field: The unit normal, or the field N of normals that turn, UFL.
+        direction: Unit normals in the middle of each facet, shape (f, d).
+        of_corners: Unit normals at the vertices of each facet, shape (f, d, d); None
+            where they do not turn along any facet.
+        given: The normal as the scene gives it, of any length, UFL; None where it does
+            not vary.
+    """
+
+    field: Ufl
+    direction: np.ndarray
+    of_corners: np.ndarray | None = None
+    given: Ufl | None = None
+
+
+def _normal(space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float) -> _Normals:
     """Find the normal of a foundation, or the common normal of bodies; collective.
 
     Args:
@@ -261,12 +279,6 @@ def _normal(
         sides: This side, and the other side.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
-
-    Returns:
-        The unit normal, or the field N of normals that turn, as UFL; the unit normal in
-        the middle of each facet (f, d); the unit normals at the vertices of each facet
-        (f, d, d), None where they do not turn along any facet; and the normal as the
-        scene gives it, of any length, UFL, None where it does not vary.
     """
     facets = sides[0].facets
     if contact.normal is None and contact.against is None:
@@ -276,7 +288,7 @@ def _normal(
     else:
         return _varying_normal(space, contact, sides, surface, sign)
     on_facets = np.broadcast_to(direction, (len(facets), space.d))
-    return compiled.constant(space.mesh, direction), on_facets, None, None
+    return _Normals(compiled.constant(space.mesh, direction), on_facets)
 
 
 def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarray:
@@ -303,7 +315,7 @@ def _flat_normal(space: Space, contact: Contact, facets: np.ndarray) -> np.ndarr
 
 def _varying_normal(
     space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: float
-) -> tuple[Ufl, np.ndarray, np.ndarray | None, Ufl | None]:
+) -> _Normals:
     """Find a normal that varies, as :func:`_normal` returns it; collective."""
     facets = sides[0].facets
     given = None
@@ -311,16 +323,15 @@ def _varying_normal(
         flat = Trace(*sides, space.outward_normals(facets))
         of_corners = _common_normals(space, contact, flat)
         if greatest(space.comm, of_corners - flat.normals_at_vertices) <= SAME_NORMAL:
-            return space.n, flat.direction, None, None
+            return _Normals(space.n, flat.direction)
     else:
         given = _given_normal(space, contact, surface, sign)
         of_corners = _at_vertices(space, contact, facets, given)
     normal, of_corners = normal_field(space, facets, of_corners)
     middle = of_corners.sum(axis=1)
     middle /= np.linalg.norm(middle, axis=1)[:, None]
-    if not turns(space.comm, of_corners):
-        return normal, middle, None, given
-    return normal, middle, of_corners, given
+    turning = of_corners if turns(space.comm, of_corners) else None
+    return _Normals(normal, middle, turning, given)
 
 
 def _common_normals(space: Space, contact: Contact, sides: Trace) -> np.ndarray:

@@ -122,7 +122,7 @@ def _samples(size: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
         Barycentric coordinates, shape (q, v), and the matrix (q, q) from values at the
         points to their differences from the nearest polynomial of degree 4.
     """
-    samples, _, _ = piece_points(size)
+    samples = piece_points(size).points
     inside = np.matmul(samples, facet_pieces(size)).reshape(-1, size + 1)
     places = np.concatenate([barycentric(nodes(size, degree)), inside])
     quadratic = polynomials(2, places[None])[0]

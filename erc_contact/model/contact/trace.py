@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -35,16 +36,25 @@ ALL = slice(None)
 """All facets."""
 
 
-def split(z: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split vectors (..., d) by unit normals n.
+class Split(NamedTuple):
+    """Hold vectors along and across normals.
 
-    Returns:
-        The normal component (...), the tangential part (..., d), and the length of this
-        part (...).
+    Attributes:
+        normal: The normal component, shape (...).
+        tangential: The tangential part, shape (..., d).
+        length: The length of this part, shape (...).
     """
+
+    normal: np.ndarray
+    tangential: np.ndarray
+    length: np.ndarray
+
+
+def split(z: np.ndarray, n: np.ndarray) -> Split:
+    """Split vectors (..., d) by unit normals n."""
     z_n = (z * n).sum(axis=-1)
     z_t = z - z_n[..., None] * n
-    return z_n, z_t, np.linalg.norm(z_t, axis=-1)
+    return Split(z_n, z_t, np.linalg.norm(z_t, axis=-1))
 
 
 def interpolate_normals(of_corners: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -313,8 +323,7 @@ class Trace:
 
         It is zero without one. Shape (f, m, d).
         """
-        _, tangential, _ = split(self.of_before, self.normals)
-        return tangential
+        return split(self.of_before, self.normals).tangential
 
     def since(self, u: np.ndarray) -> np.ndarray:
         """Return ``w - s``, the jump since the last step [length], shape (f, m, d).

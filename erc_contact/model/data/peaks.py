@@ -17,6 +17,7 @@ samples of a piece.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -129,15 +130,14 @@ def _of_chunk(
 
     for turn in range(PEAK_ROUNDS + 1):
         found = _on_pieces(values_at, vertices, simplex, corners, inherited)
-        greatest, least, roughness, at_jump = found
-        at_jump = np.maximum(JUMP_RISE * at_jump, inherited_at_jump)
+        at_jump = np.maximum(JUMP_RISE * found.at_jump, inherited_at_jump)
         is_jump = np.isfinite(at_jump)
-        share_of_range = SMOOTH_RISE * (greatest - least)
-        smooth = roughness <= share_of_range
-        peak = greatest + share_of_range + roughness
+        share_of_range = SMOOTH_RISE * (found.greatest - found.least)
+        smooth = found.roughness <= share_of_range
+        peak = found.greatest + share_of_range + found.roughness
         # The tolerance follows the range of all samples of the simplex so far.
-        np.maximum.at(highest, simplex, greatest)
-        np.minimum.at(lowest, simplex, least)
+        np.maximum.at(highest, simplex, found.greatest)
+        np.minimum.at(lowest, simplex, found.least)
         share = np.where(smooth, SMOOTH_TOLERANCE, ROUGH_TOLERANCE)
         tolerance = np.maximum(share * (highest - lowest)[simplex], round_off[simplex])
         # A piece that cannot hold the peak, by more than the tolerance, is finished.
@@ -147,7 +147,7 @@ def _of_chunk(
         goes_on &= ~too_many[simplex] & (turn < rounds)
         # The sides of a jump hide nothing where each of them is level. It is bisected
         # all the same, to find what is next to it.
-        peak = np.minimum(peak, greatest + at_jump)
+        peak = np.minimum(peak, found.greatest + at_jump)
         np.maximum.at(bound, simplex[~goes_on], peak[~goes_on])
         if not goes_on.any():
             break
@@ -156,8 +156,25 @@ def _of_chunk(
         simplex = simplex[goes_on]
         corners = bisect(corners[goes_on], vertices[simplex])
         simplex = np.repeat(simplex, 2)
-        inherited = np.repeat(INHERITED_SHARE * roughness[goes_on], 2)
+        inherited = np.repeat(INHERITED_SHARE * found.roughness[goes_on], 2)
     return bound
+
+
+class _Sampled(NamedTuple):
+    """Hold what the samples on each piece tell, shape (n,) each.
+
+    Attributes:
+        greatest: The greatest sample.
+        least: The least sample.
+        roughness: The rise between the samples where the function is not smooth.
+        at_jump: The greatest distance of a sample from the greatest or the least one,
+            infinite where there is no jump.
+    """
+
+    greatest: np.ndarray
+    least: np.ndarray
+    roughness: np.ndarray
+    at_jump: np.ndarray
 
 
 def _on_pieces(
@@ -166,14 +183,8 @@ def _on_pieces(
     simplex: np.ndarray,
     corners: np.ndarray,
     inherited: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Sample the function on each piece.
-
-    Returns:
-        The greatest and the least sample of each piece, the rise between the samples
-        where the function is not smooth, and the greatest distance of a sample from the
-        greatest or the least one, infinite where there is no jump, shape (n,) each.
-    """
+) -> _Sampled:
+    """Sample the function on each piece."""
     points, _, residual = piece_points(vertices.shape[1] - 1)
     places = np.matmul(points, corners)
     values = f(simplex, places, np.matmul(places, vertices[simplex]))
@@ -188,4 +199,4 @@ def _on_pieces(
     # A cusp that happens to look smooth in a piece did not in the piece around it.
     roughness = np.maximum(roughness, inherited)
     at_jump = np.where(jumps, at_jump, np.inf)
-    return greatest, least, np.where(jumps, 0.0, roughness), at_jump
+    return _Sampled(greatest, least, np.where(jumps, 0.0, roughness), at_jump)

@@ -22,6 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
+from typing import NamedTuple
 
 import basix
 import numpy as np
@@ -230,22 +231,32 @@ def _on_pieces(
     return value, unknown
 
 
-@cache
-def piece_points(size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points of a piece, weights, and the matrix to distances from polynomials.
+class PiecePoints(NamedTuple):
+    """Hold points of a piece, at which functions are sampled.
 
-    Returns:
-        Barycentric coordinates, shape (q, v); weights of the quadrature, zero near the
-        boundary, shape (q,); and the matrix (q, q) that takes values at the points to
-        their distances from the polynomial that is nearest to them.
+    Attributes:
+        points: Barycentric coordinates, shape (q, v).
+        weights: Weights of the quadrature, zero near the boundary, shape (q,).
+        residual: Matrix that takes values at the points to their distances from the
+            polynomial that is nearest to them, shape (q, q).
     """
+
+    points: np.ndarray
+    weights: np.ndarray
+    residual: np.ndarray
+
+
+@cache
+def piece_points(size: int) -> PiecePoints:
+    """Return points of a piece of a simplex of a dimension."""
     inner, weights = rule(size, RULE_DEGREE)
     outer = (1 - INSET) * lattice(size, LATTICE_PARTS[size]) + INSET / (size + 1)
     points = np.vstack([inner, outer])
     legendre = basix.PolynomialType.legendre
     fit = basix.tabulate_polynomials(legendre, CELLS[size], FIT_DEGREE[size], points).T
     residual = np.eye(len(points)) - fit @ np.linalg.pinv(fit)
-    return barycentric(points), np.concatenate([weights, np.zeros(len(outer))]), residual
+    weights = np.concatenate([weights, np.zeros(len(outer))])
+    return PiecePoints(barycentric(points), weights, residual)
 
 
 def bisect(corners: np.ndarray, vertices: np.ndarray) -> np.ndarray:

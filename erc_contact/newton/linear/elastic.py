@@ -41,12 +41,13 @@ class Elastic:
     """
 
     def __init__(self, model: Model) -> None:
+        space = model.space
         self.model = model
-        u = ufl.TrialFunction(model.V)
-        v = ufl.TestFunction(model.V)
+        u = ufl.TrialFunction(space.V)
+        v = ufl.TestFunction(space.V)
         self.form = compiled.form(model.stiffness(u, v))
-        self.glue = Glue(model, model.contacts, model.fixed)
-        self.owned = model.V.dofmap.index_map.size_local * model.d
+        self.glue = Glue(space, model.contacts, model.fixed)
+        self.owned = space.V.dofmap.index_map.size_local * space.d
         self.support_stiffness = 1.0
         self._owners = 0
 
@@ -135,7 +136,7 @@ class Elastic:
     def free_components(self) -> int:
         """Count the unknowns of all ranks that no support fixes; collective."""
         free = int(np.count_nonzero(~self.fixed))
-        return self.model.comm.allreduce(free)
+        return self.model.space.comm.allreduce(free)
 
     def right_side(self, b: fem.Function, *, supports: bool, glued: bool = False) -> PETSc.Vec:
         """Return the right side for nodal forces, summed over ranks [force].
@@ -148,7 +149,7 @@ class Elastic:
                 of other bodies that supports move.
         """
         model = self.model
-        vector = fp.create_vector(model.V)
+        vector = fp.create_vector(model.space.V)
         with vector.localForm() as local:
             local.array[:] = b.x.array
         if supports:
@@ -165,13 +166,13 @@ class Elastic:
 
     def vector(self, values: fem.Function) -> PETSc.Vec:
         """Return the nodal values of a Function as a vector."""
-        vector = fp.create_vector(self.model.V)
+        vector = fp.create_vector(self.model.space.V)
         vector.array[:] = values.x.array[: self.owned]
         return vector
 
     def function(self, x: PETSc.Vec) -> fem.Function:
         """Return a vector of nodal values as a Function."""
-        values = self.model.function()
+        values = self.model.space.function()
         values.x.array[: self.owned] = x.array_r
         values.x.scatter_forward()
         return values

@@ -87,7 +87,7 @@ class EliminatedFaces:
             columns.append(of_unknowns)
         self.coupling = np.column_stack(columns)
         local = [[shape.x.array[: self._owned] @ f for f in self._forces] for shape in self.shapes]
-        stiffness = model.comm.allreduce(np.array(local), MPI.SUM)
+        stiffness = model.space.comm.allreduce(np.array(local), MPI.SUM)
         self.stiffness = 0.5 * (stiffness + stiffness.T)
 
     def pushes(self, b: fem.Function | None, u: fem.Function) -> np.ndarray:
@@ -101,7 +101,7 @@ class EliminatedFaces:
         local = np.array([-forces @ owned for forces in self._forces])
         if b is not None:
             local += np.array([shape.x.array @ b.x.array for shape in self.shapes])
-        return np.asarray(self._model.comm.allreduce(local, MPI.SUM))
+        return np.asarray(self._model.space.comm.allreduce(local, MPI.SUM))
 
     def move(self, u: fem.Function, motions: np.ndarray) -> None:
         """Add motions (J,) of the faces to a displacement [length], in place."""
@@ -119,7 +119,7 @@ class EliminatedFaces:
             b: Nodal forces, not yet summed over ranks.
             supports: Whether supports have their values p, else zero.
         """
-        p = self._model.prescribed if supports else self._model.function()
+        p = self._model.prescribed if supports else self._model.space.function()
         motions = np.linalg.solve(self.stiffness, self.pushes(b, p))
         for amount, forces in zip(motions, self._forces, strict=True):
             b.x.array[: self._owned] -= amount * forces
@@ -130,18 +130,19 @@ class EliminatedFaces:
         Args:
             x: Unknowns of this rank [length], shape (owned,).
         """
-        pulls = self._model.comm.allreduce(self.coupling.T @ x, MPI.SUM)
+        pulls = self._model.space.comm.allreduce(self.coupling.T @ x, MPI.SUM)
         return np.asarray(self.coupling @ np.linalg.solve(self.stiffness, pulls))
 
     def _nodal_forces(self) -> list[np.ndarray]:
         """Return the nodal forces K R_j of this rank [force/length], each (owned,)."""
         model = self._model
-        field = model.function()
-        action = compiled.form(model.stiffness(field, ufl.TestFunction(model.V)))
+        space = model.space
+        field = space.function()
+        action = compiled.form(model.stiffness(field, ufl.TestFunction(space.V)))
         nodal_forces = []
         for shape in self.shapes:
             field.x.array[:] = shape.x.array
-            forces = model.function()
+            forces = space.function()
             fem.assemble_vector(forces.x.array, action)
             forces.x.scatter_reverse(la.InsertMode.add)
             nodal_forces.append(forces.x.array[: self._owned].copy())
@@ -153,9 +154,9 @@ def _unit_motions(model: Model) -> list[fem.Function]:
     shapes = []
     for face in model.loose_faces:
         for number in np.flatnonzero(face.free):
-            shape = model.function()
+            shape = model.space.function()
             values = face.shapes[:, :, number] / face.sizes[number]
-            shape.x.array.reshape(-1, model.d)[face.nodes] = values
+            shape.x.array.reshape(-1, model.space.d)[face.nodes] = values
             # A rank may see a node without the facet: its owner sees all.
             shape.x.scatter_forward()
             shapes.append(shape)
@@ -182,7 +183,7 @@ class FaceMotions:
         self._faces = faces
         self.displacements: list[fem.Function] = []
         for coupling in faces.coupling.T:
-            right = fp.create_vector(elastic.model.V)
+            right = fp.create_vector(elastic.model.space.V)
             right.array[:] = -coupling
             x = right.duplicate()
             solve(right, x)
@@ -190,7 +191,7 @@ class FaceMotions:
             right.destroy()
             x.destroy()
         self._owned = np.column_stack([w.x.array[: elastic.owned] for w in self.displacements])
-        change = elastic.model.comm.allreduce(faces.coupling.T @ self._owned, MPI.SUM)
+        change = elastic.model.space.comm.allreduce(faces.coupling.T @ self._owned, MPI.SUM)
         self.stiffness = faces.stiffness + 0.5 * (change + change.T)
 
     def move(self, u: fem.Function, b: fem.Function | None) -> None:
@@ -214,7 +215,7 @@ class FaceMotions:
         Args:
             force: Forces f on the unknowns of this rank [force], shape (owned,).
         """
-        pushes = self._elastic.model.comm.allreduce(self._owned.T @ force, MPI.SUM)
+        pushes = self._elastic.model.space.comm.allreduce(self._owned.T @ force, MPI.SUM)
         return np.asarray(self._owned @ np.linalg.solve(self.stiffness, pushes))
 
     def soften(self, schur: np.ndarray, at_layer: np.ndarray) -> np.ndarray:

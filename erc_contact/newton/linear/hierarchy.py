@@ -108,8 +108,8 @@ class Hierarchy:
         self, stiffness: PETSc.Mat, operator: PETSc.Mat | None
     ) -> ChangedBlocks | ChangedEntries:
         """Return a matrix to which changes can be added, as the cycle needs it."""
-        if self._model.degree > 1:
-            return ChangedBlocks(stiffness, self.scale, self._model.d, operator)
+        if self._model.space.degree > 1:
+            return ChangedBlocks(stiffness, self.scale, self._model.space.d, operator)
         return ChangedEntries(stiffness, self.scale)
 
     def _preconditioners(self, change: PETSc.Mat) -> tuple[PETSc.PC, PETSc.PC]:
@@ -118,7 +118,7 @@ class Hierarchy:
         Args:
             change: The first C [force/length].
         """
-        if self._model.degree > 1:
+        if self._model.space.degree > 1:
             self._two_levels = TwoLevels(
                 self._model,
                 self.matrix,
@@ -127,7 +127,7 @@ class Hierarchy:
                 self._support_stiffness,
             )
             return self._two_levels.pc, self._two_levels.algebraic
-        self.matrix.setNearNullSpace(rigid_motions(self._model.V, self.matrix))
+        self.matrix.setNearNullSpace(rigid_motions(self._model.space.V, self.matrix))
         multigrid = PETSc.PC().create(self.matrix.comm)
         multigrid.setOptionsPrefix(AMG_PREFIX)
         multigrid.setOperators(self.matrix)
@@ -189,10 +189,11 @@ class Hierarchy:
         this rank without a ghost of it here.
         """
         model = self._model
-        near = model.function()
+        space = model.space
+        near = space.function()
         cells = np.concatenate([contact.facets[:, 0] for contact in model.contacts])
-        of_nodes = near.x.array.reshape(-1, model.d)
-        of_nodes[model.nodes[cells]] = 1.0
+        of_nodes = near.x.array.reshape(-1, space.d)
+        of_nodes[space.nodes[cells]] = 1.0
         of_nodes[model.connections.is_paired] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)
         first, last = self._stiffness.getOwnershipRange()
@@ -207,7 +208,7 @@ def weak_share(model: Model) -> float:
     """
     if not model.free_motions:
         return 0.0
-    return 0.1 * model.domain.cells ** (-1 / model.d)
+    return 0.1 * model.domain.cells ** (-1 / model.space.d)
 
 
 def free_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:

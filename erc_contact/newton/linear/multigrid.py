@@ -63,9 +63,9 @@ class Multigrid(Elastic):
         super().__init__(model)
         # In units that do not fit the body, smoothers and norms see either the supports
         # or the body.
-        self.support_stiffness = model.stiffest() * model.domain.extent ** (model.d - 2)
+        self.support_stiffness = model.stiffest() * model.domain.extent ** (model.space.d - 2)
         glued = int(np.count_nonzero(self._stiffness_of_glue))
-        self.contact_size = int(model.comm.allreduce(glued, MPI.SUM))
+        self.contact_size = int(model.space.comm.allreduce(glued, MPI.SUM))
         self._hurried = hurried
         self._hierarchy: Hierarchy | None = None
         self._matrix: PETSc.Mat | None = None
@@ -204,7 +204,7 @@ class Multigrid(Elastic):
         for done in (operator, u, forces, free, left):
             done.destroy()
         if connections.any:
-            return product(self.model, connections.projection, nodal_forces, transpose=True)
+            return product(self.model.space, connections.projection, nodal_forces, transpose=True)
         return nodal_forces
 
     def traces(self, numbers: np.ndarray) -> IterativeTraces:
@@ -251,7 +251,7 @@ class Multigrid(Elastic):
             if matrix is not None:
                 matrix.destroy()
         self._matrix = self._operator = None
-        free_dropped(self.model.comm)
+        free_dropped(self.model.space.comm)
 
     def rough_energy(self, force: PETSc.Vec) -> float:
         """Estimate ``R.K^-1 R`` of forces R, where a weak glue holds a loose body."""
@@ -335,7 +335,7 @@ class Multigrid(Elastic):
                 x.array[:] = near.x.array[: self.owned] / size
             left = self._iterate(matrix, b, x, tolerance, held, hurried=hurried)
             if left > ENOUGH * tolerance and direct:
-                log = log_of(self.model.comm)
+                log = log_of(self.model.space.comm)
                 log.info("Multigrid left %.0e of the loads: a direct solver takes over.", left)
                 self.hierarchy.factorise()
                 left = self._iterate(matrix, b, x, tolerance, held)
@@ -368,7 +368,7 @@ class Multigrid(Elastic):
 
     def _assemble(self) -> None:
         """Assemble K in both forms."""
-        if self.model.degree == 1:
+        if self.model.space.degree == 1:
             self._matrix = self._operator = self._with_places(self.stiffness())
         else:
             self._operator = self.stiffness_in_blocks()

@@ -71,7 +71,7 @@ class TwoLevels:
         scale: float,
         diagonal: float,
     ) -> None:
-        vertices = model.domain.function("Lagrange", 1, (model.d,)).function_space
+        vertices = model.domain.function("Lagrange", 1, (model.space.d,)).function_space
         fixed = _fixed_at_vertices(model, vertices)
         self.interpolation = _interpolation(model, vertices, fixed)
         self.coarse = _coarse_sum(terms, self.interpolation)
@@ -135,14 +135,14 @@ def _fixed_at_vertices(model: Model, vertices: fem.FunctionSpace) -> np.ndarray:
     """Return the degrees of freedom of this rank that supports fix at vertices."""
     index_map = vertices.dofmap.index_map
     node_count = index_map.size_local + index_map.num_ghosts
-    fixed = np.zeros((node_count, model.d), dtype=bool)
-    fixed[vertices.dofmap.list] = model.fixed[model.vertices]
+    fixed = np.zeros((node_count, model.space.d), dtype=bool)
+    fixed[vertices.dofmap.list] = model.fixed[model.space.vertices]
     return np.flatnonzero(fixed[: index_map.size_local])
 
 
 def _interpolation(model: Model, vertices: fem.FunctionSpace, fixed: np.ndarray) -> PETSc.Mat:
     """Return P; all that supports fix is zero in it."""
-    interpolation = fp.interpolation_matrix(vertices, model.V)
+    interpolation = fp.interpolation_matrix(vertices, model.space.V)
     interpolation.assemble()
     at_vertices, at_nodes = interpolation.createVecs()
     at_vertices.set(1.0)

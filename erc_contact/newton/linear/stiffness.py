@@ -78,21 +78,22 @@ class Layer:
 
 def contact_layer(model: Model) -> Layer:
     """Find the layer of all contacts of a model; collective."""
-    touching = np.zeros(model.node_count, dtype=bool)
-    layer = np.zeros(model.node_count, dtype=bool)
+    space = model.space
+    touching = np.zeros(space.node_count, dtype=bool)
+    layer = np.zeros(space.node_count, dtype=bool)
     for contact in model.contacts:
         touching[contact.trace.here.nodes] = True
-        layer[model.nodes[contact.facets[:, 0]]] = True
+        layer[space.nodes[contact.facets[:, 0]]] = True
     if model.connections.any:
         touching |= model.connections.is_paired
         # A rank may have the cell of a contact facet without the cell that faces it.
-        (layer,) = marked_by_any(model, layer | model.connections.is_paired)
+        (layer,) = marked_by_any(space, layer | model.connections.is_paired)
 
     dofs = np.flatnonzero((layer[:, None] & ~model.fixed).ravel())
-    at_contact = np.repeat(touching, model.d)[dofs]
-    numbers = model.global_dofs(dofs)
-    on_contact = distinct_rows(model.comm, numbers[at_contact])
-    (others,) = of_all(model.comm, numbers[~at_contact])
+    at_contact = np.repeat(touching, space.d)[dofs]
+    numbers = space.global_dofs(dofs)
+    on_contact = distinct_rows(space.comm, numbers[at_contact])
+    (others,) = of_all(space.comm, numbers[~at_contact])
     # A node may be at the contact by a facet of another rank only.
     off_contact = np.setdiff1d(others, on_contact)
 
@@ -175,7 +176,7 @@ class Stiffness(Elastic):
             by_supports = glue_forces - self.glued_by @ glued_A
             return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
 
-        u_A = together(self.model.comm, unglue)
+        u_A = together(self.model.space.comm, unglue)
         return self.expand(u_0, u_A, None)
 
     def solve_with_springs(
@@ -260,7 +261,7 @@ class Stiffness(Elastic):
         layer = self.layer
         owned = layer.local < self.owned
         of_rank = (layer.place[owned], u.x.array[layer.local[owned]])
-        parts = gathered(self.model.comm, of_rank)
+        parts = gathered(self.model.space.comm, of_rank)
         if parts is None:
             return np.zeros(0)
         values = np.zeros(len(layer.numbers))
@@ -279,8 +280,8 @@ class Stiffness(Elastic):
         nodal: np.ndarray | None = None
         if values is not None and self.schur is not None:
             nodal = self.basis.nodal(values)
-        nodal = from_first(self.model.comm, nodal)
-        u = self.model.function()
+        nodal = from_first(self.model.space.comm, nodal)
+        u = self.model.space.function()
         u.x.array[self.layer.local] = nodal[self.layer.place]
         return u
 
@@ -348,7 +349,7 @@ class Stiffness(Elastic):
 
     def _condense(self) -> None:
         """Factorise with the Schur complement on L."""
-        comm = self.model.comm
+        comm = self.model.space.comm
         solver = self._solver()
         self.glued_by = self._glue_of_jumps()
         self.motions = [self.gather(motion) for motion in self.model.free_motions]
@@ -382,8 +383,8 @@ class Stiffness(Elastic):
         """Gather D_A; it is on rank 0, None elsewhere; collective."""
         glue, model = self.glue, self.model
         used = glue.free
-        rows, columns = (model.global_dofs(dofs[used]) for dofs in (glue.rows, glue.columns))
-        parts = gathered(model.comm, (rows, columns, glue.values[used]))
+        rows, columns = (model.space.global_dofs(dofs[used]) for dofs in (glue.rows, glue.columns))
+        parts = gathered(model.space.comm, (rows, columns, glue.values[used]))
         if parts is None:
             return None
         return self.basis.of_jumps(*(np.concatenate(part) for part in zip(*parts, strict=True)))
@@ -397,7 +398,7 @@ class Stiffness(Elastic):
         # factorises densely.
         has_contact = self.contact_size > 0
         layer_is_body = has_contact and len(self.layer.numbers) == self.free_components()
-        if self.model.comm.size > 1 or layer_is_body:
+        if self.model.space.comm.size > 1 or layer_is_body:
             self._factor = Substructures(self.model, self.form, self.glue, self.layer.local)
         else:
             self._matrix = self._assemble()

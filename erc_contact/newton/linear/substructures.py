@@ -31,6 +31,7 @@ from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.sparse import sparse_like
 from erc_contact.model.data.over_ranks import sum_over_ranks
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.glue import Glue
 from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorise
@@ -210,9 +211,10 @@ class Substructures:
     """
 
     def __init__(self, model: Model, form: fem.Form, glue: Glue, layer: np.ndarray) -> None:
-        self._comm = model.comm
-        owned = model.V.dofmap.index_map.size_local * model.d
-        total = _touching(model, glue)
+        space = model.space
+        self._comm = space.comm
+        owned = space.V.dofmap.index_map.size_local * space.d
+        total = _touching(space, glue)
         self._rows = np.flatnonzero((total > 0) & ~model.fixed.ravel())
         self._own = self._rows < owned
         # One rank more than there are: so L is never eliminated.
@@ -220,7 +222,7 @@ class Substructures:
 
         def make_part() -> Substructure:
             matrix = _stiffness(form, glue, self._rows)
-            return Substructure(matrix, model.global_dofs(self._rows), total[self._rows])
+            return Substructure(matrix, space.global_dofs(self._rows), total[self._rows])
 
         self._part = together(self._comm, make_part)
         self._parent, self._children = _family(self._comm.rank, self._comm.size)
@@ -311,18 +313,18 @@ def _family(rank: int, size: int) -> tuple[int | None, list[int]]:
     return rank - step if rank else None, children
 
 
-def _touching(model: Model, glue: Glue) -> np.ndarray:
+def _touching(space: Space, glue: Glue) -> np.ndarray:
     """Count the ranks that touch each degree of freedom of this rank; collective.
 
     A rank touches it that owns it, a cell at it, or an entry of D. The count is zero
     where this rank does not touch it.
     """
-    count = model.function()
-    touched = np.zeros(model.node_count, dtype=bool)
-    touched[model.nodes[: model.domain.owned_cells]] = True
-    touched[glue.rows // model.d] = True
-    touched[: model.V.dofmap.index_map.size_local] = True
-    count.x.array.reshape(-1, model.d)[touched] = 1.0
+    count = space.function()
+    touched = np.zeros(space.node_count, dtype=bool)
+    touched[space.nodes[: space.domain.owned_cells]] = True
+    touched[glue.rows // space.d] = True
+    touched[: space.V.dofmap.index_map.size_local] = True
+    count.x.array.reshape(-1, space.d)[touched] = 1.0
     here = count.x.array > 0
     sum_over_ranks(count)
     return np.where(here, count.x.array, 0.0).astype(np.int64)

@@ -22,6 +22,7 @@ from erc_contact.base.exceptions import together
 from erc_contact.model.contact.trace import dofs_of
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from erc_contact.newton.linear.jump_basis import JumpBasis
 
 ROUGH_LIFTING = 1e-2
@@ -56,8 +57,9 @@ class DenseTraces:
         basis: JumpBasis,
         matrices: Callable[[], tuple[np.ndarray, np.ndarray]],
     ) -> None:
-        self.comm = model.comm
-        self.shape = len(numbers), model.d
+        space = model.space
+        self.comm = space.comm
+        self.shape = len(numbers), space.d
         self.motions = _motions(model, numbers)
         self._free = np.zeros(0, dtype=np.int64)
 
@@ -65,7 +67,7 @@ class DenseTraces:
             if self.comm.rank > 0:
                 return None
             stiffness, compliance = matrices()
-            read = basis.read(len(numbers) * model.d, *_jumps_at(model, numbers))
+            read = basis.read(len(numbers) * space.d, *_jumps_at(model, numbers))
             jumps = read[:, : basis.jump_count]
             squares = (jumps**2).sum(axis=1)
             # Components that supports fix are not in the matrices.
@@ -115,7 +117,7 @@ class IterativeTraces:
         solve: Callable[..., fem.Function],
         lift: Callable[[fem.Function, float], fem.Function],
     ) -> None:
-        self.model = model
+        self.space = model.space
         self.numbers = numbers
         self._solve = solve
         self._lift = lift
@@ -127,25 +129,26 @@ class IterativeTraces:
     def lift(self, y: np.ndarray, *, rough: bool = False) -> np.ndarray:
         """Return ``S y``."""
         forces = self._lift(self._nodal(y), ROUGH_LIFTING if rough else FINE)
-        return _of_owners(self.model, self.numbers, forces.x.array)
+        return _of_owners(self.space, self.numbers, forces.x.array)
 
     def move(self, f: np.ndarray) -> np.ndarray:
         """Return ``S^+ f``, for forces that do no work on the free motions."""
         on_bodies = self._by_jumps(self._nodal(f), transpose=True)
         moved = self._solve(on_bodies, supports=False, tolerance=FINE)
-        return _of_owners(self.model, self.numbers, self._by_jumps(moved).x.array)
+        return _of_owners(self.space, self.numbers, self._by_jumps(moved).x.array)
 
     def _by_jumps(self, u: fem.Function, *, transpose: bool = False) -> fem.Function:
         """Return jumps of a displacement, or nodal forces of forces on jumps."""
         if self._jumps is None:
             return u
-        return product(self.model, self._jumps, u, transpose=transpose)
+        return product(self.space, self._jumps, u, transpose=transpose)
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
         """Return values (n, d) as a Function, at nodes that this rank owns."""
-        nodal = self.model.function()
-        owned, local = self.model.find_owned(self.numbers)
-        nodal.x.array.reshape(-1, self.model.d)[local] = values[owned]
+        space = self.space
+        nodal = space.function()
+        owned, local = space.find_owned(self.numbers)
+        nodal.x.array.reshape(-1, space.d)[local] = values[owned]
         return nodal
 
 
@@ -154,15 +157,16 @@ def _motions(model: Model, numbers: np.ndarray) -> np.ndarray:
 
     Shape (K, n, d) [-].
     """
+    space = model.space
     rows, columns, values = _jumps_at(model, numbers)
-    nodes = np.unique(columns // model.d)
-    dofs = dofs_of(nodes, model.d)
+    nodes = np.unique(columns // space.d)
+    dofs = dofs_of(nodes, space.d)
     motions = []
     for motion in model.free_motions:
-        nodal = _of_owners(model, nodes, motion.x.array).ravel()
+        nodal = _of_owners(space, nodes, motion.x.array).ravel()
         read = values * nodal[np.searchsorted(dofs, columns)]
-        motions.append(np.bincount(rows, read, len(numbers) * model.d))
-    return np.array(motions).reshape(-1, len(numbers), model.d)
+        motions.append(np.bincount(rows, read, len(numbers) * space.d))
+    return np.array(motions).reshape(-1, len(numbers), space.d)
 
 
 def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -170,7 +174,7 @@ def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
     Rows are places in a raveled (n, d), columns global degrees of freedom.
     """
-    d = model.d
+    d = model.space.d
     pairs = model.connections.pairs_at(numbers)
     places = dofs_of(np.searchsorted(numbers, pairs[:, 0]), d)
     dofs = dofs_of(numbers, d)
@@ -186,15 +190,15 @@ def _on_surface(jumps: csr_array, matrix: np.ndarray) -> np.ndarray:
     return np.asarray(jumps @ (jumps @ matrix).T)
 
 
-def _of_owners(model: Model, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _of_owners(space: Space, numbers: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return nodal values at the surface, on all ranks, shape (n, d); collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         numbers: Global numbers of the nodes of the surface, shape (n,).
         values: Values at the nodes of this rank, right on their owners, (nodes d,).
     """
-    owned, local = model.find_owned(numbers)
-    nodal = np.zeros((len(numbers), model.d))
-    nodal[owned] = values.reshape(-1, model.d)[local]
-    return np.asarray(model.comm.allreduce(nodal))
+    owned, local = space.find_owned(numbers)
+    nodal = np.zeros((len(numbers), space.d))
+    nodal[owned] = values.reshape(-1, space.d)[local]
+    return np.asarray(space.comm.allreduce(nodal))
