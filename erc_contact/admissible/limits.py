@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.model.contact.groups import NOBODY
-from erc_contact.model.contact.trace import Trace
+from erc_contact.model.contact.trace import NOBODY, Trace
 from erc_contact.model.model import Model
 
 

@@ -13,8 +13,7 @@ from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.sparse import local_matrix
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.groups import NOBODY
-from erc_contact.model.contact.trace import dofs_of, places_of
+from erc_contact.model.contact.trace import NOBODY, dofs_of, places_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space

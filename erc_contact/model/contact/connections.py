@@ -14,8 +14,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.contact.groups import NOBODY, Groups
-from erc_contact.model.contact.trace import Trace, dofs_of
+from erc_contact.model.contact.groups import Groups
+from erc_contact.model.contact.trace import NOBODY, Trace, dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries, product
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import distinct_rows

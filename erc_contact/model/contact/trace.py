@@ -25,13 +25,14 @@ from typing import NamedTuple
 import numpy as np
 from dolfinx import fem
 
-from erc_contact.model.contact.groups import NOBODY
 from namedmesh.simplex import barycentric, coefficients, measures, node_vertices, nodes
 
 CONTINUOUS = 1e-9
 """Difference of two facets at a node that counts as none, over the greatest value."""
 type Facets = np.ndarray | slice
 """Numbers of facets of a contact, or all of them."""
+NOBODY = -1
+"""Stands for no node."""
 ALL = slice(None)
 """All facets."""
 
