@@ -10,7 +10,7 @@ Each pair is compared with the solution of degree 2 on a nested mesh, three refi
 finer:
 
 - index: e over the energy norm of the error of u^;
-- both: e over the norm of the errors of u^ and sigma^, without friction or with given
+- both: e over the norm of the errors of u^ and sigma^, without friction or with Tresca
   friction; it may be below 1 by what the reference lacks;
 - own: what is missing in equilibrium at random points, by differences with numpy alone:
   axial forces, the definition of the hoop stress, jumps, cone, stresses on the axis;

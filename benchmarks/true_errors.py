@@ -6,7 +6,7 @@ The reference lives on a mesh that cuts each cell at its barycentre, as the admi
 stress does, and is then refined uniformly: on each of its cells u^ and sigma^ are
 polynomials, and all integrals are exact. The augmented Lagrangian keeps the contact
 conditions at the nodes exactly. Together: for frictionless scenes whose data the mesh
-carries,
+represents exactly,
 
     e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i
     R_i (u^_n - g)_i,  R_i <= 0,
@@ -201,7 +201,7 @@ def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
 
 
 def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
-    """Interpolate u^ on the fine mesh, which carries it exactly."""
+    """Interpolate u^ on the fine mesh, which represents it exactly."""
     V = exact.model.space.V
     hat = fem.Function(V)
     cell = np.empty(len(V.tabulate_dof_coordinates()), dtype=np.int32)

@@ -78,7 +78,7 @@ def _netgen() -> str:
 
 
 def _pictures() -> str:
-    """Tell whether bodies in space can be drawn, on rank 0."""
+    """Tell whether bodies in 3D can be drawn, on rank 0."""
     try:
         import pyvista  # noqa: F401, PLC0415
 
@@ -97,8 +97,8 @@ def main() -> int:
         available = "yes" if PETSc.Sys.hasExternalPackage(name) else "no"
         lines.append(f"{use}: {available}")
     if comm.rank == 0:
-        lines.append(f"Netgen in gmsh (bodies meshed apart, in space): {_netgen()}")
-        lines.append(f"pictures of bodies in space: {_pictures()}")
+        lines.append(f"Netgen in gmsh (bodies meshed apart, in 3D): {_netgen()}")
+        lines.append(f"pictures of bodies in 3D: {_pictures()}")
         print(*lines, sep="\n", flush=True)
     start = perf_counter()
     checks = self_check()

@@ -73,8 +73,8 @@ def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> li
     if any(contact.sampled for contact in model.contacts):
         # On a coarse mesh uniform pressures may leave too little to balance with.
         with suppress(TooCoarse):
-            return _limit(model, trials, others, uniform=True)
-    return _limit(model, trials, others, uniform=False)
+            return _limit(model.space, trials, others, uniform=True)
+    return _limit(model.space, trials, others, uniform=False)
 
 
 def _trial(space: Space, contact: ContactOnMesh, solution: Any) -> Trial:
@@ -100,13 +100,12 @@ def no_traction(space: Space, contact: ContactOnMesh) -> ContactTraction:
 
 
 def _limit(
-    model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
+    space: Space, trials: list[Trial], others: OtherForces, *, uniform: bool
 ) -> list[ContactTraction]:
     """Limit tractions to what the law allows at all samples, and balance other forces.
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
-    space = model.space
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(space, trials, others)
         tractions = _contact_tractions(trials, values)

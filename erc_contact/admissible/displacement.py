@@ -5,7 +5,7 @@ point, not only at nodes: if the Bernstein coefficients of a normal displacement
 below the coefficients of a bound, the displacement is below the bound
 (:mod:`erc_contact.admissible.limits`). Between two bodies this is said of the jump.
 
-A compliant foundation may be entered, and gives way tangentially. There the
+A compliant foundation may be entered, and its surface moves tangentially. There the
 displacement is set to where it lowers the error most.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^
@@ -232,7 +232,7 @@ def _best_slide(
     stiffness: np.ndarray,
     springs: np.ndarray,
 ) -> np.ndarray:
-    """Return the best tangential displacements where a foundation gives way [length].
+    """Return the best tangential displacements on a compliant foundation [length].
 
     They are ``z = u_t - s`` at nodes. A change of z raises the bulk part of e^2 by
     about k_b times its square. The contact part is ``c.z + k_f |z|^2`` and a constant

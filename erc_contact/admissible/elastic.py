@@ -274,7 +274,7 @@ def moduli(
 
 
 def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:
-    """Return reference points of the cells in space, or only the middle of each cell.
+    """Return reference points of the cells in 3D, or only the middle of each cell.
 
     Shape (count, q, d), or (count, 1, d) where data do not vary inside cells.
     """

@@ -59,11 +59,12 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     Args:
         solution: Any state of the contact solver; the bound does not depend on its
             quality.
-        tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end
-            when as many again, at the present pace, would lower e by less than 8%; 4 to
-            8 are usual, 10 to 30 near incompressibility, 150 to 500 where edges of a
-            cell differ by a factor of a thousand. Plastic bodies take further rounds,
-            20 to 500 iterations.
+        tighten: Greatest number of iterations that tighten sigma^: they minimise its
+            complementary energy in equilibrium. 0 for none. They end when as many
+            again, at the present pace, would lower e by less than 8%; 4 to 8 are usual,
+            10 to 30 near incompressibility, 150 to 500 where edges of a cell differ by
+            a factor of a thousand. Plastic bodies take further rounds, 20 to 500
+            iterations.
 
     Returns:
         The admissible pair.
@@ -156,7 +157,7 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
     """Return the pair of a body at rest, without stress and tractions; collective.
 
     What loads it has are round-off of its history. Supports and gap allow u, also where
-    facets do not carry the gap.
+    facets do not represent the gap.
     """
     model = solution.model
     space = model.space

@@ -216,8 +216,8 @@ class Admissible:
         """Return sigma^ n on a boundary part as a Function [force/area]; collective.
 
         On a contact it is r^. It is discontinuous, of degree k, and zero away from the
-        part: integrate it over ``model.ds(domain.tag(part))``. No two facets of the
-        part may have a common cell.
+        part: integrate it over ``model.space.ds(domain.tag(part))``. No two facets of
+        the part may have a common cell.
         """
         return traction_function(self.model, self.cell_geometry, self.facet_moments, part)
 

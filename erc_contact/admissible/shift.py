@@ -141,7 +141,7 @@ def shift_by_slip(
 
 
 def _tangential_stiffness(space: Space, contact: ContactOnMesh) -> np.ndarray:
-    """Return E/h of the facets, in a row with what the foundation gives way, (f,).
+    """Return E/h of the facets, in a row with springs of the foundation, (f,).
 
     A change of the traction adds ``|dr|^2/k_t`` to the contact part of e^2, too.
     """

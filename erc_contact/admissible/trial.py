@@ -206,7 +206,7 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     average = averages(space.d - 1, degree, points, weights)
     since_last_step = contact.trace.since(solution.u.x.array)
     if contact.tangential_stiffness is not None:
-        # The slip is what the foundation does not give way.
+        # The slip is the displacement without the deflection of the foundation.
         places = space.facet_points
         r = evaluate(solution.traction(contact), space.mesh, places, contact.facets)
         since_last_step = since_last_step - spring_displacement(space, contact, r, places)

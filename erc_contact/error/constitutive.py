@@ -10,7 +10,7 @@ in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with ``p^ = -r^_n`` and 
 friction bound of the law: mu p for Coulomb, given for Tresca. In a step of a history, s
 is the tangential displacement at the end of the last step, and e bounds the error of
 this step given its history; without history s is zero. Both terms are never negative,
-and e = 0 only for the solution. For frictionless contact and given friction (Tresca) e
+and e = 0 only for the solution. For frictionless contact and Tresca friction e
 bounds the errors of u^ and of sigma^ with constant 1:
 
     |u - u^|^2 + |sigma - sigma^|^2
@@ -140,7 +140,7 @@ class ConstitutiveError:
             "bulk part": self.bulk_error,
             "contact part": self.contact_error,
             "geometry, an estimate beside eps": self.geometry_error,
-            "data the mesh does not carry, an estimate beside eps": self.oscillation,
+            "data the mesh does not represent, an estimate beside eps": self.oscillation,
         }
         rows: list[tuple[str, object]] = []
         for name, part in parts.items():

@@ -42,7 +42,7 @@ from erc_contact.model.space import Space
 CONTACT_DEGREE = 21
 """Quadrature degree where the integrand is smooth, but no polynomial.
 
-That is so in space where the slip is far from zero, and where normals turn.
+That is so in 3D where the slip is far from zero, and where normals turn.
 """
 
 
@@ -95,7 +95,7 @@ def contact_squares(
     The integrals are exact where the integrand is a polynomial or, in the plane, one on
     each side of the points where the slip is zero. Else they are adapted: where the
     data of the contact vary, the friction bound is nonlinear in the pressure, the
-    foundation is compliant, or, in space and where normals turn, the slip may vanish.
+    foundation is compliant, or, in 3D and where normals turn, the slip may vanish.
     Adapted integrals may leave ``floor`` or the share UNKNOWN_SHARE of their values
     unknown, and contain what they leave unknown.
 

@@ -246,17 +246,17 @@ def friction_works(
 ) -> Integral:
     """Compute ``int b(p^) support(slip)`` on each facet [force length]; collective.
 
-    The slip is ``u_t - s``, s of the last step, less what a foundation gives way. It is
-    0 for ghosts and never below zero. The integrals may leave their share or ``floor``
-    unknown.
+    The slip is ``u_t - s``, s of the last step, less the deflection of a compliant
+    foundation. It is 0 for ghosts and never below zero. The integrals may leave their
+    share or ``floor`` unknown.
 
     Args:
         space: The mesh.
         traction: r^ on the contact, with its friction bound.
         u: u^ [length].
         floor: What the integrals may leave unknown.
-        end: The traction whose friction bound limits what a foundation gives way; by
-            default the same one.
+        end: The traction whose friction bound limits the deflection of a compliant
+            foundation; by default the same one.
     """
     sliding = Sliding(space, traction)
     at_end = sliding if end is None else Sliding(space, end)

@@ -43,7 +43,7 @@ def carry_state(state: StateField, space: Space) -> StateField:
     new = polynomials_in_cells(space, state.size)
     if old.mesh is space.mesh and old.ufl_element() == new.function_space.ufl_element():
         return state
-    # A degree more tells what the new mesh does not carry.
+    # A degree more tells what the new mesh does not represent.
     finer = polynomials_in_cells(space, state.size, more=1)
     with _side_by_side([space, state.space]):
         covers = [_interpolate(state.values, function, space) for function in (new, finer)]

@@ -13,7 +13,7 @@ are in equilibrium, where
 So in the half plane the body is a plane problem with the stress S, the loads c f and c
 F, and the contact tractions ``R = c r``, of which all integrals are those of full
 rings: forces, energies and works need no factor any more. A cone of friction contains R
-where it contains r. A given friction bound, springs and compliant foundations are times
+where it contains r. A Tresca bound, springs and compliant foundations are times
 c, too, and so is the elasticity C. One condition less is left: the radial balance
 *defines* the hoop force. A radial load is a hoop stress ``r f_r`` that is given.
 

@@ -117,7 +117,7 @@ def profile_table(
         - ``x``, ``y`` and in 3D ``z``: position [length],
         - ``gap``: the gap that is left, g - w_n [length],
         - ``slip``: length of w_t, or of its change since the last step of a history
-          [length], without what a foundation gives way tangentially,
+              [length], without the tangential deflection of a compliant foundation,
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``: the
           greatest length in its direction [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick, 3 closed without
@@ -127,7 +127,7 @@ def profile_table(
           round-off, because the tractions of an admissible pair are polynomials of
           degree k on facets.
 
-        Of bodies that are drawn apart, places, tractions and weights are on the side
+        Of bodies that are modelled apart, places, tractions and weights are on the side
         that the scene names first.
 
         A contact between two bodies has more columns, which come last: the displacement

@@ -287,7 +287,7 @@ def _check_supports_in_gap(model: Model) -> None:
     values = model.prescribed.x.array
     for contact in model.contacts:
         if contact.stiffness is not None:
-            continue  # the foundation gives way
+            continue  # the foundation is compliant
         trace = contact.trace
         gap = gap_at_nodes(space, contact)
         n = contact.trace.normals

@@ -1,4 +1,4 @@
-"""Complete stresses of cells to tensors in space, with their von Mises stress."""
+"""Complete stresses of cells to tensors in 3D, with their von Mises stress."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from namedmesh.simplex import nodes
 
 
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Complete stresses of owned cells to tensors in space [force/area].
+    """Complete stresses of owned cells to tensors in 3D [force/area].
 
     In 2D the material gives the stress out of plane, at the middle of each cell; nan
     stands for one that is not known. A potential has the one of least psi*.

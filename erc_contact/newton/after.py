@@ -3,8 +3,8 @@
 Friction acts on the tangential displacement since the last step. Points in slip go on
 from where they are. Points in stick go on from where they stuck: Nitsche's method and
 penalties keep them there up to the discretisation error only, and in many steps they
-would creep. A multiplier keeps them there to round-off. On a foundation that gives way
-tangentially the slip alone is kept: it gives way again in the next step.
+would creep. A multiplier keeps them there to round-off. On a tangentially compliant
+foundation the slip alone is kept: the deflection is found anew in the next step.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def last_step(solution: Solution) -> LastStep:
 
 
 def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
-    """Compute by how much the foundation gives way tangentially [length]; collective.
+    """Compute the tangential deflection of the foundation [length]; collective.
 
     A node has one value on all its facets, shape (f, m, d).
     """

@@ -15,10 +15,10 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import CondensedSolution, Dense, follow_path
-from erc_contact.newton.first_guess import Carried
+from erc_contact.newton.first_guess import CarriedBodies
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import CentralPath, Path
+from erc_contact.newton.interior_point import CentralPath
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -27,7 +27,7 @@ from erc_contact.newton.snes import (
     Attempted,
     DiscreteSolution,
     Outcome,
-    outcome_of_path,
+    PathEnd,
     solve_in_turn,
 )
 
@@ -60,7 +60,7 @@ class Direct:
         self.model = model
         self.elastic = stiffness_of(model) if elastic is None else elastic
         loads = self.elastic.load_vector()
-        self.carried = Carried(model, loads)
+        self.carried = CarriedBodies(model, loads)
         self.guess = self.elastic.solve_glued(loads)
         self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, Condensed] = {}
@@ -124,12 +124,12 @@ class Direct:
         forms = InteriorForms(self.carried.model, step.method)
         problem = self._condense(forms, CentralPath(forms, step.friction_shares[0]))
 
-        def work() -> Path:
+        def work() -> PathEnd:
             path = follow_path(problem, problem.from_contact(state))
             return path._replace(unknowns=path.unknowns[: self.elastic.contact_size])
 
         path = problem.run(work)
-        return Attempted(outcome_of_path(path), path.unknowns)
+        return Attempted(path.outcome, path.unknowns)
 
     def destroy(self) -> None:
         """Free nothing: the factor belongs to the solution."""

@@ -22,7 +22,7 @@ other bodies, as in a pyramid of cylinders, where it would hide all that is miss
 M over ``C + TURNED V`` tells whether the model can say that a body stands. In
 ``benchmarks/standing.py 0 25``, runs to eps = 10%, it was at most 0.0066 in 200
 ordinary scenes: blocks under eccentric loads, discs between plates and in grooves,
-stacks, press fits, columns between plates, boxes in space, tables. In 100 others it was
+stacks, press fits, columns between plates, boxes in 3D, tables. In 100 others it was
 at least 0.13: soft blocks near the load that tips them, discs that roll, rockers, soft
 columns under their load. In a pyramid of cylinders it is 0.007 with enough friction,
 0.08 with 2% and 0.49 with 10% too little.

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
-from erc_contact.newton.first_guess import Carried
+from erc_contact.newton.first_guess import CarriedBodies
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms
@@ -22,7 +22,7 @@ from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import Attempted, DiscreteSolution, outcome_of_path, solve_in_turn
+from erc_contact.newton.snes import Attempted, DiscreteSolution, solve_in_turn
 from namedmesh.base.ranks import greatest
 
 
@@ -59,7 +59,7 @@ class Iterative:
         self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
-        self.carried = Carried(model, self._forces)
+        self.carried = CarriedBodies(model, self._forces)
         if self.elastic.contact_size:
             self.guess = self._sprung(first_guess.across_gap(self.carried.model))
         else:
@@ -119,7 +119,7 @@ class Iterative:
         last, _ = problem.fields(x)
         x.destroy()
         problem.free()
-        return Attempted(outcome_of_path(path), last)
+        return Attempted(path.outcome, last)
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""

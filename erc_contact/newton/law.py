@@ -11,8 +11,7 @@ stress sigma of the linear body, which is in equilibrium. It is measured in the 
 of the tangent, and needs no solve.
 
 Far away a full step may go too far. With the step d from u, the potential energy of
-body, loads, frictionless contact and given friction decreases along ``u + t d`` as long
-as
+body, loads, frictionless contact and Tresca friction decreases along ``u + t d`` while
 
     h(t) = int (psi'(eps(u + t d)) - sigma) : eps(d)  <=  0,
 
@@ -172,7 +171,7 @@ class _Change:
     def misfit(self) -> tuple[float, float]:
         """Return the misfit and the size of the stress [sqrt(force length)].
 
-        A body that is let go has a stress that is round-off of stresses that cancel.
+        An unloaded body has a stress that is round-off of stresses that cancel.
         """
         cancelled = CANCELLED * self._norm(self._of_tangent(self._strain + self._step))
         return self._norm(self._beyond(1.0)), max(self._norm(self._stress), cancelled)

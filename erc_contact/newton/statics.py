@@ -41,7 +41,7 @@ from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import from_first, gathered
 
 DIRECTIONS = 8
-"""Number of sides of the polygon round the circle of friction in space."""
+"""Number of sides of the polygon round the circle of friction in 3D."""
 SLIDES = 1e-3
 """Rotation over the size of the body that is none, over its displacement [-]."""
 SAME_PLACE = 1e-9

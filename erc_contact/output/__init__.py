@@ -8,7 +8,7 @@ raised on all ranks. No display is needed.
 Pictures and plots go to a file, whose suffix gives the format (png, pdf or svg), and
 whose folder is made if it is missing; or on axes of matplotlib that are given as
 ``ax``, in 2D; or without either in a new figure. They return the axes on rank 0. In pdf
-and svg files, bodies in the plane are lines and polygons, and bodies in space are
+and svg files, bodies in the plane are lines and polygons, and bodies in 3D are
 images.
 """
 

@@ -104,7 +104,7 @@ def shifts(
             "still" which components supports hold at zero, shape (n, 3).
         pairs: Contacts between two bodies.
         motions: The rigid motion of each that makes room for its gap, see
-            :meth:`erc_contact.output.foundations.Foundation.motion`.
+            :meth:`erc_contact.output.foundations.MovingFoundation.motion`.
         factor: Magnification of the displacement and of gaps [-].
         pull: Distance by which the bodies of each pair are pulled apart beside, as
             rigid ones [length].

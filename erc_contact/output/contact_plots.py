@@ -111,7 +111,7 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     n = traction.contact.trace.normals
     status = surface.status
     abscissa, label = along(surface)
-    line = _Line(surface, abscissa)
+    line = _Samples(surface, abscissa)
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
         _draw_strips(axes, abscissa, status)
         # A tied joint has no bound, and without friction there is no shear.
@@ -146,7 +146,7 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     return axes
 
 
-class _Line:
+class _Samples:
     """Sample values on the facets along a contact in 2D.
 
     Attributes:
@@ -199,7 +199,7 @@ def _draw_strips(axes: Any, abscissa: np.ndarray, status: np.ndarray) -> None:
         axes.broken_barh(chosen, (0, 1), transform=transform, facecolors=colour, **look)
 
 
-def _draw_traction(axes: Any, line: _Line, values: np.ndarray, colour: str, name: str) -> None:
+def _draw_traction(axes: Any, line: _Samples, values: np.ndarray, colour: str, name: str) -> None:
     """Draw the curve of a component of r^, and for degree 1 r^ itself by thin lines."""
     axes.plot(line.abscissa, line.path(line.curve(values)), color=colour, lw=1.6, label=name)
     if line.degree == 1:

@@ -1,8 +1,8 @@
-"""Draw pictures of deformed bodies: by matplotlib in the plane, by pyvista in space.
+"""Draw pictures of deformed bodies: by matplotlib in the plane, by pyvista in 3D.
 
 Bodies of degree 2 are drawn with curved edges. Where a contact is small beside its body
 in the plane, a picture of its surroundings shows it, with its gap magnified. A body in
-space is seen twice: from above with the foundation, and from the other side and below
+3D is seen twice: from above with the foundation, and from the other side and below
 without it, to show the contact. Between two bodies nothing else is drawn.
 
 Symbols: u^ and sigma^ admissible displacement and stress, X position before the
@@ -33,7 +33,7 @@ from erc_contact.output.foundations import (
     STILL_SHARE,
     SYMMETRY_COLOUR,
     UNSEEN,
-    Foundation,
+    MovingFoundation,
     closed_part,
     drawn_foundation,
     foundation_of,
@@ -252,7 +252,7 @@ def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
         contact: Name of a contact.
 
     Returns:
-        Low and high corner [length], shape (2, 2); None in space, and where nothing is
+        Low and high corner [length], shape (2, 2); None in 3D, and where nothing is
         closed or has yielded, or no small part of the body.
 
     Raises:
@@ -368,7 +368,7 @@ def greatest_magnification(
     return factor
 
 
-def _foundations(contacts: Sequence[WholeContact]) -> list[Foundation]:
+def _foundations(contacts: Sequence[WholeContact]) -> list[MovingFoundation]:
     """Fit the foundations of contacts with a foundation; on rank 0."""
     return [foundation_of(contact) for contact in _on_foundations(contacts)]
 
@@ -412,7 +412,7 @@ def mises_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _grounds(
-    foundations: Sequence[Foundation], factor: float, size: float, drawn_size: float
+    foundations: Sequence[MovingFoundation], factor: float, size: float, drawn_size: float
 ) -> list[ShownPart]:
     """Draw the foundations.
 
@@ -442,7 +442,7 @@ def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[Shown
 
 def _title(
     contacts: Sequence[WholeContact],
-    foundations: Sequence[Foundation],
+    foundations: Sequence[MovingFoundation],
     factor: float,
     size: float,
     pull: float | None,
@@ -459,7 +459,7 @@ def _title(
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
     if any(each.surface.traction.contact.stiffness is not None for each in foundations):
-        title += "\nthe foundation is drawn without giving way"
+        title += "\nthe foundation is drawn without its deflection"
     entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"

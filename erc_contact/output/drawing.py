@@ -111,7 +111,7 @@ def panels_of(ax: Any, count: int, what: str) -> np.ndarray:
 
 
 def only_in_2d(what: str, ax: Any, d: int) -> None:
-    """Refuse axes for a body in space, whose pictures have several."""
+    """Refuse axes for a body in 3D, whose pictures have several."""
     if ax is not None and d == 3:
         raise InputError(
             f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are "

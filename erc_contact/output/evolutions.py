@@ -58,7 +58,7 @@ def plot_energies(
 ) -> Any:
     """Draw work, strain energy, dissipation and plastic work in time; collective.
 
-    Beside them is what is left of their balance.
+    Beside them is the energy residual, what is left of their balance.
 
     Args:
         history: The history.
@@ -86,7 +86,7 @@ def plot_energies(
             in_time = history.column("in_time")
             right.plot(time, in_time, "s-", label="of the steps in time", **LINE)
             left.set(xlabel="t", ylabel="energy [force length]")
-            right.set(xlabel="t", ylabel="what the balance leaves [force length]")
+            right.set(xlabel="t", ylabel="energy residual [force length]")
             for panel in row:
                 # above the axes, where it hides no curve
                 panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.04), frameon=False)

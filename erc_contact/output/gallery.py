@@ -28,7 +28,7 @@ CELL_SECONDS = 8e-6
 LIBRARY_SECONDS = {"matplotlib.figure": 0.8, "pyvista.plotting": 0.6}
 """Time of the first picture of a process for each library that it loads [s].
 
-The second one draws bodies in space.
+The second one draws bodies in 3D.
 """
 
 

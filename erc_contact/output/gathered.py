@@ -45,8 +45,8 @@ class WholeContact:
         gap: The gap g at the nodes of each facet before the deformation [length], shape
             (n, m).
         gap_left: The gap that is left there, g - w^_n [length], shape (n, m).
-        slip: Tangential part of w^ there, less what a foundation gives way
-            tangentially, or of its change since the last step of a history [length],
+        slip: Tangential part of w^ there, less the tangential deflection of a compliant
+            foundation, or of its change since the last step of a history [length],
             shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).

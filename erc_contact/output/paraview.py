@@ -60,7 +60,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
       of orthotropic friction along its axis,
     - ``gap``: the gap that is left, g - w^_n [length],
     - ``slip``: w^_t, or its change since the last step of a history [length], without
-      what a foundation gives way tangentially,
+      the tangential deflection of a compliant foundation,
 
     and in the cells
 

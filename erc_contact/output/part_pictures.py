@@ -1,7 +1,7 @@
 """Draw the parts of a domain with their names.
 
 In the plane each part is a line of its own colour, drawn a little inside its body, so
-that both sides of a pair can be seen. In space each part is a surface, and its name
+that both sides of a pair can be seen. In 3D each part is a surface, and its name
 stands on a facet that nothing hides.
 """
 
@@ -35,7 +35,7 @@ MARGIN = 0.07
 CANDIDATES = 30
 """Number of facets of a part, about, that are looked at as a place for its name."""
 FEW_FACETS = 4000
-"""Greatest number of facets in space whose edges are shown."""
+"""Greatest number of facets in 3D whose edges are shown."""
 GREY = "#d0d4d8"
 """Colour of facets without a name."""
 
@@ -179,7 +179,7 @@ def _draw_flat(ax: Any, body: dict[str, np.ndarray], shown: _Shown, in_pairs: se
 
 
 def _draw_in_space(shown: _Shown) -> Any:
-    """Draw parts of a body in space, from both sides."""
+    """Draw parts of a body in 3D, from both sides."""
     from matplotlib.patches import Patch  # noqa: PLC0415
 
     used = np.unique(shown.part)

@@ -1,4 +1,4 @@
-"""Draw an axisymmetric body in space: revolved about its axis, and cut open.
+"""Draw an axisymmetric body in 3D: revolved about its axis, and cut open.
 
 The elements of the half plane are seen on both faces of the cut. The edges of their
 boundary are swept around the axis in steps. Triangles of degree 2 are four straight
@@ -54,7 +54,7 @@ def draw_revolved(
     angle: float = 270.0,
     factor: float | None = None,
 ) -> Any:
-    """Draw a deformed axisymmetric body in space, cut open; collective.
+    """Draw a deformed axisymmetric body in 3D, cut open; collective.
 
     The axis is z, and the cut is open towards the eye. Colours are the von Mises stress
     of sigma^ with its hoop part, and displacements are magnified, as in

@@ -2,7 +2,7 @@
 
 A part is a pair: data of pyvista, and the options with which they are drawn. Bodies in
 the plane are polygons and lines of matplotlib, which vector formats keep. Bodies in
-space are images by pyvista.
+3D are images by pyvista.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def render(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[n
 
     lack = lack_of_window()
     if lack:
-        raise InputError(f"Bodies in space cannot be drawn: {lack}.")
+        raise InputError(f"Bodies in 3D cannot be drawn: {lack}.")
     images = []
     # Without a display VTK complains before it finds another way, which old releases of
     # pyvista cannot keep it from.

@@ -219,7 +219,7 @@ class Evolution(RunResult):
         The force of a contact that never slides with friction makes no loop, only
         round-off or a line.
         """
-        words = "Energies, and what their balance leaves."
+        words = "Energies, and their residual."
         code = 'erc_contact.output.evolutions.plot_energies(evolution, "energies.png")'
         gallery.add("energies.png", words, code, partial(plot_energies, self))
         for contact in self.error.model.contacts:

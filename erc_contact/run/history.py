@@ -171,7 +171,7 @@ class History(RunResult):
 
         See :func:`erc_contact.coulomb_certificate`. ``factor`` is what the bound of all
         solutions has over e. A run does not compute it: it costs up to a linear solve
-        in the plane, and three in space.
+        in the plane, and three in 3D.
         """
         return coulomb_certificate(self.best)
 

@@ -268,7 +268,7 @@ class Elastic:
     def __repr__(self) -> str:
         """Return the material in words.
 
-        The hypothesis is named only if it is not the usual one: in space there is none.
+        The hypothesis is named only if it is not the usual one: in 3D there is none.
         """
         hypothesis = ""
         if self.hypothesis != PLANE_STRAIN:

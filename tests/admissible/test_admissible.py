@@ -50,7 +50,7 @@ from namedmesh.simplex import (
 PAIRS = [(0, 1), (2, 1), (3, 1), (6, 1), (7, 1), (2, 2), (3, 2)]
 """Seeds of random scenes, degrees: scenes of other files, so that forms are shared."""
 AUGMENTED = [(0, 1), (3, 1), (7, 1)]
-"""Cases that the augmented Lagrangian solves, too, in the plane and in space."""
+"""Cases that the augmented Lagrangian solves, too, in the plane and in 3D."""
 BALANCE = 1e-10
 CONE = 1e-12
 

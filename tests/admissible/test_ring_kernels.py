@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import two_halves
+from domains import two_halves
 
 import erc_contact as ec
 from erc_contact.admissible.axisymmetric.elements import Elements, law_of_cells

@@ -1,7 +1,7 @@
 """Rounds of tightening for bodies with a potential.
 
 - The gap of the linear law about a stress has the slope of Fenchel's gap.
-- Rounds lower e, most where little hardening is on coarse cells in space.
+- Rounds lower e, most where little hardening is on coarse cells in 3D.
 - A linear body is tightened once. Ranks find the same stress.
 """
 

@@ -16,12 +16,13 @@ import json
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
+from domains import refused
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified
 from test_domain import assert_closed, near
 from test_joined import COMM, discs, least_angle, pin_in_hole
 from test_split import facet_corners
-from test_two_bodies import METHODS, certified
+from test_two_bodies import METHODS
 
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits
@@ -55,7 +56,7 @@ def bricks(d, distance, cells=((3, 2), (2, 3)), shift=0.0):
 
 
 def apart(d, distance, **options):
-    """The bricks as a pair. In space their facets match."""
+    """The bricks as a pair. In 3D their facets match."""
     cells = ((3, 2), (2, 3)) if d == 2 else ((2, 2), (2, 1))
     return bricks(d, distance, cells, **options).joined(*SIDES, apart=1.01 * abs(distance))
 
@@ -244,7 +245,7 @@ def test_pressure_of_a_pin_in_a_smaller_hole():
 
 
 def test_pressure_of_a_cylinder_in_a_smaller_hole():
-    """In space: the mean pressure of a short press fit, whose bodies keep their shapes."""
+    """In 3D: the mean pressure of a short press fit, whose bodies keep their shapes."""
     domain = pin_in_hole(3, 0.5, 0.49, 0.2).joined("pin side", "ring side", apart=0.011)
     contact = ec.Contact("pin side", against="ring side", friction=0.1)
     # Springs that are nearly nothing hold the rigid motions.

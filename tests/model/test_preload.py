@@ -1,6 +1,6 @@
 """Preloads: cuts whose sides are drawn together by a force or a shift.
 
-- A bar has q = F L/(E A), with both solvers, in the plane and in space; its jump is q d.
+- A bar has q = F L/(E A), with both solvers, in the plane and in 3D; its jump is q d.
 - Two springs in parallel: what the bolt feels of a pull before and after the joint opens.
 - A bolted joint is in balance to round-off, and sigma^ has the force of the bolt; solvers,
   methods, sides, refined meshes, ranks and checkpoints agree.
@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from bolted import SEATS, SIDES, bolted_plates
 from bricks import NAMES, bricks
+from domains import refused
 from mpi4py import MPI
 from reference import true_errors
-from test_bad_input import refused
+from scenes import certified
 from test_split import tagged
-from test_two_bodies import certified
 
 import erc_contact as ec
 from erc_contact.admissible import equilibrate as stage

@@ -14,9 +14,10 @@ import pytest
 import ufl
 from bricks import NAMES, glued, small_bricks
 from dolfinx import fem
+from domains import refused
 from free_bodies import index, random_free
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.model import model as models
@@ -29,10 +30,6 @@ UPPER, LOWER = NAMES
 E, NU = 10.0, 0.3
 INNER, OUTER = 1.0, 2.0
 TWO = ec.Elastic(E={"upper": 1000.0, "lower": 300.0}, nu={"upper": 0.3, "lower": 0.25})
-
-
-def certified(scene, domain, *args, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, *args, **options)))
 
 
 def integral(space, density):
@@ -358,7 +355,7 @@ def test_what_files_round_is_taken_up_and_told_once(degree, caplog):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_body_forces_that_vary_are_balanced_by_their_projections(degree):
-    """At degree 1 a cell carries its mean, whose moment is another one."""
+    """At degree 1 a cell represents its mean, whose moment is another one."""
     scene = ec.Scene(ec.Elastic(E, NU), loads=ec.BodyForce((lambda x: (x[0] - 1.0) ** 3, 0.0)))
     coarse, fine = (certified(scene, brick(2, n), degree=degree) for n in (3, 12))
     assert max(coarse.admissible.imbalance, fine.admissible.imbalance) < 1e-11

@@ -2,7 +2,7 @@
 
 - Rectangles, boxes, files and assemblies become domains; they are named, split, joined, refined
   and meshed again, and their measures stay.
-- Errors are its own, and erc_contact catches them by the root of its errors.
+- Its tests run where erc_contact cannot be imported.
 """
 
 import subprocess
@@ -11,9 +11,6 @@ from pathlib import Path
 
 import pytest
 from processes import ROOT, environment
-
-import erc_contact as ec
-import namedmesh as nm
 
 pytestmark = pytest.mark.serial
 SCRIPT = """
@@ -69,7 +66,23 @@ def test_all_of_it_works_alone(ranks, tmp_path):
     assert run.stdout.count("done") == ranks
 
 
-def test_errors_have_one_root():
-    assert issubclass(nm.InputError, ec.ErcContactError)
-    with pytest.raises(ec.ErcContactError, match="nowhere"):
-        nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1)).tag("nowhere")
+COLLECT = """
+import sys
+sys.modules["erc_contact"] = None
+import pytest
+sys.exit(pytest.main(["--noconftest", "--collect-only", "-p", "no:cacheprovider", sys.argv[1]]))
+"""
+
+
+def test_its_tests_import_nothing_else():
+    """In the tests, too, no import of erc_contact works, see conftest.py."""
+    run = subprocess.run(
+        [sys.executable, "-c", COLLECT, str(ROOT / "tests" / "namedmesh")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=environment(),
+        cwd=ROOT,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from edge_scenes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE
 from extreme_bodies import block
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
@@ -28,10 +29,6 @@ METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 methods = pytest.mark.parametrize("method", METHODS, ids=["Nitsche", "AL"])
 SAME = 1e-6
 """Relative difference of eps between systems of units that counts as none [-]."""
-
-
-def error_of(scene: ec.Scene, domain: ec.Domain, method: object) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method)))
 
 
 def check(error: ec.ConstitutiveError) -> None:
@@ -67,7 +64,7 @@ def test_scene_that_has_a_solution(name):
     failed = []
     for method in METHODS:
         try:
-            error = error_of(*SOLVABLE[name](), method)
+            error = certified(*SOLVABLE[name](), method)
         except ec.NotConverged as reason:
             failed.append(str(reason))
             continue
@@ -85,13 +82,13 @@ def test_scene_that_has_a_solution(name):
     ids=str,
 )
 def test_parameters_of_the_methods(method):
-    check(error_of(*block(n=8), method))
+    check(certified(*block(n=8), method))
 
 
 @pytest.mark.parametrize("method", [*METHODS, ec.Nitsche(theta=-1), ec.Nitsche(theta=1)], ids=str)
 def test_strong_friction(method):
     """Either it converges, or it says that it does not."""
-    check(error_of(*block(n=8, friction=2.0), method))
+    check(certified(*block(n=8, friction=2.0), method))
 
 
 @pytest.mark.parametrize(
@@ -106,7 +103,7 @@ def test_scene_that_has_none(name, method):
 @methods
 @pytest.mark.parametrize("name", UNITS)
 def test_units(name, method):
-    errors = [error_of(*make(), method) for make in UNITS[name]]
+    errors = [certified(*make(), method) for make in UNITS[name]]
     assert [error.relative for error in errors] == pytest.approx(
         [errors[0].relative] * len(errors), rel=SAME
     )
@@ -117,7 +114,7 @@ def test_units(name, method):
 @pytest.mark.parametrize("name", BEYOND)
 def test_loads_beyond_double_precision(name, method):
     try:
-        error = error_of(*BEYOND[name](), method)
+        error = certified(*BEYOND[name](), method)
     except ec.InputError:
         return
     check(error)

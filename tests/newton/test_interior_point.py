@@ -1,7 +1,7 @@
 """Contact that is a quadratic programme is solved in few steps on any mesh.
 
 - slender leaves, with both methods and solvers, degrees 1 and 2, on any number of ranks;
-- given friction in the plane and in space;
+- Tresca friction in the plane and in 3D;
 - light bodies on few nodes, with Coulomb friction, too.
 """
 

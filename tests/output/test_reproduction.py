@@ -1,6 +1,6 @@
 """The code under "How to reproduce it" runs as it is, beside its report, and gives the same run.
 
-Scenes: a block with data of lambdas; one in space with a named part, meshed anew; two
+Scenes: a block with data of lambdas; one in 3D with a named part, meshed anew; two
 bodies with a pair; a loading history of a function with a material of the user's; bodies
 with their own true shapes, apart.
 """
@@ -12,7 +12,7 @@ import re
 import numpy as np
 import pytest
 import ufl
-from scenes import two_halves
+from domains import two_halves
 
 import erc_contact as ec
 
@@ -52,7 +52,7 @@ class Stiffening:
         return E
 
 
-def block():
+def from_lambdas():
     def stiffness(x):
         return 1.0 + SLOPE * x[0]
 
@@ -108,7 +108,7 @@ def apart():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("make", [block, in_space, two_bodies, loading, apart])
+@pytest.mark.parametrize("make", [from_lambdas, in_space, two_bodies, loading, apart])
 def test_code_of_a_report_gives_the_same_run(make, tmp_path, monkeypatch):
     run = make()
     run.save(tmp_path)

@@ -102,7 +102,7 @@ def of_curves(comm=COMM):
     )
 
 
-def pressed(parts, ends):
+def with_varying_gap(parts, ends):
     """Two bodies with a gap between them that varies."""
     supports = [ec.Displacement(ends[0], (0.02, -0.05)), ec.Displacement(ends[1], (0.0, 0.0))]
     contact = ec.Contact(parts[0], against=parts[1], friction=0.3, gap=lambda x: 0.02 * x[0] ** 2)
@@ -112,7 +112,7 @@ def pressed(parts, ends):
 def of_pair(comm=COMM):
     """Two bodies of one mesh, which is split again on each mesh."""
     domain = bricks(2, (4, 2), comm=comm)
-    return pressed(NAMES, ("upper outer", "lower outer")), domain, {"method": ec.Nitsche()}
+    return with_varying_gap(NAMES, ("upper outer", "lower outer")), domain, {"method": ec.Nitsche()}
 
 
 def of_joined(comm=COMM):
@@ -121,7 +121,7 @@ def of_joined(comm=COMM):
     lower = ec.rectangle((-1.0, -1.0), (1.0, 0.0), size=0.7, comm=comm)
     parts = ("upper bottom", "lower top")
     domain = ec.assembly({"upper": upper, "lower": lower}).joined(*parts)
-    scene = pressed(parts, ("upper top", "lower bottom"))
+    scene = with_varying_gap(parts, ("upper top", "lower bottom"))
     return scene, domain, {"strategy": ec.SizeMap(leap=2.0), "method": ec.Nitsche()}
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from erc_contact.admissible.axisymmetric.elements import Elements, Energies, law_of_cells
+from erc_contact.admissible.axisymmetric.elements import CellEnergies, Elements, law_of_cells
 from erc_contact.admissible.axisymmetric.missing import missing_forces
 from erc_contact.admissible.axisymmetric.tighten import tighten_forces
 from erc_contact.admissible.cells import CellGeometry, moments_of_cells
@@ -36,7 +36,7 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     elements = Elements(model.space, cells, given.force)
     law = _law(given)
 
-    def balanced(forces: np.ndarray, energies: Energies) -> Tight:
+    def balanced(forces: np.ndarray, energies: CellEnergies) -> Tight:
         of_cells = moments_of_cells(cells, forces)[:owned]
         return Tight(forces, of_cells, elements.stresses(of_cells, energies))
 

@@ -109,8 +109,10 @@ def tightened_in_rounds(
     about = _AboutStress(given)
     again, gap = about(best.stress)
     for _ in range(ROUNDS):
+        # A round may overwrite its moments, and the best moments are kept for the end.
         ending = Ending(given.tighten, FINER_REMAINDER, best.iterations)
         new = tighten(best.moment.copy(), again, ending)
+        # The linear law may promise a gain that the potential does not keep.
         before, (again, gap) = gap, about(new.stress)
         if not gap < before:
             break
@@ -133,6 +135,7 @@ def _is_linear(given: Reconstruction, stress: np.ndarray) -> bool:
     sigma = at.stress(stress.mean(axis=(1, 2))[:, None])
     gap, _ = at.gap(sigma)
     beyond = sigma - at.of_strain[..., : sigma.shape[-1]]
+    # The gap of a linear law is |sigma - S(eps(u^))|^2 in the norm of its compliance.
     tangent = at.law.tangent(at.strain, *at.places)
     square = (beyond * np.linalg.solve(tangent, beyond[..., None])[..., 0]).sum(axis=-1)
     return bool(at.total(abs(gap - square)) <= LINEAR * at.total(gap))
@@ -186,6 +189,7 @@ class _AtPoints:
 
     def gap(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return Fenchel's gap of a stress [force/area], and the strain ``psi*'``."""
+        # psi(eps) - sigma : eps, and psi*(sigma) by a search: half the gap.
         work = (sigma * self.strain).sum(axis=-1)
         beside = self.law.energy(self.strain, *self.places) - work
         search = Search(self.of_strain[..., -1], beside, self.strain)
@@ -219,6 +223,7 @@ class _AboutStress:
         sigma = at.stress(np.matmul(self._shape, stress).reshape(at.strain.shape))
         gap, strain = at.gap(sigma)
         compliance = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
+        # S(eps(u^)) = sigma + C (eps(u^) - eps_1), on rings as the moments have it.
         beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
         elastic = at.around * (sigma + beyond)
         elastic[..., -1] -= at.hoop_load

@@ -91,7 +91,7 @@ def _contact(model: Model, goal: GoalOfContact) -> ContactOnMesh:
         if contact.bilateral:
             raise InputError(f"{goal!r}: a bilateral contact does not open.")
     elif goal.direction is None and model.space.d == 3:
-        raise InputError(f"{goal!r}: give a direction in space, e.g. (1.0, 0.0, 0.0).")
+        raise InputError(f"{goal!r}: give a direction in 3D, e.g. (1.0, 0.0, 0.0).")
     return contact
 
 

@@ -193,7 +193,7 @@ def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:
         raise InputError(f"{goal!r}: about has {len(goal.about)} numbers, but the mesh is {d}D.")
     if d == 3:
         if goal.axis is None:
-            raise InputError(f"{goal!r}: give an axis in space, e.g. axis=(0.0, 0.0, 1.0).")
+            raise InputError(f"{goal!r}: give an axis in 3D, e.g. axis=(0.0, 0.0, 1.0).")
         return _check_vector(goal, goal.axis, d)
     if goal.axis is not None:
         raise InputError(f"{goal!r}: in the plane the axis is the one out of it; leave axis out.")

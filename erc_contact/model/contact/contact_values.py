@@ -44,7 +44,7 @@ def gap_at_nodes(space: Space, contact: ContactOnMesh) -> np.ndarray:
 def spring_displacement(
     space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """Compute by how much a foundation gives way tangentially, ``-r_t/k_t`` [length].
+    """Compute the tangential deflection of a foundation, ``-r_t/k_t`` [length].
 
     Args:
         space: The mesh.
@@ -62,7 +62,7 @@ def spring_displacement(
 
 
 def give_way(space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
+    """Compute the tangential deflection of the foundation [length], (f, q, d).
 
     The tractions r [force/area] are not about rings, as its stiffness is.
     """
@@ -76,8 +76,8 @@ def slip_at(
 ) -> np.ndarray:
     """Compute the slip w_t at points of the facets [length], shape (f, q, d).
 
-    It counts from the end of the last step of a history, without what a foundation
-    gives way tangentially.
+    It counts from the end of the last step of a history, without the tangential
+    deflection of a compliant foundation.
 
     Args:
         space: The mesh.

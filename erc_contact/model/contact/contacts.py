@@ -405,8 +405,8 @@ def foundation_motion(
 
     Returns:
         The displacement of the foundation [length], zero off the contact, and what
-        facets do not carry of its tangential part, ``int_F |d_t - I d_t|^2``
-        [length^(d+1)], shape (f,), or None where they carry all.
+        facets do not represent of its tangential part, ``int_F |d_t - I d_t|^2``
+        [length^(d+1)], shape (f,), or None where they represent all.
 
     Raises:
         InputError: If the motion is not finite.
@@ -435,9 +435,9 @@ def add_foundation_motion(
     Args:
         before: Displacement relative to the foundation at the end of the last step
             [length]; None without one.
-        lost: What facets do not carry of its tangential part, or None.
+        lost: What facets do not represent of its tangential part, or None.
         moved: Displacement of the foundation [length].
-        lost_of_motion: What facets do not carry of it, or None.
+        lost_of_motion: What facets do not represent of it, or None.
     """
     if before is None:
         return moved, lost_of_motion

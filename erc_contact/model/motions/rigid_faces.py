@@ -194,7 +194,7 @@ class Motion:
 
     Attributes:
         displacement: Of the point ``about`` [length], shape (d,).
-        rotation: Angle [rad]; in space about each axis, shape (3,).
+        rotation: Angle [rad]; in 3D about each axis, shape (3,).
         about: The point [length], shape (d,).
     """
 

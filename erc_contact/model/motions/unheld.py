@@ -374,7 +374,7 @@ def _told(
     size: float,
     places: list[str],
 ) -> str:
-    """Return a force, and a moment about a point, in words; in space about x, y, z."""
+    """Return a force, and a moment about a point, in words; in 3D about x, y, z."""
     force = np.where(abs(force) <= least, 0.0, force)
     moment = np.where(abs(moment) <= least * size, 0.0, moment)
     if len(moment) == 3:

@@ -53,7 +53,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.elastic import ElasticEquations
 
 type LinearSolve = Callable[[PETSc.Vec, PETSc.Vec], None]
 """Sets the second vector to the solution of a matrix for the first one."""
@@ -74,7 +74,7 @@ class EliminatedFaces:
         stiffness: K_RR [force/length], shape (J, J).
     """
 
-    def __init__(self, elastic: Elastic) -> None:
+    def __init__(self, elastic: ElasticEquations) -> None:
         self._model = model = elastic.model
         self._owned = elastic.owned
         self.shapes = _unit_motions(model)
@@ -178,7 +178,9 @@ class FaceMotions:
         stiffness: S [force/length], shape (J, J).
     """
 
-    def __init__(self, elastic: Elastic, faces: EliminatedFaces, solve: LinearSolve) -> None:
+    def __init__(
+        self, elastic: ElasticEquations, faces: EliminatedFaces, solve: LinearSolve
+    ) -> None:
         self._elastic = elastic
         self._faces = faces
         self.displacements: list[fem.Function] = []
