@@ -107,7 +107,7 @@ def sides_of(model: Model, part: str) -> np.ndarray:
     """
     for tie in model.ties:
         for name, side in zip(tie.side_names, (tie.trace.here, tie.trace.there), strict=True):
-            if name == part and side is not None:
+            if name == part:
                 return side.facets[side.owned]
     return model.domain.owned_facets(part)
 

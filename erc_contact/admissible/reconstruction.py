@@ -74,8 +74,8 @@ class BulkStress(NamedTuple):
         moment: Moments of the facet tractions [force], shape (facets, m, d).
         iterations: Number of iterations that tightened it.
         correction: What they have added to the moments [force]; None without any.
-        square: Bulk part of e^2, before bubbles are chosen [force length]; None where
-            nothing was tightened.
+        square: Bound of the bulk part of e^2, before bubbles are chosen [force length];
+            infinite where nothing was tightened.
         missing: Greatest missing force in each owned cell, and greatest force [force].
         boundary: Moments of the tractions that it has of those that are given [force],
             shape (facets, m, d).
@@ -85,6 +85,6 @@ class BulkStress(NamedTuple):
     moment: np.ndarray
     iterations: int
     correction: np.ndarray | None
-    square: float | None
+    square: float
     missing: tuple[np.ndarray, np.ndarray]
     boundary: np.ndarray

@@ -159,13 +159,13 @@ def nodal_reactions(
             of_multiplier = _of_multiplier(space, contact, traction(contact))
             of_facets = np.where(is_known[..., None], of_multiplier, of_facets)
         residual -= trace.back(of_facets)
-        this_side, other_side = contact.side_names
-        forces[this_side] = trace.back_here(of_facets)
         nodes = space.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
-        claims[this_side] = _claim(model, nodes)
-        if other_side is not None:
-            forces[other_side] = trace.back_there(of_facets)
-            claims[other_side] = _claim(model, trace.partners)
+        here = trace.back_here(of_facets), nodes
+        there = trace.back_there(of_facets), trace.partners
+        # A foundation has no name.
+        for side, (of_side, claimed) in zip(contact.side_names, (here, there), strict=False):
+            forces[side] = of_side
+            claims[side] = _claim(model, claimed)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
         claim[space.facet_nodes(facets)] |= components
@@ -178,9 +178,9 @@ def nodal_reactions(
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
     for tie in model.ties:
-        assert tie.against is not None
-        reactions[tie.name] = tie_forces(space, tie, residual_of, _list_claims(model, in_layer))
-        reactions[tie.against] = -reactions[tie.name]
+        first, second = tie.side_names
+        reactions[first] = tie_forces(space, tie, residual_of, _list_claims(model, in_layer))
+        reactions[second] = -reactions[first]
     return reactions
 
 
@@ -192,8 +192,7 @@ def _list_claims(model: Model, in_layer: bool) -> list[Claim]:
     for contact in model.contacts:
         cells = contact.facets[:, 0]
         result.append((cells, model.space.nodes[cells] if in_layer else contact.trace.here.nodes))
-        if contact.trace.there is not None:
-            result.append((contact.trace.there.facets[:, 0], contact.trace.partners))
+        result.append((contact.trace.there.facets[:, 0], contact.trace.partners))
     return result
 
 

@@ -440,7 +440,7 @@ class Model:
         """
         contacts: dict[str, ContactOnMesh] = {}
         for contact in (*self.contacts, *self.ties):
-            contacts |= {side: contact for side in contact.side_names if side is not None}
+            contacts |= dict.fromkeys(contact.side_names, contact)
         if name not in contacts:
             names = ", ".join(sorted(contacts)) or "none"
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")

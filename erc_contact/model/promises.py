@@ -319,9 +319,7 @@ def _check_ends(space: Space, contact: ContactOnMesh, gap: np.ndarray) -> None:
         gap: Its gap at the nodes [length], shape (f, m).
     """
     trace = contact.trace
-    if trace.there is None:
-        return
-    at_end = gap[trace.here.nodes == trace.partners]
+    at_end = gap[trace.here.nodes == trace.nodes_there]
     overlap = abs(at_end) if contact.bilateral else -at_end
     worst = space.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
     if worst > 1e-12 * space.domain.extent:

@@ -311,7 +311,7 @@ class Space:
         indicator.x.array[cells] = 1.0
         return indicator
 
-    def sides_of_joint(self, names: tuple[str, str]) -> list[fem.Function]:
+    def sides_of_joint(self, names: tuple[str, ...]) -> list[fem.Function]:
         """Return the indicators of the regions on both sides of a joint.
 
         Args:

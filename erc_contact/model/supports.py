@@ -176,11 +176,9 @@ def check_neighbours(
 def _check_contact(space: Space, face: RigidFace, contact: ContactOnMesh, words: str) -> None:
     """Check a contact beside a loose face; collective."""
     common = np.isin(contact.trace.here.nodes, face.nodes)
-    common_there = False
-    if contact.trace.there is not None:
-        common_there = bool(np.isin(contact.trace.partners, face.nodes).any())
+    facing = np.isin(contact.trace.partners, face.nodes)
     error = None
-    if common_there or (common.any() and contact.trace.there is not None):
+    if common[contact.trace.facing].any() or facing.any():
         error = InputError(
             f"{words} have nodes in common: beside a contact between bodies all motions of the"
             " face must be given, or leave a facet between them."

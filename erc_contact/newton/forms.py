@@ -137,7 +137,7 @@ class ContactForms:
         varied.
         """
         of_solver = contact.with_shares(self.share, self.gap_share)
-        if contact.trace.there is None:
+        if contact.against is None:
             return of_solver
         jump = self.model.space.function()
         self.jumps[jump] = contact

@@ -12,6 +12,7 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from html import escape
+from itertools import permutations
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -179,16 +180,13 @@ def _facing(error: Any) -> dict[str, str]:
 
     An error that is read from a folder knows of none.
     """
-    facing = {}
+    facing: dict[str, str] = {}
     if isinstance(error, ConstitutiveError):
         scene = error.solution.scene
         for contact in scene.contacts:
-            if contact.against is not None:
-                facing[contact.facets] = contact.against
-                facing[contact.against] = contact.facets
+            facing.update(permutations(contact.sides, 2))
         for tie in scene.ties:
-            facing[tie.facets] = tie.against
-            facing[tie.against] = tie.facets
+            facing.update(permutations(tie.sides, 2))
     return facing
 
 

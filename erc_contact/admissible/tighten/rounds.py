@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -74,14 +75,15 @@ class Tight:
         stress: Coefficients of the owned cells [force/area], shape (owned, d+1, N_k,
             s).
         iterations: Number of iterations.
-        square: Its gap with the linear law [force length]; None without tightening.
+        square: Bound of its gap with the linear law [force length]. Tightening makes it
+            sharp; without, the gap is not computed, and the bound is infinite.
     """
 
     moment: np.ndarray
     forces: np.ndarray
     stress: np.ndarray
     iterations: int = 0
-    square: float | None = None
+    square: float = inf
 
 
 Tighten = Callable[[np.ndarray, CellLaw, Ending], Tight]
@@ -100,7 +102,7 @@ def tightened_in_rounds(
         tighten: A round.
     """
     best = tighten(first, law, Ending(given.tighten, iteration.REMAINDER))
-    if given.model.linearised is None or best.square is None:
+    if given.model.linearised is None:
         return best
     if _is_linear(given, best.stress):
         return best
@@ -115,7 +117,7 @@ def tightened_in_rounds(
         if not gap < before:
             break
         best = replace(new, iterations=best.iterations + new.iterations)
-        is_linear = new.square is not None and abs(gap - new.square) <= LINEAR * gap
+        is_linear = abs(gap - new.square) <= LINEAR * gap
         if is_linear or gap > (1 - GAIN) * before:
             break
     return best

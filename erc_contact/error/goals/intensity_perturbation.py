@@ -230,10 +230,10 @@ def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
         trace = traction.contact.trace
         here = trace.here
         for side, sign in ((trace.here, 1.0), (trace.there, -1.0)):
-            if side is None:
-                continue
-            density = partial(_of_contact, space.degree, sign * traction.values[here.owned])
-            value, size = _on_faces(space, frame, side.facets[here.owned], density)
+            count = len(side.facets)
+            owned = here.owned[:count]
+            density = partial(_of_contact, space.degree, sign * traction.values[:count][owned])
+            value, size = _on_faces(space, frame, side.facets[owned], density)
             total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
     return total
 

@@ -104,9 +104,7 @@ def _drives(goal: GoalOfContact, contact: ContactOnMesh, factor: float) -> list[
         factor: One over the area of the contact [1/area].
     """
     drives = []
-    for side, sign in zip(contact.side_names, (1.0, -1.0), strict=True):
-        if side is None:
-            continue
+    for side, sign in zip(contact.side_names, (1.0, -1.0), strict=False):
         along: Callable[[Ufl], Ufl] = _inward
         if isinstance(goal, Slip):
             along = _turn
