@@ -16,9 +16,9 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from domains import two_halves
 from mpi4py import MPI
 from reference import nested, true_errors
-from scenes import two_halves
 from test_bad_input import refused
 
 import erc_contact as ec
