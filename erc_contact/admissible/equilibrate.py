@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
+from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
 from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
@@ -260,10 +260,7 @@ def _make_pair(
         correction=None if near is None else near.correction,
     )
     bulk = axisymmetric_bulk(given) if space.axisymmetric else plane_bulk(given)
-    if space.axisymmetric:
-        # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary = boundary_off_axis(space, cells, boundary)
-    of_boundary = Given(boundary, data.fixed, tractions)
+    of_boundary = Given(bulk.boundary, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:

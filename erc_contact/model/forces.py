@@ -13,7 +13,7 @@ nodes of a facet.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import ufl
@@ -25,7 +25,6 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.ties import Claim, tie_forces
 from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
@@ -104,10 +103,7 @@ def by_cause(
     if model.body_force is not None:
         result[BODY_FORCE] = body_force()
     balance = _sum(list(result.values()))
-    if model.space.axisymmetric:
-        # Hoop stresses balance the radial forces.
-        balance.force[0] = 0.0
-    result[BALANCE] = balance
+    result[BALANCE] = replace(balance, force=model.space.section.carried(balance.force))
     return result
 
 
@@ -282,11 +278,8 @@ def _of_multiplier(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.nd
     m = values.shape[1]
     shares = trace.here.areas[:, None, None] / m
     to_coefficients = coefficients(space.d - 1, space.degree)
-    of_nodes = trace.coefficients(values)
-    if space.axisymmetric:
-        of_contact = nodal_shares(space, contact.facets)
-        factors = of_contact[trace.here.nodes][..., None]
-        of_nodes = np.divide(of_nodes, factors, out=of_nodes, where=factors > 0)
+    x = space.V.tabulate_dof_coordinates()
+    of_nodes = space.section.from_tractions(trace.coefficients(values), trace.here, x)
     return np.einsum("cn,fci->fni", to_coefficients, shares * of_nodes)
 
 

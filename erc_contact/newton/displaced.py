@@ -120,7 +120,7 @@ def missing_moments(
     """
     space = model.space
     turning = [number for number, amounts in enumerate(model.loose) if _turns(amounts, space.d)]
-    if space.axisymmetric or not turning:
+    if not turning:
         return []
     moments, sizes = _moments(model, u)
     pressures = _pressures(model, traction)

@@ -93,7 +93,7 @@ class WholeContact:
 
 def letters_of(space: Space) -> str:
     """Return the names of the coordinates of a scene."""
-    return "rz" if space.axisymmetric else "xyz"
+    return space.section.letters
 
 
 def mean_normal(surface: WholeContact) -> np.ndarray:

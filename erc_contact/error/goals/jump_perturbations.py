@@ -35,7 +35,7 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.contact.contact_values import ContactData
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from erc_contact.scene.goal import GoalOfContact, Opening, Slip
 from erc_contact.scene.load import Drive
 from erc_contact.scene.scene import Scene
@@ -154,8 +154,7 @@ def _volume_of_gap(space: Space, contact: ContactOnMesh) -> BoundedNumber:
     def volume(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        gap = data.gap(facet, x)
-        return gap * circumferences(x) if space.axisymmetric else gap
+        return space.section.times(data.gap(facet, x), x)
 
     return BoundedNumber.summed(
         space.comm, contact_integral(space, contact, space.function(), volume)

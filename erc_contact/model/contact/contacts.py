@@ -196,7 +196,7 @@ def _friction(
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     bound = f"{what}: the friction bound"
-    friction = bind_friction(space.mesh, bound, law, parameters, space.circumference)
+    friction = bind_friction(space.mesh, bound, law, parameters, space.section.circumference)
     return replace(friction, allowed=_allowed(space, contact, law, facets, direction))
 
 
