@@ -242,9 +242,7 @@ def sigma_at(pair: Admissible, cell: np.ndarray, places: np.ndarray, x: np.ndarr
     # Each point may be in another piece of its cell.
     for q in range(x.shape[1]):
         sigma[:, q] = macro_values(pair.stress, k, cell, places[:, q : q + 1])[:, 0]
-    if pair.model.hoop_load is not None:
-        sigma[..., -1] += pair.model.hoop_load(x, cell)
-    return sigma
+    return pair.model.hoop_load.plus(sigma, x, cell)
 
 
 def parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:

@@ -58,4 +58,5 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         correction=correction,
         square=tight.square,
         missing=missing,
+        boundary=given.boundary,
     )

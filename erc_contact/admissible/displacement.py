@@ -73,7 +73,7 @@ def admissible_displacement(
     contacts = [traction.contact for traction in tractions]
     # Limits of Bernstein coefficients hold between the nodes, too.
     sides: list[OnFacets] = list(contacts)
-    sides += [contact.trace.there for contact in contacts if contact.trace.there is not None]
+    sides += [contact.trace.there for contact in contacts]
     space.to_coefficients(values, sides)
     gaps = [gap_limits(model, contact, values) for contact in contacts]
     limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]

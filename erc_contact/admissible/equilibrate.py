@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
+from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
 from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
@@ -110,26 +110,26 @@ def equilibrated(
     data = _Data(solution, cells, force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
-    tractions = admissible_tractions(model, solution, others)
-    if bolts and isinstance(tractions, TooCoarse):
+    try:
+        tractions = admissible_tractions(model, solution, others)
+    except TooCoarse:
+        if not bolts:
+            raise
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
         tractions = admissible_tractions(model, solution, others)
-    if isinstance(tractions, TooCoarse):
-        raise tractions
     made = _make_pair(data, tractions, tighten, near)
-    pair, bulk = made.pair, made.bulk
+    pair = made.pair
     kept = None
-    if is_own and bulk is not None:
-        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, bulk)
-    if bulk is not None and kept is not None:
-        tractions = admissible_tractions(model, solution, kept)
-        # Beside the resultants the law may leave too little for the free motions.
-        if not isinstance(tractions, TooCoarse):
-            # Where its stress is not in equilibrium, the first pair stands.
-            with suppress(NotBalanced):
-                again = _make_pair(data, tractions, tighten, near)
-                pair = again.pair if again.bulk is not None and again.bulk < bulk else pair
+    if is_own:
+        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, made.bulk)
+    if kept is not None:
+        # The first pair stands where the law leaves too little for the free motions
+        # beside the resultants, and where the stress is not in equilibrium.
+        with suppress(TooCoarse, NotBalanced):
+            tractions = admissible_tractions(model, solution, kept)
+            again = _make_pair(data, tractions, tighten, near)
+            pair = again.pair if again.bulk < made.bulk else pair
     seconds = space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
@@ -212,13 +212,13 @@ class _Made(NamedTuple):
     Attributes:
         pair: The pair.
         balanced: The rebalanced stress.
-        bulk: The bulk part of e^2 before bubbles are chosen [force length]; None where
-            nothing was tightened.
+        bulk: Bound of the bulk part of e^2 before bubbles are chosen [force length];
+            infinite where nothing was tightened.
     """
 
     pair: Admissible
     balanced: Rebalanced
-    bulk: float | None
+    bulk: float
 
 
 def _make_pair(
@@ -260,10 +260,7 @@ def _make_pair(
         correction=None if near is None else near.correction,
     )
     bulk = axisymmetric_bulk(given) if space.axisymmetric else plane_bulk(given)
-    if space.axisymmetric:
-        # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary = boundary_off_axis(space, cells, boundary)
-    of_boundary = Given(boundary, data.fixed, tractions)
+    of_boundary = Given(bulk.boundary, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
@@ -298,9 +295,8 @@ def _boundary(data: _Data, tractions: list[ContactTraction]) -> np.ndarray:
         of_contact = moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
         add_moments(space, boundary, trace.here.facets, of_contact)
-        if trace.there is not None:
-            # Action and reaction: on the other body acts the opposite traction.
-            add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
+        # Action and reaction: on the other body acts the opposite traction.
+        add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
     return boundary
 
 

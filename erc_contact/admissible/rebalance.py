@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from dolfinx import fem, la
@@ -257,13 +258,7 @@ def _stress_of_owners(space: Space, cells: CellGeometry, stress: CellStress) -> 
     """
     if space.comm.size == 1:
         return stress
-    is_constant = stress.in_plane.shape[1] == 1
-    order = None if is_constant else cells.order
-    in_plane = _values_of_owners(space, stress.in_plane, order)
-    hoop = None
-    if stress.hoop is not None:
-        hoop = _values_of_owners(space, stress.hoop, cells.places)
-    return CellStress(in_plane, hoop)
+    return stress.of_owners(partial(_values_of_owners, space), cells)
 
 
 def _values_of_owners(space: Space, values: np.ndarray, order: np.ndarray | None) -> np.ndarray:
@@ -307,8 +302,7 @@ def _residual(
     on_facets = facet_forces(cells.area[:owned], stress.in_plane[:owned])
     by_cell = on_facets.reshape(owned, to_cells.shape[1], d)
     of_cells = np.matmul(coefficients(d, k).T @ to_cells, by_cell)
-    if stress.hoop is not None:
-        of_cells[..., 0] -= stress.hoop[:owned] @ coefficients(d, k)
+    stress.pull(of_cells, coefficients(d, k))
     residual = space.function()
     residual.x.array[:] = b.x.array
     np.add.at(residual.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)

@@ -47,7 +47,7 @@ def with_soft_contacts(
         others: What r^ has balanced so far.
         tractions: r^ so far.
         balanced: The stress in equilibrium with them.
-        bulk: Bulk part of e^2 so far [force length].
+        bulk: Bound of the bulk part of e^2 so far [force length].
 
     Returns:
         What r^ has to balance, or None where nothing soft holds a contact.

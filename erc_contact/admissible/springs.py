@@ -25,8 +25,6 @@ from namedmesh.simplex import bernstein, coefficients, rule
 
 AXIS = 1e-9
 """Difference of a component of a normal to 0 or 1 that counts as none [-]."""
-RING_DEGREE = 21
-"""Quadrature degree for the squares of tractions of springs on rings."""
 STIFF = 1.0
 """Least stiffness of a stiff spring over the stiffness of its cell, ``K h/E`` [-].
 
@@ -148,8 +146,7 @@ def spring_squares(
     """
     space = model.space
     result = np.zeros((2, model.domain.owned_cells))
-    # On rings the squares are rational.
-    points, weights = rule(space.d - 1, RING_DEGREE if space.axisymmetric else 2 * space.degree)
+    points, weights = rule(space.d - 1, space.section.rule_degree(2 * space.degree))
     shape = bernstein(space.d - 1, space.degree, points)
     for spring, t in zip(model.springs, tractions, strict=True):
         owned = spring.side.owned

@@ -32,7 +32,7 @@ from erc_contact.model.contact.contact_values import ContactData, friction_param
 from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONCAVE
 from erc_contact.model.contact.jumps import kinks_on_facets
-from erc_contact.model.contact.trace import Trace, split
+from erc_contact.model.contact.trace import split
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import sums_of_cells
 from erc_contact.model.data.quadrature import Integral, facet_pieces, integrate, polynomials
@@ -147,26 +147,20 @@ def contact_law_error(
         tractions: r^ on each contact.
         floor: What the integral over each contact may leave unknown [force length].
     """
-    gap, of_sum = np.zeros((2, space.domain.owned_cells))
+    gap, of_sum = np.zeros((2, len(space.nodes)))
     gaps = 0.0
     friction = 0.0
     for traction in tractions:
         squares = contact_squares(space, u_hat, traction, floor)
         trace = traction.contact.trace
         # below 0 by round-off only
-        gap += _in_cells(space, trace, np.maximum(squares.parts, 0.0))
-        of_sum += _in_cells(space, trace, squares.of_sum)
+        gap += trace.share(np.maximum(squares.parts, 0.0))
+        of_sum += trace.share(squares.of_sum)
         gaps += squares.gaps
         friction += squares.friction
-    return LawError(gap, of_sum, gaps=gaps, friction=friction)
-
-
-def _in_cells(space: Space, trace: Trace, of_facets: np.ndarray) -> np.ndarray:
-    """Add up values of facets (f,) in the cells that this rank owns; collective."""
-    of_cells = trace.share(of_facets)
-    if trace.there is None:
-        return of_cells[: space.domain.owned_cells]
-    return sums_of_cells(space, of_cells)
+    # The other body of a facet may be on another rank.
+    of_owners = sums_of_cells(space, gap), sums_of_cells(space, of_sum)
+    return LawError(*of_owners, gaps=gaps, friction=friction)
 
 
 def _means(

@@ -28,8 +28,8 @@ from erc_contact.model.data.quadrature import Hidden, Integral, Integrand, cell_
 from erc_contact.model.law.constitution import act
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.model import Model
-from erc_contact.model.space import Space, circumferences
-from namedmesh.simplex import bernstein, mass
+from erc_contact.model.space import Space
+from namedmesh.simplex import mass
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
@@ -118,7 +118,7 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
         ) -> np.ndarray:
             eps = strain.at(entity, places, x)
             energy = law.energy(eps, x, of_cells[entity])[..., None]
-            return energy * circumferences(x)[..., None] if model.space.axisymmetric else energy
+            return model.space.section.times(energy, x)
 
         def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             return of_law(law, entity, places, x)
@@ -187,10 +187,7 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(space.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
-    if space.axisymmetric:
-        strain = strains_at(space, cells, v, points, owned)
-    else:
-        strain = np.matmul(bernstein(space.d, k - 1, points), strains(cells, v)[:owned])
+    strain = strains_at(space, cells, v, points, owned)
     # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
@@ -200,7 +197,7 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
 
 def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """Compute the work of the radial body force of rings, a hoop stress; collective."""
-    load = pair.model.hoop_load
+    load = pair.model.hoop_load.hoop
     if load is None:
         return BoundedNumber(0.0)
     of_cells = pair.model.space.owned_cells

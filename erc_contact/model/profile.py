@@ -9,7 +9,7 @@ facet.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import factorial, pi
+from math import factorial
 
 import numpy as np
 from dolfinx import fem
@@ -21,8 +21,7 @@ from erc_contact.model.contact.status import facet_status
 from erc_contact.model.contact.trace import split, tangents
 from erc_contact.model.contact.turning import turning_of
 from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.meridian import area_ratio
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
 from namedmesh.simplex import (
@@ -83,8 +82,7 @@ def profile_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.
     """
     samples, weights = rule(space.d - 1, space.contact_degree)
     sampled = evaluate(traction, space.mesh, samples, contact.facets)
-    if space.axisymmetric:
-        sampled = sampled / circumferences(contact.trace.here.points_at(samples))[..., None]
+    sampled = space.section.over(sampled, contact.trace.here.points_at(samples))
     turning = turning_of(contact.trace)
     degree = space.degree if turning is None else turning.degree
     project = projection(space.d - 1, degree, samples, weights)
@@ -144,7 +142,7 @@ def profile_table(
     points = profile_points(space)
     facets = contact.facets
     named = contact.named_corners
-    share = area_ratio(space, contact.trace.here.corners, named, points)
+    share = space.section.area_ratio(contact.trace.here.corners, named, points)
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(space.d - 1, space.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
@@ -170,9 +168,8 @@ def profile_table(
     columns["shear"] = shear
     columns["friction_bound"] = share * along_shear * bound
     columns["status"] = status[:, None]
-    columns["weight"] = measures(named)[:, None] * profile_weights(space)
-    if space.axisymmetric:
-        columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
+    weight = measures(named)[:, None] * profile_weights(space)
+    columns["weight"] = space.section.times(weight, np.matmul(barycentric(points), named))
     if contact.against is not None:
         nodal = u.x.array.reshape(-1, space.d)
         sides = [contact.trace.here.nodes, contact.trace.partners]

@@ -26,7 +26,6 @@ from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.last_step import LastStep
-from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.potential_check import check_potential
 from erc_contact.model.space import Space
@@ -221,9 +220,8 @@ def _check_data(space: Space, contact: ContactOnMesh) -> None:
         if of_foundation is None:
             continue
         stiffness = Everywhere(of_foundation, space.mesh)(x, contact.facets)
-        if space.axisymmetric:
-            # Per length of the meridian it is zero on the axis.
-            stiffness = stiffness[x[..., 0] > ON_AXIS * space.domain.extent]
+        # Per length of a meridian it is zero on the axis.
+        stiffness = stiffness[~space.section.on_axis(x)]
         local = float(np.where(stiffness < np.inf, stiffness, -np.inf).min(initial=np.inf))
         low = space.comm.allreduce(local, MPI.MIN)
         if not low > 0.0:
@@ -321,9 +319,7 @@ def _check_ends(space: Space, contact: ContactOnMesh, gap: np.ndarray) -> None:
         gap: Its gap at the nodes [length], shape (f, m).
     """
     trace = contact.trace
-    if trace.there is None:
-        return
-    at_end = gap[trace.here.nodes == trace.partners]
+    at_end = gap[trace.here.nodes == trace.nodes_there]
     overlap = abs(at_end) if contact.bilateral else -at_end
     worst = space.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
     if worst > 1e-12 * space.domain.extent:

@@ -299,10 +299,8 @@ def method_beside_faces(model: Model, method: Method | None) -> Method:
         on_faces[face.nodes] = True
     touching = False
     for contact in model.contacts:
-        cells = [contact.facets[:, 0]]
-        if contact.trace.there is not None:
-            cells.append(contact.trace.there.facets[:, 0])
-        touching = touching or bool(on_faces[space.nodes[np.concatenate(cells)]].any())
+        facets = np.concatenate([contact.trace.here.facets, contact.trace.there.facets])
+        touching = touching or bool(on_faces[space.nodes[facets[:, 0]]].any())
     if not space.comm.allreduce(touching, MPI.LOR):
         return method or DEFAULT
     if method is None:

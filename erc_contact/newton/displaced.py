@@ -120,7 +120,7 @@ def missing_moments(
     """
     space = model.space
     turning = [number for number, amounts in enumerate(model.loose) if _turns(amounts, space.d)]
-    if space.axisymmetric or not turning:
+    if not turning:
         return []
     moments, sizes = _moments(model, u)
     pressures = _pressures(model, traction)
@@ -222,12 +222,10 @@ def _pressures(model: Model, traction: Callable[[ContactOnMesh], Ufl]) -> _Press
         widths = trace.here.areas[owned, None] ** (1 / (d - 1))
         of_points = np.stack([forces, np.broadcast_to(widths, forces.shape)], axis=-1)
         table = np.concatenate([x, normals, of_points], axis=-1)
-        sides = [trace.here.nodes]
-        if trace.there is not None:
-            sides.append(trace.partners)
-        for nodes in sides:
-            of_facets = np.broadcast_to(body[nodes[owned, :1], None], (*r.shape[:2], 1))
-            rows.append(np.concatenate([of_facets, table], axis=-1).reshape(-1, 2 * d + 3))
+        for nodes in (trace.here.nodes[owned], trace.partners[owned[trace.facing]]):
+            of_side = table[: len(nodes)]
+            of_facets = np.broadcast_to(body[nodes[:, :1], None], (*of_side.shape[:2], 1))
+            rows.append(np.concatenate([of_facets, of_side], axis=-1).reshape(-1, 2 * d + 3))
     (every,) = of_all(space.comm, np.concatenate(rows))
     return _Pressures(
         body=every[:, 0].astype(int),

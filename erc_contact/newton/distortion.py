@@ -79,9 +79,7 @@ def gradients_of(model: Model, u: fem.Function) -> Gradients:
     corners = space.cell_corners()[cells]
     nodes = space.nodes[cells]
     nodal = u.x.array.reshape(-1, d)
-    hoop = np.zeros(len(nodes))
-    if space.axisymmetric:
-        hoop = nodal[nodes[:, : d + 1], 0].mean(axis=1) / corners[..., 0].mean(axis=1)
+    hoop = space.section.hoop_strains(nodal, nodes[:, : d + 1], corners)
     jumps = _gradients_of_jumps(model)
     # The gradient of degree 2 is linear in a cell: its vertices have the extremes.
     samples = 1 if space.degree == 1 else d + 1

@@ -363,10 +363,11 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
                 f"{there!r} lie against each other. {remedy} for a contact of both bodies."
             )
             continue
-        sides = [space.side(facets, model.modulus) for facets in model.domain.facing(here, there)]
-        n = space.outward_normals(sides[0].facets)
-        trace = Trace(sides[0], n, None, sides[1])
-        drawn = np.matmul(sides[0].shares_of_nodes, trace.to_partners)
+        first, second = space.domain.facing(here, there)
+        side = space.side(first, model.modulus)
+        n = space.outward_normals(first)
+        trace = Trace(side, space.side(second, model.modulus), n)
+        drawn = np.matmul(side.shares_of_nodes, trace.to_partners)
         jump = trace.of(solution.u.x.array) - drawn
         _, entry = space.extremes((jump * n[:, None, :]).sum(axis=-1))
         if entry > APART * moved:

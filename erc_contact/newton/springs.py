@@ -48,7 +48,7 @@ class Springs:
         self._free = of_rows[used]
         self._area = area[owned][used]
         self._nodes = here[owned][used] - self._first_dof // d
-        glue = nodal_glue(space, [model.contacts[k] for k in numbers])
+        glue = nodal_glue(space, [model.contacts[k].trace.here for k in numbers])
         self._glue = glue.x.array.reshape(-1, d)[self._nodes].max(axis=1, initial=0.0)
 
         # A block of d x d entries for each node.

@@ -81,8 +81,8 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     panels[0].set_ylabel(labels[1])
     contact = traction.contact
     seen = "seen from the foundation"
-    if surface.partners is not None:
-        seen = f"{in_picture(contact.name)} seen from {in_picture(contact.against or '')}"
+    if contact.against is not None:
+        seen = f"{in_picture(contact.name)} seen from {in_picture(contact.against)}"
     panels[count // 2].set_title(seen, fontsize=11)
     if ax is None:
         sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (count, 1))

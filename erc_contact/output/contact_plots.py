@@ -133,12 +133,9 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
         # The closed part is shown with as much beside it, where the contact goes on.
         around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
         of_pair = ""
-        if surface.partners is not None:
-            over, under = (
-                in_picture(traction.contact.against or ""),
-                in_picture(traction.contact.name),
-            )
-            of_pair = f" of {over}\non {under}"
+        if traction.contact.against is not None:
+            over = in_picture(traction.contact.against)
+            of_pair = f" of {over}\non {in_picture(traction.contact.name)}"
         axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
         axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
         greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(

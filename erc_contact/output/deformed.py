@@ -375,7 +375,7 @@ def _foundations(contacts: Sequence[WholeContact]) -> list[MovingFoundation]:
 
 def _on_foundations(contacts: Sequence[WholeContact]) -> list[WholeContact]:
     """Return the contacts with a foundation, without planes of symmetry."""
-    alone = [contact for contact in contacts if contact.partners is None]
+    alone = [contact for contact in contacts if len(contact.partners) == 0]
     return [contact for contact in alone if not is_symmetry(contact)]
 
 
@@ -433,7 +433,7 @@ def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[Shown
     closed: list[ShownPart] = []
     for contact in contacts:
         for nodes in (contact.traction.nodes, contact.partners):
-            lines = None if nodes is None else closed_part(contact, nodes, x)
+            lines = closed_part(contact, nodes, x)
             if lines is not None:
                 colour = SYMMETRY_COLOUR if is_symmetry(contact) else CLOSED_COLOUR
                 closed.append((lines, {"color": colour, "line_width": 8.0}))

@@ -261,9 +261,8 @@ def moving_side(history: LoadingHistory, contact: ContactOnMesh) -> str:
     """
     ways = {}
     for side in contact.side_names:
-        if side is not None:
-            means = [_mean_displacement(error, side) for error in history.errors]
-            ways[side] = np.linalg.norm(np.ptp(means, axis=0))
+        means = [_mean_displacement(error, side) for error in history.errors]
+        ways[side] = np.linalg.norm(np.ptp(means, axis=0))
     # round-off must not choose between sides that move alike
     least = (1 - STILL) * max(ways.values())
     return next(side for side, way in ways.items() if way >= least)

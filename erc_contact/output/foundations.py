@@ -248,7 +248,8 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
 
     Args:
         surface: The contact.
-        nodes: Numbers of the nodes of its facets, on one of its sides, shape (f, m).
+        nodes: Numbers of the nodes of its facets, on one of its sides, shape (f, m);
+            (0, m) on the side of a foundation.
         x: Positions at which the nodes of the body are drawn [length], shape (n, 3).
 
     Returns:
@@ -258,7 +259,7 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
     closed = surface.status != OPEN
     if not closed.any():
         return None
-    nodes = nodes[closed]
+    nodes = nodes[closed[: len(nodes)]]
     if surface.d == 3:
         nodes = _border(nodes)
     if len(nodes) == 0:

@@ -27,7 +27,7 @@ from namedmesh.simplex import at_nodes, determinants, node_between, node_vertice
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
-OF_FACETS = ("x", "gap", "gap_left", "slip", "place", "drawn", "status")
+OF_FACETS = ("x", "gap", "gap_left", "slip", "place", "drawn", "status", "partners")
 """Fields of a contact that are gathered as they are."""
 AXIS = 1e-6
 """Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
@@ -53,7 +53,7 @@ class WholeContact:
         status: OPEN, SLIP, STICK or CLOSED of each facet, shape (n,), see
             :func:`erc_contact.results.contact_status`.
         partners: Global numbers of the facing nodes of the other body, shape (n, m);
-            None on a foundation.
+            (0, m) on a foundation.
         drawn: The part of the gap with which both bodies are drawn [length], shape (n,
             m).
         letters: Names of the coordinates.
@@ -68,7 +68,7 @@ class WholeContact:
     place: np.ndarray
     drawn: np.ndarray
     status: np.ndarray
-    partners: np.ndarray | None = None
+    partners: np.ndarray
     letters: str = "xyz"
 
     def missing(self, factor: float) -> WholeContact:
@@ -93,7 +93,7 @@ class WholeContact:
 
 def letters_of(space: Space) -> str:
     """Return the names of the coordinates of a scene."""
-    return "rz" if space.axisymmetric else "xyz"
+    return space.section.letters
 
 
 def mean_normal(surface: WholeContact) -> np.ndarray:
@@ -125,8 +125,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     r = np.matmul(at_nodes(space.d - 1, space.degree), traction.values)
     slip = slip_at(space, contact, u, r, space.facet_points)
     nodes = traction.nodes
-    # On a foundation this side stands for the other one, which is left out below.
-    partners = nodes if contact.against is None else contact.trace.partners
+    partners = contact.trace.partners
     place = space.true_places(contact.facets)
     if contact.is_exchanged:
         place = place + contact.to_partners
@@ -146,7 +145,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         slip=contact.sign * slip[owned],
         place=place[owned],
         drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
-        partners=space.global_numbers(partners[owned]),
+        partners=space.global_numbers(partners[owned[: len(partners)]]),
     )
     if not parts:
         return None
@@ -165,7 +164,6 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     return WholeContact(
         whole_traction,
         vertices=parts["nodes"][:, : space.d],
-        partners=None if contact.against is None else parts["partners"],
         letters=letters_of(space),
         **fields,
     )
@@ -187,7 +185,7 @@ def whole_contacts(admissible: Admissible) -> list[WholeContact]:
 def is_symmetry(contact: WholeContact) -> bool:
     """Tell whether a contact is a plane of symmetry, which has no foundation."""
     data = contact.traction.contact
-    plain = data.friction is None and data.gap is None and contact.partners is None
+    plain = data.friction is None and data.gap is None and len(contact.partners) == 0
     return data.bilateral and plain
 
 

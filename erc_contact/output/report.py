@@ -12,6 +12,7 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from html import escape
+from itertools import permutations
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -179,16 +180,13 @@ def _facing(error: Any) -> dict[str, str]:
 
     An error that is read from a folder knows of none.
     """
-    facing = {}
+    facing: dict[str, str] = {}
     if isinstance(error, ConstitutiveError):
         scene = error.solution.scene
         for contact in scene.contacts:
-            if contact.against is not None:
-                facing[contact.facets] = contact.against
-                facing[contact.against] = contact.facets
+            facing.update(permutations(contact.sides, 2))
         for tie in scene.ties:
-            facing[tie.facets] = tie.against
-            facing[tie.against] = tie.facets
+            facing.update(permutations(tie.sides, 2))
     return facing
 
 
@@ -205,28 +203,27 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
         facing: The other side of each side of a pair.
         on_rings: Whether they act on axisymmetric bodies, which have no moments.
     """
-    first = next(iter(forces.values()))
     if on_rings:
         header = ["cause", "Fr", "Fz"]
-    else:
-        header = ["cause"]
-        header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
-        # In the plane the moment is that about z.
-        header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
-    rows = []
-    for cause, force in forces.items():
-        components = (*force.force, *force.moment)[: len(header) - 1]
-        words = f"{cause} (internal, from {facing[cause]})" if cause in facing else cause
-        rows.append([words, *(f"{component:.6g}" for component in components)])
-    words = (
-        "Resultants and moments about the origin of the admissible stress. The balance is zero "
-        "up to round-off."
-    )
-    if on_rings:
         words = (
             "Axial resultants Fz of the admissible stress on full rings, and sums Fr of radial "
             "forces around them. The balance is zero up to round-off."
         )
+    else:
+        first = next(iter(forces.values()))
+        header = ["cause"]
+        header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
+        # In the plane the moment is that about z.
+        header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
+        words = (
+            "Resultants and moments about the origin of the admissible stress. The balance is "
+            "zero up to round-off."
+        )
+    rows = []
+    for cause, force in forces.items():
+        components = (*force.force, *force.moment)[: len(header) - 1]
+        name = f"{cause} (internal, from {facing[cause]})" if cause in facing else cause
+        rows.append([name, *(f"{component:.6g}" for component in components)])
     if facing:
         words += " Two bodies exert internal forces on each other, which are opposite."
     return _paragraph(words) + _wide(table(rows, header), "numbers")

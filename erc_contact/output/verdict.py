@@ -167,11 +167,11 @@ def of_gaps(error: ConstitutiveError) -> list[tuple[str, str]]:
     """
     statements = []
     for contact in error.model.contacts:
-        if contact.between is None or contact.against is None:
+        if contact.between is None:
             continue
-        distance = error.domain.distance(contact.name, contact.against)
+        distance = error.domain.distance(*contact.side_names)
         deviation = error.gap_deviation(contact.name)
-        sides = (error.force(name) for name in (contact.name, contact.against))
+        sides = (error.force(name) for name in contact.side_names)
         moment = np.linalg.norm(sum(side.moment for side in sides))
         words = (
             f"The sides of {contact.title} are drawn up to {distance:.3g} apart. Displacements "

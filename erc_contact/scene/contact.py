@@ -11,6 +11,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_value, check_vector
 from erc_contact.scene.law import Coulomb, Law
+from erc_contact.scene.words import names_of_sides
 
 
 @dataclass(frozen=True, init=False)
@@ -240,7 +241,7 @@ class Contact:
     @property
     def sides(self) -> tuple[str, ...]:
         """Return the names of its one or two boundary parts."""
-        return (self.facets,) if self.against is None else (self.facets, self.against)
+        return names_of_sides(self.facets, self.against)
 
     @property
     def law(self) -> Law | None:

@@ -58,13 +58,18 @@ def is_axisymmetric(material: Any) -> bool:
     return getattr(material, "hypothesis", PLANE_STRAIN) == AXISYMMETRIC
 
 
-def tensor_basis(material: Any, d: int) -> np.ndarray:
-    """Return the orthonormal basis of the tensors that a material gets, (s, n, n).
+def ring_basis() -> np.ndarray:
+    """Return the orthonormal basis of the tensors of axisymmetric bodies, (4, 3, 3).
 
-    Of an axisymmetric body in the half plane (r, z) they are tensors of space with the
-    rows r, z and hoop, without shear out of the half plane: s = 4 and n = 3.
+    They are tensors of space with the rows r, z and hoop, without shear out of the half
+    plane (r, z).
     """
-    return mandel_basis(3)[list(HOOP_ROWS)] if is_axisymmetric(material) else mandel_basis(d)
+    return mandel_basis(3)[list(HOOP_ROWS)]
+
+
+def tensor_basis(material: Any, d: int) -> np.ndarray:
+    """Return the orthonormal basis of the tensors that a material gets, (s, n, n)."""
+    return ring_basis() if is_axisymmetric(material) else mandel_basis(d)
 
 
 def mandel_matrix(act: Callable[..., Ufl], tensors: np.ndarray, **parameters: Ufl) -> Ufl:

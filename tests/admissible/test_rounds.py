@@ -17,7 +17,7 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.tighten import rounds
 from erc_contact.admissible.tighten.rounds import CellLaw, _AboutStress
-from erc_contact.model.space import circumferences
+from erc_contact.model.meridian import circumferences
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.02)

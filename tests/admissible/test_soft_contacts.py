@@ -151,7 +151,7 @@ def test_resultants_that_cannot_be_kept_lose_nothing(monkeypatch):
 
     def failing(model, solved, others):
         if others.motions:
-            return TooCoarse("no traction", np.empty(0, dtype=np.int32))
+            raise TooCoarse("no traction", np.empty(0, dtype=np.int32))
         return original(model, solved, others)
 
     monkeypatch.setattr(stage, "admissible_tractions", failing)

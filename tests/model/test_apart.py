@@ -470,7 +470,7 @@ def test_nodes_of_facets_that_are_turned_against_each_other(degree):
 
     turned = (0.1 + np.cos(np.radians(75)), 1.0 + np.sin(np.radians(75)))
     here, there = side((0.0, 0.0), (1.0, 0.0), [0, 1, 2]), side(turned, (0.1, 1.0), [3, 4, 5])
-    trace = Trace(here, np.array([[0.0, 1.0]]), None, there)
+    trace = Trace(here, there, np.array([[0.0, 1.0]]))
     assert trace.partners.tolist() == [[4, 3, 5][: degree + 1]]
     assert trace.to_partners[0] == pytest.approx(
         np.array([(0.1, 1.0), np.subtract(turned, (1, 0))])

@@ -20,7 +20,8 @@ from test_two_bodies import vector
 from two_bodies import random_joint
 
 import erc_contact as ec
-from erc_contact.model.contact.groups import NOBODY, Groups
+from erc_contact.model.contact.groups import Groups
+from erc_contact.model.contact.trace import NOBODY
 from namedmesh.tags import tags_of
 
 COMM = MPI.COMM_WORLD

@@ -252,7 +252,7 @@ def test_a_force_that_cannot_be_kept_is_left_out(monkeypatch):
     def failing(model, solved, others):
         balanced.append(len(others.motions))
         if len(balanced) == 1:
-            return TooCoarse("no traction", np.empty(0, dtype=np.int32))
+            raise TooCoarse("no traction", np.empty(0, dtype=np.int32))
         return original(model, solved, others)
 
     monkeypatch.setattr(stage, "admissible_tractions", failing)

@@ -273,7 +273,9 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
 def contact_with(direction):
     """Return what pictures read of a contact whose facets have given normals."""
     trace = SimpleNamespace(corner_normals=None, normals=direction[:, None])
-    return SimpleNamespace(direction=direction, trace=trace, bilateral=False, sampled=False)
+    return SimpleNamespace(
+        direction=direction, trace=trace, bilateral=False, sampled=False, against=None
+    )
 
 
 @pytest.mark.serial
@@ -522,7 +524,9 @@ def test_area_under_the_pressure_of_any_contact(shape):
     zero = np.zeros(ends.shape)
     status = np.full(len(ends), results.STICK)
     axes = contact_plots.contact_curves(
-        gathered.WholeContact(traction, x, ends, zero, zero, 0 * x, x, zero, status)
+        gathered.WholeContact(
+            traction, x, ends, zero, zero, 0 * x, x, zero, status, partners=ends[:0]
+        )
     )
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.tighten import iteration
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.model.law.point_law import Search
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric
 
 ROUNDS = 4
@@ -74,14 +75,15 @@ class Tight:
         stress: Coefficients of the owned cells [force/area], shape (owned, d+1, N_k,
             s).
         iterations: Number of iterations.
-        square: Its gap with the linear law [force length]; None without tightening.
+        square: Bound of its gap with the linear law [force length]. Tightening makes it
+            sharp; without, the gap is not computed, and the bound is infinite.
     """
 
     moment: np.ndarray
     forces: np.ndarray
     stress: np.ndarray
     iterations: int = 0
-    square: float | None = None
+    square: float = inf
 
 
 Tighten = Callable[[np.ndarray, CellLaw, Ending], Tight]
@@ -100,7 +102,7 @@ def tightened_in_rounds(
         tighten: A round.
     """
     best = tighten(first, law, Ending(given.tighten, iteration.REMAINDER))
-    if given.model.linearised is None or best.square is None:
+    if given.model.linearised is None:
         return best
     if _is_linear(given, best.stress):
         return best
@@ -115,7 +117,7 @@ def tightened_in_rounds(
         if not gap < before:
             break
         best = replace(new, iterations=best.iterations + new.iterations)
-        is_linear = new.square is not None and abs(gap - new.square) <= LINEAR * gap
+        is_linear = abs(gap - new.square) <= LINEAR * gap
         if is_linear or gap > (1 - GAIN) * before:
             break
     return best
@@ -152,8 +154,8 @@ class _AtPoints:
         places: The points [length], shape (owned, q, d), and the cells.
         strain: eps(u^) [-], shape (owned, q, s).
         of_strain: psi' of it [force/area], see :meth:`.PointLaw.whole_stress`.
-        around: Circumferences of rings [length], else 1, shape (owned, q, 1).
-        hoop_load: Hoop load of rings [force], shape (owned, q); else 0.
+        around: Weights of the section, shape (owned, q, 1) or (1, 1, 1).
+        hoop_load: The body force that is a hoop stress.
     """
 
     def __init__(self, given: Reconstruction, points: np.ndarray, weights: np.ndarray) -> None:
@@ -166,12 +168,8 @@ class _AtPoints:
         strain = CellStrains.of(model.space, cells, given.displacement)
         self.strain = strain.at_points(slice(len(owned)), points, x)
         self.of_strain = self.law.whole_stress(self.strain, *self.places)
-        self.around = np.ones((*x.shape[:2], 1))
-        if model.space.axisymmetric:
-            self.around = circumferences(x)[..., None]
-        self.hoop_load: np.ndarray | float = 0.0
-        if model.hoop_load is not None:
-            self.hoop_load = model.hoop_load(*self.places)
+        self.around = model.space.section.weight(x)
+        self.hoop_load = model.hoop_load
         self._comm = model.space.comm
         self._weights = cells.volume[: len(owned), None] * weights * self.around[..., 0]
 
@@ -182,8 +180,7 @@ class _AtPoints:
             values: Shape (owned, q, s), on rings times the circumference and less the
                 hoop load. They are overwritten.
         """
-        values[..., -1] += self.hoop_load
-        return values / self.around
+        return self.hoop_load.plus(values, *self.places) / self.around
 
     def gap(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return Fenchel's gap of a stress [force/area], and the strain ``psi*'``."""
@@ -223,8 +220,7 @@ class _AboutStress:
         compliance = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
         # S(eps(u^)) = sigma + C (eps(u^) - eps_1), on rings as the moments have it.
         beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
-        elastic = at.around * (sigma + beyond)
-        elastic[..., -1] -= at.hoop_load
+        elastic = at.hoop_load.minus(at.around * (sigma + beyond), *at.places)
         law = CellLaw(elastic, _with_ghosts(self._space.space, compliance)[:, None])
         return law, at.total(gap)
 

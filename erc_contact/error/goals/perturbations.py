@@ -22,7 +22,6 @@ from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
-from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
@@ -164,7 +163,7 @@ def _check_on_rings(space: Space, goal: GoalOfPart, vector: np.ndarray) -> None:
     if isinstance(goal, MeanDisplacement) or vector[0] == 0.0:
         return
     corners = space.facet_corners(space.domain.facets(goal.part))
-    meets_axis = not vertices_off_axis(space, corners).all()
+    meets_axis = bool(space.section.on_axis(corners).any())
     if space.comm.allreduce(meets_axis, MPI.LOR):
         raise InputError(
             f"{goal!r}: a part that meets the axis cannot move radially, so that its radial"

@@ -12,7 +12,7 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
 from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.data.symbolic import varies_in_cells
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from namedmesh.simplex import lagrange
 
 
@@ -66,9 +66,8 @@ def give_way(space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.nda
 
     The tractions r [force/area] are not about rings, as its stiffness is.
     """
-    if space.axisymmetric:
-        r = circumferences(contact.trace.here.points_at(points))[..., None] * r
-    return spring_displacement(space, contact, r, points)
+    on_mesh = space.section.times(r, contact.trace.here.points_at(points))
+    return spring_displacement(space, contact, on_mesh, points)
 
 
 def slip_at(

@@ -47,8 +47,8 @@ from namedmesh.simplex import lagrange, nodes, rule
 
 SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
-Sides = tuple[Side, Side | None]
-"""Side of a body at a contact, and the side of the other body; None on a foundation."""
+Sides = tuple[Side, Side]
+"""Side of a body at a contact, and the side of the other body or of the foundation."""
 PARALLEL = 1e-6
 """Sine of the angle between a normal and an axis of friction that is zero [-]."""
 FLAT_NORMALS = 1e-8
@@ -93,7 +93,7 @@ def bind_contact(
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
-    trace = Trace(here, normals.direction, None, there, of_corners)
+    trace = Trace(here, there, normals.direction, corner_normals=of_corners)
     between = None
     if space.domain.distance(contact.facets, contact.against) > 0:
         # Facing facets are one facet in their parameters, so this is linear on each. A
@@ -144,7 +144,7 @@ def bind_contact(
     )
 
 
-def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side | None]:
+def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side]:
     """Return the part on this side of a contact, and both sides; collective.
 
     Nitsche's method tests the stress on this side. So it is the side of the softer
@@ -153,8 +153,8 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     which the scene names them changes nothing.
     """
     if contact.against is None:
-        facets = space.domain.facets(contact.facets)
-        return contact.facets, space.side(facets, modulus), None
+        here = space.side(space.domain.facets(contact.facets), modulus)
+        return contact.facets, here, here.only(slice(0))
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
@@ -196,7 +196,7 @@ def _friction(
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     bound = f"{what}: the friction bound"
-    friction = bind_friction(space.mesh, bound, law, parameters, space.circumference)
+    friction = bind_friction(space.mesh, bound, law, parameters, space.section.circumference)
     return replace(friction, allowed=_allowed(space, contact, law, facets, direction))
 
 
@@ -276,7 +276,7 @@ def _normal(space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: fl
     Args:
         space: The mesh.
         contact: What the scene declares.
-        sides: This side, and the other side of two bodies.
+        sides: This side, and the other side.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
     """
@@ -320,7 +320,7 @@ def _varying_normal(
     facets = sides[0].facets
     given = None
     if contact.normal is None:
-        flat = Trace(sides[0], space.outward_normals(facets), there=sides[1])
+        flat = Trace(*sides, space.outward_normals(facets))
         of_corners = _common_normals(space, contact, flat)
         if greatest(space.comm, of_corners - flat.normals_at_vertices) <= SAME_NORMAL:
             return _Normals(space.n, flat.direction)
@@ -346,7 +346,6 @@ def _common_normals(space: Space, contact: Contact, sides: Trace) -> np.ndarray:
     """
     here = sides.here
     there = sides.there
-    assert there is not None
     of_here = normals_of_side(space, here.facets, here.corners)
     if space.domain.distance(contact.facets, contact.against) == 0:
         return of_here

@@ -16,7 +16,7 @@ from erc_contact.model.contact.friction_set import DISC, Disc
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.data.symbolic import has_arguments, varies_in_cells
 from erc_contact.scene.law import project
-from erc_contact.scene.words import contact_in_words
+from erc_contact.scene.words import contact_in_words, names_of_sides
 
 
 def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -100,14 +100,13 @@ class ContactOnMesh:
     @property
     def title(self) -> str:
         """Return its name, with the name of the part that it is against."""
-        return contact_in_words(self.name, self.against)
+        return contact_in_words(names_of_sides(self.name, self.against))
 
     @property
-    def side_names(self) -> tuple[str, str | None]:
-        """Return the names of the parts on this side and on the other side."""
-        if self.is_exchanged and self.against is not None:
-            return self.against, self.name
-        return self.name, self.against
+    def side_names(self) -> tuple[str, ...]:
+        """Return the names of the parts on this side and, of a body, the other side."""
+        names = names_of_sides(self.name, self.against)
+        return names[::-1] if self.is_exchanged else names
 
     @property
     def sign(self) -> float:
@@ -241,7 +240,7 @@ class ContactOnMesh:
         """
         if has_arguments(u):
             return u if self.tests_jump else 0.0 * u
-        w = u if self.trace.there is None else self._difference(u)
+        w = u if self.against is None else self._difference(u)
         before = self.trace.before
         if before is None:
             return w

@@ -243,7 +243,7 @@ class PointLaw:
     ) -> None:
         self._parameters = [Everywhere(value, space.mesh) for value in parameters.values()]
         self.state = state
-        self.is_plane = space.d == 2 and not space.axisymmetric
+        self.is_plane = space.section.rows == 2
         # The last of these, out of plane or hoop, is no component of plane strain.
         known = list(HOOP_ROWS) if space.d == 2 else list(range(6))
         self.rows = known[:-1] if self.is_plane else known

@@ -178,8 +178,7 @@ def _anchors(
     weights[space.vertices] = 1.0
     for contact in contacts:
         weights[contact.trace.here.nodes] *= AT_CONTACT
-        if contact.trace.there is not None:
-            weights[contact.trace.partners] *= AT_CONTACT
+        weights[contact.trace.partners] *= AT_CONTACT
     weights[fixed] = 0.0
     weights = weights[:owned].ravel()
     left = values[:owned].reshape(len(weights), -1)
