@@ -278,7 +278,7 @@ def _adapted_squares(
 def _beyond_gap(contact: ContactOnMesh, at: AtPoints, normal: np.ndarray) -> np.ndarray:
     """Return how far w is beyond the gap along a normal [length], shape (n, q).
 
-    A compliant foundation gives way, so that it is zero.
+    It is zero on a compliant foundation, which may be entered.
     """
     opening = (at.w * normal).sum(axis=-1) - at.gap
     if at.stiffness is not None:

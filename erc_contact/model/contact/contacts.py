@@ -205,8 +205,8 @@ def _allowed(
     """Return the set of tangential tractions that a law allows; collective.
 
     Raises:
-        InputError: If a law has axes in the plane, on a foundation that gives way
-            tangentially, or along the normal, or if its ratio is no number > 0.
+        InputError: If a law has axes in the plane, on a tangentially compliant
+            foundation, or along the normal, or if its ratio is no number > 0.
     """
     axes = getattr(law, "axes", None)
     if axes is None:
@@ -219,8 +219,8 @@ def _allowed(
         )
     if getattr(contact.foundation, "tangential", None) is not None:
         raise InputError(
-            f"{what} has axes, and the foundation gives way tangentially; the nearest point of an"
-            " ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
+            f"{what} has axes, and the foundation is tangentially compliant; the nearest point of"
+            " an ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
         )
     ratio = positive(f"{what}: ratio", parameter(law, "ratio"), "> 0")
     axis = components(space, axes, f"{what}: axes")
