@@ -18,12 +18,14 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.output.files import PARTS, gather, grid_of, on_root, save_grid, subdivide
+from erc_contact.output.files import PARTS, save_grid
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.states import state, states_of
 from erc_contact.results.stresses import cell_stresses
 from namedmesh.base.names import file_stem
+from namedmesh.base.ranks import gather
 from namedmesh.for_solvers import in_space
+from namedmesh.pictures import grid_of, on_root, subdivide
 from namedmesh.simplex import bernstein, lagrange, nodes
 
 

@@ -13,10 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from erc_contact.error.runs import LoadingHistory
-from erc_contact.output.files import gather, new_vtkhdf, on_root, vtk_cells
-from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement
+from erc_contact.output.files import new_vtkhdf
+from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 from namedmesh import Domain
+from namedmesh.base.ranks import gather
+from namedmesh.pictures import body_mesh, on_root, vtk_cells
 
 
 def write_series(history: LoadingHistory, path: str | Path) -> None:

@@ -6,9 +6,8 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.model.contact.status import OPEN
-from erc_contact.output.files import gather
 from erc_contact.results.states import ACCUMULATED, state, states_of
-from namedmesh.base.ranks import greatest
+from namedmesh.base.ranks import gather, greatest
 
 BESIDE = 0.75
 """What is shown beside a zone, over its longest side [-]."""

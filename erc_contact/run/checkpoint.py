@@ -22,12 +22,12 @@ from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
-from erc_contact.run.levels import Damaged, Folder, Level
+from erc_contact.run.levels import Folder
 from erc_contact.run.states import Restored, level_of
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.for_solvers import Geometry
-from namedmesh.tables import describe_shape
+from namedmesh.keeping import Damaged, Level, describe_shape
 
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""

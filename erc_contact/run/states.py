@@ -30,18 +30,16 @@ from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
 from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
-from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 from erc_contact.run.contents import ERROR_NUMBERS
-from erc_contact.run.kept_mesh import about_mesh, drawn_tables, mesh_of
-from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
+from namedmesh.base.ranks import gather
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import Geometry
-from namedmesh.tables import CellRows, tag_tables
+from namedmesh.keeping import CellRows, Level, about_mesh, drawn_tables, mesh_of, tag_tables
 
 STATE = {
     "newton_steps": "newton_steps",

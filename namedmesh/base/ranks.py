@@ -33,6 +33,17 @@ def of_all(comm: MPI.Comm, *tables: np.ndarray) -> list[np.ndarray]:
     return [np.concatenate(parts) for parts in zip(*comm.allgather(tables), strict=True)]
 
 
+def gather(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
+    """Gather arrays of all ranks in a row on rank 0; collective.
+
+    Other ranks get an empty dictionary.
+    """
+    parts = comm.gather(arrays) if comm.size > 1 else [arrays]
+    if not parts:
+        return {}
+    return {name: np.concatenate([part[name] for part in parts]) for name in arrays}
+
+
 def distinct_rows(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
     """Return the different rows, or numbers, of all ranks, sorted, on all ranks."""
     (every,) = of_all(comm, rows)

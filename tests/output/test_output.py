@@ -32,10 +32,10 @@ import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.output import contact_plots, gathered, views
-from erc_contact.output.drawing import new_figure
 from erc_contact.output.gallery import Gallery
 from namedmesh.base.percent import percent
 from namedmesh.base.releases import cell_nodes
+from namedmesh.pictures import new_figure
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}

@@ -1,7 +1,7 @@
 """Write a domain to a file of its own, and read it on any number of ranks.
 
-The file is a level of :mod:`erc_contact.run.levels` without results: mesh, names and
-true shape. The code in a report reads it.
+The file has mesh, names and true shape, and ParaView opens it. Who keeps results on a
+mesh puts them beside the same tables.
 
 Symbols: d dimension, n number of nodes, c number of cells, N nodes of a cell.
 """
@@ -16,28 +16,24 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.code import code_of, definitions
-from erc_contact.base.exceptions import InputError, on_rank
-from erc_contact.output.files import gather, vtk_cells
-from erc_contact.output.gathered import body_mesh
-from erc_contact.run.contents import check_domain
-from erc_contact.run.levels import Damaged, Level, pack, unpack
-from namedmesh import Domain
-from namedmesh.base.ranks import global_numbers
+from namedmesh.base.exceptions import InputError, on_rank
+from namedmesh.base.ranks import gather, global_numbers
 from namedmesh.base.releases import cell_nodes
-from namedmesh.for_solvers import Geometry, Interface, Rules
+from namedmesh.bodies import Geometry
+from namedmesh.domain import Domain
+from namedmesh.interface_map import Interface
+from namedmesh.keeping.checked import check_mesh
+from namedmesh.keeping.packed import Damaged, Level, pack, unpack
+from namedmesh.naming import Rules
+from namedmesh.pictures.grids import body_mesh, vtk_cells
 from namedmesh.tables import (
     CellRows,
     corner_places,
     describe_shape,
     geometry_of,
     glued_mesh,
-    rules_of,
     tag_tables,
 )
-
-FILE_NAME = "domain.vtkhdf"
-"""Name of the file of the first mesh beside a report."""
 
 
 def write_domain(domain: Domain, path: str | Path) -> None:
@@ -52,8 +48,8 @@ def write_domain(domain: Domain, path: str | Path) -> None:
         OSError: If the file cannot be written.
 
     Example:
-        >>> ec.write_domain(block, "block.vtkhdf")
-        >>> ec.read_domain("block.vtkhdf")
+        >>> nm.write_domain(block, "block.vtkhdf")
+        >>> nm.read_domain("block.vtkhdf")
         <Domain in 2D: 16 cells, boundary parts left, right, bottom, top>
     """
     tags = tag_tables(domain)
@@ -93,14 +89,14 @@ def read_domain(
         InputError: If it is no such file, is damaged, or of a newer version.
 
     Example:
-        >>> ec.write_domain(block, "block.vtkhdf")
-        >>> ec.read_domain("block.vtkhdf").cells
+        >>> nm.write_domain(block, "block.vtkhdf")
+        >>> nm.read_domain("block.vtkhdf").cells
         16
     """
 
     def read() -> Level:
         try:
-            return unpack(Path(path).read_bytes(), check_domain)
+            return unpack(Path(path).read_bytes(), check_domain, "file of a domain")
         except OSError as reason:
             words = f"it cannot be read ({reason.strerror})"
             raise InputError(f"read_domain: {str(path)!r}: {words}.") from reason
@@ -112,25 +108,6 @@ def read_domain(
     given = (Rules.of(parts, regions) for parts, regions in rules)
     shape = geometry_of(about["geometry"], given)
     return mesh_of(comm, level or Level(about, {}), shape)[1]
-
-
-def keep_domain(domain: Domain, folder: Path) -> str:
-    """Write the first mesh of a run beside its report; collective.
-
-    Returns:
-        The code that reads it, or a comment that says why there is none.
-    """
-    try:
-        write_domain(domain, folder / FILE_NAME)
-    except InputError:
-        return "# domain = ...: its true shape is of a class of your own, make it as before"
-    needed = []
-    named = []
-    for rules in rules_of(domain.whole.geometry):
-        needed += definitions([rules.parts, rules.regions])
-        named.append(f"({code_of(rules.parts)}, {code_of(rules.regions)})")
-    more = f", rules=[{', '.join(named)}]" if named else ""
-    return "\n".join([*needed, f'domain = ec.read_domain("{FILE_NAME}"{more})'])
 
 
 def about_mesh(domain: Domain, tags: Mapping[str, np.ndarray]) -> dict[str, Any]:
@@ -231,3 +208,20 @@ def _domain(
         places=places,
         marks=marks,
     )
+
+
+def check_domain(about: Any, tables: Mapping[str, np.ndarray], degree: int = 1) -> None:
+    """Check what a file tells of a mesh, its true shape included.
+
+    Args:
+        about: The plain data.
+        tables: The tables; the cells have the nodes of a degree.
+        degree: The degree, 1 or 2.
+
+    Raises:
+        InputError: If its true shape is none.
+        ValueError: If something else is not as it was written, or another error of
+            Python's if it is not there.
+    """
+    check_mesh(about, tables, degree)
+    geometry_of(about["geometry"])
