@@ -54,7 +54,7 @@ from erc_contact.output.windows import contact_zone, window_around
 from erc_contact.results.stresses import linear_mises
 from namedmesh.base.checks import positive
 from namedmesh.base.names import in_picture
-from namedmesh.base.ranks import gather, greatest
+from namedmesh.base.ranks import gather_rows, greatest
 from namedmesh.for_solvers import in_space
 from namedmesh.pictures import (
     DIVISIONS,
@@ -274,7 +274,7 @@ def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
     if space.d == 3:
         return None
     zone, whole = contact_zone(error.admissible, name)
-    body = gather(space.comm, **body_mesh(error.domain))
+    body = gather_rows(space.comm, **body_mesh(error.domain))
     window = window_around(zone, body["points"], whole) if body else None
     return space.comm.bcast(window)
 
@@ -324,7 +324,7 @@ def gather_mises(admissible: Admissible, stress: str = "admissible") -> dict[str
     """
     model = admissible.model
     owned = model.domain.owned_cells
-    return gather(
+    return gather_rows(
         model.space.comm,
         stress=linear_mises(admissible, stress),
         volume=admissible.cell_geometry.volume[:owned],

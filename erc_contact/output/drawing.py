@@ -1,4 +1,4 @@
-"""Make figures, directions and labels that plots and pictures share.
+"""Make axes, directions and labels that plots and pictures share.
 
 Symbols: n normal of the foundation.
 """

@@ -17,7 +17,7 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.contact.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.contact.trace import split
 from erc_contact.model.space import Space
-from namedmesh.base.ranks import gather
+from namedmesh.base.ranks import gather_rows
 from namedmesh.for_solvers import in_space
 from namedmesh.pictures import number_cells
 from namedmesh.simplex import at_nodes
@@ -150,7 +150,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     if contact.is_exchanged:
         place = place + contact.to_partners
         nodes, partners = partners, nodes
-    parts = gather(
+    parts = gather_rows(
         space.comm,
         area=traction.area[owned],
         values=contact.sign * traction.values[owned],
@@ -217,9 +217,10 @@ def colours_in_words(contacts: Sequence[WholeContact]) -> str:
 
 
 def body_nodes(space: Space) -> dict[str, np.ndarray]:
-    """Return the same as :func:`namedmesh.pictures.grids.body_mesh`, with all nodes of the displacement.
+    """Return the owned part of a mesh, with all nodes of the displacement.
 
     Returns:
+        The same as :func:`namedmesh.pictures.grids.body_mesh`:
         "points", shape (n, 3), and "cells", shape (m, N).
     """
     cells = space.nodes[: space.domain.owned_cells]
@@ -250,5 +251,5 @@ def whole_body(
     prescribed = model.prescribed.x.array.reshape(-1, space.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
     still[:, : space.d] = model.held[: len(u)] & (prescribed == 0.0)
-    body = gather(space.comm, **body_nodes(space), u=u, still=still)
+    body = gather_rows(space.comm, **body_nodes(space), u=u, still=still)
     return body, whole_contacts(admissible)

@@ -14,7 +14,7 @@ from erc_contact.error.runs import AdaptiveRun, MeshErrors
 from erc_contact.output.gathered import letters_of
 from namedmesh import Domain
 from namedmesh.base.percent import percent
-from namedmesh.base.ranks import gather
+from namedmesh.base.ranks import gather_rows
 from namedmesh.pictures import (
     SPACE,
     WORDS,
@@ -67,7 +67,7 @@ def draw_meshes(
     bodies = []
     titles = []
     for domain, eps in chosen:
-        bodies.append(gather(comm, **body_mesh(domain)))
+        bodies.append(gather_rows(comm, **body_mesh(domain)))
         square = comm.allreduce(float(np.sum(eps**2)), MPI.SUM)
         titles.append((f"{domain.cells} cells", f"eps = {percent(float(np.sqrt(square)), 3)}"))
 

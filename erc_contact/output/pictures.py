@@ -21,7 +21,7 @@ from erc_contact.output.maps import Scale, draw_map
 from erc_contact.output.windows import YIELDED, window_around
 from erc_contact.results.states import state, states_of
 from namedmesh.base.names import file_stem
-from namedmesh.base.ranks import gather
+from namedmesh.base.ranks import gather_rows
 from namedmesh.pictures import body_mesh, draw_figure, only_in_2d, skin_of, views_of
 
 
@@ -151,8 +151,8 @@ def draw_cells(
     comm = domain.comm
     up = upward(admissible)
     letters = letters_of(admissible.model.space)
-    body = gather(comm, **body_mesh(domain))
-    cells = gather(comm, values=values)
+    body = gather_rows(comm, **body_mesh(domain))
+    cells = gather_rows(comm, values=values)
 
     def draw(ax: Any) -> Any:
         only_in_2d("A picture of a body", ax, domain.dim)

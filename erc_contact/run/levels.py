@@ -15,7 +15,7 @@ from pathlib import Path
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.run.contents import check_contents
-from namedmesh.keeping import Damaged, Level, pack, unpack
+from namedmesh.keeping import Contents, Damaged, pack, unpack
 
 FILE_NAME = "level_{:04d}.vtkhdf"
 """Name of the file of a level by its number."""
@@ -27,7 +27,7 @@ ASIDE = ".damaged"
 """Added to the name of a damaged file when a better one takes its place."""
 
 
-def unpack_level(whole: bytes) -> Level:
+def unpack_level(whole: bytes) -> Contents:
     """Read a level from the contents of a file.
 
     Raises:
@@ -62,7 +62,7 @@ class Folder:
         """Return the path of the file of a number."""
         return self.path / FILE_NAME.format(number)
 
-    def read(self, number: int) -> Level:
+    def read(self, number: int) -> Contents:
         """Read the level of a number.
 
         Raises:
@@ -79,7 +79,7 @@ class Folder:
         except InputError as reason:
             raise InputError(f"{self.file(number)}: {reason}.") from reason
 
-    def write(self, number: int, level: Level) -> None:
+    def write(self, number: int, level: Contents) -> None:
         """Write a file; one of the same number that is damaged gets another name.
 
         Raises:

@@ -33,12 +33,12 @@ def of_all(comm: MPI.Comm, *tables: np.ndarray) -> list[np.ndarray]:
     return [np.concatenate(parts) for parts in zip(*comm.allgather(tables), strict=True)]
 
 
-def gather(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
-    """Gather arrays of all ranks in a row on rank 0; collective.
+def gather_rows(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
+    """Return arrays with the rows of all ranks, rank after rank, on rank 0.
 
     Other ranks get an empty dictionary.
     """
-    parts = comm.gather(arrays) if comm.size > 1 else [arrays]
+    parts = gathered(comm, arrays)
     if not parts:
         return {}
     return {name: np.concatenate([part[name] for part in parts]) for name in arrays}

@@ -11,14 +11,14 @@ from namedmesh.keeping.domain_file import (
     mesh_of,
     write_domain,
 )
-from namedmesh.keeping.packed import BLOCK, Damaged, Level, pack, unpack
+from namedmesh.keeping.packed import BLOCK, Contents, Damaged, pack, unpack
 from namedmesh.tables import CellRows, describe_shape, rules_of, tag_tables
 
 __all__ = [
     "BLOCK",
     "CellRows",
+    "Contents",
     "Damaged",
-    "Level",
     "about_mesh",
     "check_domain",
     "check_floats",

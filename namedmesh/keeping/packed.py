@@ -30,7 +30,7 @@ FORMAT = 2
 BLOCK = 512
 """Length of the block in front [bytes]."""
 TITLE = "erc_contact level, format "
-"""Beginning of a file; the number of the format follows."""
+"""Beginning of a file, by the name of the distribution; the format's number follows."""
 
 
 class Damaged(ValueError):
@@ -42,7 +42,7 @@ Check = Callable[[Any, Mapping[str, np.ndarray]], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class Contents:
     """Hold the contents of a file.
 
     Attributes:
@@ -54,27 +54,27 @@ class Level:
     tables: dict[str, np.ndarray]
 
 
-def pack(level: Level) -> tuple[bytes, memoryview]:
-    """Return the contents of a file: the block in front, and HDF5's part."""
+def pack(contents: Contents) -> tuple[bytes, memoryview]:
+    """Return the bytes of a file: the block in front, and HDF5's part."""
     import h5py  # noqa: PLC0415 - only files that are kept need it
 
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", userblock_size=BLOCK) as file:
-        for name, table in level.tables.items():
+        for name, table in contents.tables.items():
             file.create_dataset(name, data=table)
         vtk = file.require_group("VTKHDF")
         vtk.attrs["Version"] = (2, 0)
         vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
-        file["about"] = json.dumps(level.about)
+        file["about"] = json.dumps(contents.about)
     content = buffer.getbuffer()[BLOCK:]
     return _block(FORMAT, content), content
 
 
-def unpack(whole: bytes, check: Check, kind: str) -> Level:
-    """Read plain data and tables from the contents of a file.
+def unpack(whole: bytes, check: Check, kind: str) -> Contents:
+    """Read plain data and tables from the bytes of a file, and check them.
 
     Args:
-        whole: The contents.
+        whole: All bytes of the file.
         check: Function that checks what was read.
         kind: Word for such a file, for the errors.
 
@@ -95,16 +95,16 @@ def unpack(whole: bytes, check: Check, kind: str) -> Level:
         )
     # What has a checksum may still be of anybody.
     try:
-        level = _read_contents(whole)
-        check(level.about, level.tables)
+        contents = _read_contents(whole)
+        check(contents.about, contents.tables)
     except Exception as reason:
         words = str(reason).rstrip(".")
         raise Damaged(f"it is no {kind} ({words})") from reason
-    return level
+    return contents
 
 
-def _read_contents(whole: bytes) -> Level:
-    """Read plain data and tables from the contents of a file, unchecked."""
+def _read_contents(whole: bytes) -> Contents:
+    """Read plain data and tables from the bytes of a file, unchecked."""
     import h5py  # noqa: PLC0415
 
     tables: dict[str, np.ndarray] = {}
@@ -118,7 +118,7 @@ def _read_contents(whole: bytes) -> Level:
         about = json.loads(file["about"][()])
         file.visititems(read_table)
     del tables["about"]
-    return Level(about, tables)
+    return Contents(about, tables)
 
 
 def _block(number: int, content: bytes | memoryview) -> bytes:

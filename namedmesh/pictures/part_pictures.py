@@ -16,7 +16,7 @@ import numpy as np
 from namedmesh.base.checks import description
 from namedmesh.base.exceptions import InputError
 from namedmesh.base.names import in_picture
-from namedmesh.base.ranks import gather
+from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
 from namedmesh.domain import Domain
 from namedmesh.parts_table import NAMELESS, facets_of_parts
@@ -68,8 +68,8 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     cell, local = boundary_sides(domain.mesh, facets)
     of_cells = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cell], :d]
     corners = of_facets(of_cells, local)
-    table = gather(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
-    body = gather(comm, **body_mesh(domain))
+    table = gather_rows(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
+    body = gather_rows(comm, **body_mesh(domain))
     size = domain.extent
     names = [*domain.names, NAMELESS]
     in_pairs = {name for pair in domain.pairs for name in pair}
