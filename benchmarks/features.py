@@ -104,6 +104,7 @@ def hill(x: Any) -> Any:
 
 
 TRESCA = ec.Tresca(0.002)
+BRUSHED = ec.Orthotropic((0.1, 0.4), axes=(1.0, 0.0, 0.0))
 FEATURES = {
     "3D": Feature({"d": 3}),
     "body of revolution": Feature({"hypothesis": "axisymmetric"}),
@@ -112,6 +113,7 @@ FEATURES = {
     "multigrid": Feature({"solver": "iterative"}),
     "Tresca friction": Feature({"friction": TRESCA}),
     "Coulomb friction": Feature({"friction": 0.3}),
+    "orthotropic friction": Feature({"friction": BRUSHED}, {"d": 3}),
     "bilateral contact": Feature({"contact": (("bilateral", True),)}),
     "gap that varies": Feature({"contact": (("gap", hill),)}),
     "moving foundation": Feature({"contact": (("motion", True),)}, {"friction": TRESCA}),

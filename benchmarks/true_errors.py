@@ -35,7 +35,6 @@ from dolfinx.io.utils import distribute_entity_data
 from erc_contact.admissible.pair import Admissible
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.friction import CONSTANT
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.interface_map import InterfaceMap
@@ -269,14 +268,14 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
             continue
         assert exact.solution is not None, "a known solution whose friction depends on the pressure"
         n, facets = contact.direction[:, None, :], contact.facets
-        r = evaluate(exact.solution.traction(contact), model.space.mesh, points, facets)
-        x = evaluate(model.space.x, model.space.mesh, points, facets)
+        r = model.space.evaluate(exact.solution.traction(contact), points, facets)
+        x = model.space.evaluate(model.space.x, points, facets)
         parameters = friction_parameters(model.space, contact, points)
         bound = contact.friction_bound(np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):
-            w = evaluate(contact.jump(u), model.space.mesh, points, facets)
+            w = model.space.evaluate(contact.jump(u), points, facets)
             slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
         total += 2 * float(
             model.space.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights)

@@ -25,7 +25,6 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.space import OnFacets, Space
 
@@ -294,7 +293,7 @@ def _foundation_stiffness(
     if stiffness is None:
         return None
     facets = traction.contact.facets
-    at_nodes = evaluate(stiffness, space.mesh, space.facet_points, facets)
+    at_nodes = space.evaluate(stiffness, space.facet_points, facets)
     share = traction.area[:, None] / traction.nodes.shape[1]
     return limit.sum_up(share * at_nodes)
 

@@ -16,7 +16,6 @@ import numpy as np
 from erc_contact.admissible.cells import CellGeometry, add_moments
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.jumps import kinks_on_facets
-from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.data.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.data.values import DATA_DEGREE
@@ -43,11 +42,11 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
     area = space.facet_areas(facets)
     if not varies_in_cells(traction):
         points, weights = rule(d - 1, DATA_DEGREE)
-        values = evaluate(traction, space.mesh, points, facets)
+        values = space.evaluate(traction, points, facets)
         weighted = weights[:, None] * bernstein(d - 1, k, points)
         moments = np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
         return space.section.vanishing_moments(moments, space.facet_corners(facets))
-    load = Everywhere(traction, space.mesh)
+    load = space.everywhere(traction)
 
     def products(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k, places), load(x, facets[entity]))
@@ -81,7 +80,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     if not varies_in_cells(model.body_force):
         values = space.at_middles(model.body_force, of_cells)[:, None]
         return np.repeat(values, len(nodes(d, k - 1)), axis=1) * cells.volume[:, None, None]
-    load = Everywhere(model.body_force, space.mesh)
+    load = space.everywhere(model.body_force)
 
     def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k - 1, places), load(x, of_cells[entity]))

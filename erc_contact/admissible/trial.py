@@ -21,7 +21,6 @@ from erc_contact.model.contact.contact_values import friction_parameters, spring
 from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONSTANT
 from erc_contact.model.contact.turning import Turning, turning_of
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.space import Space
 from namedmesh.simplex import (
     at_nodes,
@@ -202,10 +201,10 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     if contact.tangential_stiffness is not None:
         # The slip is the displacement without the deflection of the foundation.
         places = space.facet_points
-        r = evaluate(solution.traction(contact), space.mesh, places, contact.facets)
+        r = space.evaluate(solution.traction(contact), places, contact.facets)
         since_last_step = since_last_step - spring_displacement(space, contact, r, places)
     shift = shift_by_slip(space, contact, since_last_step, turning)
-    sampled = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    sampled = space.evaluate(solution.traction(contact), points, contact.facets)
     if turning is None:
         values = np.matmul(project, sampled)
         means = np.matmul(average, sampled)

@@ -33,7 +33,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONCAVE
 from erc_contact.model.contact.jumps import kinks_on_facets
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import sums_of_cells
 from erc_contact.model.data.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
@@ -196,7 +195,7 @@ def _means(
     w = np.matmul(shape, of_w)
     s = np.matmul(shape, of_s)
     n = contact.trace.normals_at_places(points)
-    gap = 0.0 if contact.gap is None else evaluate(contact.gap, space.mesh, middle, contact.facets)
+    gap = 0.0 if contact.gap is None else space.evaluate(contact.gap, middle, contact.facets)
     parameters = friction_parameters(space, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
     density = contact_density(contact, AtPoints(n, r, w, s, gap, bound), cancelling)
@@ -279,7 +278,7 @@ def _adapted_squares(
 def _beyond_gap(contact: ContactOnMesh, at: AtPoints, normal: np.ndarray) -> np.ndarray:
     """Return how far w is beyond the gap along a normal [length], shape (n, q).
 
-    A compliant foundation gives way, so that it is zero.
+    It is zero on a compliant foundation, which may be entered.
     """
     opening = (at.w * normal).sum(axis=-1) - at.gap
     if at.stiffness is not None:

@@ -114,7 +114,7 @@ def of_loads(
             moments = traction_moments(space, facets, load.density)
             means = moments / space.facet_areas(facets)[:, None, None]
             projected = from_means(d - 1, k, means)
-            square = _on_facets(space, Everywhere(load.density, space.mesh), facets, projected)
+            square = _on_facets(space, space.everywhere(load.density), facets, projected)
             modulus = space.at_middles(model.modulus, facets[:, 0])
             total += float(np.sum(square * facet_sizes(space, facets) / modulus))
     return total
@@ -146,7 +146,7 @@ def _of_body_force(
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:
         projected = projected - relief[:owned, None]
-    data = Everywhere(space.section.carried_density(model.body_force), space.mesh)
+    data = space.everywhere(space.section.carried_density(model.body_force))
     difference = _squares(space, data, space.owned_cells, projected, k - 1)
     integral = integrate(
         space.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
@@ -173,7 +173,7 @@ def of_supports(model: Model) -> float:
             # u^ interpolates the support at the nodes.
             nodal = prescribed[space.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
-            data = Everywhere(field_of(component, space.x), space.mesh)
+            data = space.everywhere(field_of(component, space.x))
             square = _on_facets(space, data, facets, interpolated)
             modulus = space.at_middles(model.modulus, facets[:, 0])
             total += float(np.sum(square * modulus / facet_sizes(space, facets)))

@@ -24,7 +24,6 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.ties import Claim, tie_forces
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
@@ -259,7 +258,7 @@ def _of_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.ndar
     """
     points, weights = rule(space.d - 1, space.contact_degree)
     weighted = weights[:, None] * lagrange(space.d - 1, space.degree, points)
-    values = evaluate(traction, space.mesh, points, contact.facets)
+    values = space.evaluate(traction, points, contact.facets)
     areas = contact.trace.here.areas[:, None, None]
     return np.einsum("qm,fqi->fmi", weighted, values) * areas
 
@@ -274,7 +273,7 @@ def _of_multiplier(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.nd
         Forces at the nodes of the facets [force], shape (f, m, d).
     """
     trace = contact.trace
-    values = evaluate(traction, space.mesh, space.facet_points, contact.facets)
+    values = space.evaluate(traction, space.facet_points, contact.facets)
     m = values.shape[1]
     shares = trace.here.areas[:, None, None] / m
     to_coefficients = coefficients(space.d - 1, space.degree)

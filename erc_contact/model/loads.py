@@ -9,7 +9,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import sum_of, varies_in_cells
 from erc_contact.model.data.users import IN_UFL, call_of_user, vector
 from erc_contact.model.data.values import DATA_DEGREE, parameter, value_of, without_plain_numbers
@@ -92,7 +92,7 @@ def _density(space: Space, load: Load) -> Ufl:
         if load.facets is not None:
             entities = space.domain.facets(load.facets)
         points, _ = rule(space.d - 1 if on_boundary else space.d, DATA_DEGREE)
-        values = evaluate(density, space.mesh, points, entities)
+        values = space.evaluate(density, points, entities)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what} is not finite everywhere; look at its callables.")
     return space.on_meridian(density)
@@ -139,4 +139,4 @@ def bind_hoop_load(space: Space, body_force: Ufl | None) -> HoopLoad:
         body_force: The body force [force/volume], UFL, shape (d,), or None.
     """
     hoop = space.section.hoop_density(body_force)
-    return HoopLoad(None if hoop is None else Everywhere(hoop, space.mesh))
+    return HoopLoad(None if hoop is None else space.everywhere(hoop))

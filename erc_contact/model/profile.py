@@ -20,7 +20,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import facet_status
 from erc_contact.model.contact.trace import split, tangents
 from erc_contact.model.contact.turning import turning_of
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
@@ -81,7 +80,7 @@ def profile_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.
     :mod:`erc_contact.model.contact.turning`.
     """
     samples, weights = rule(space.d - 1, space.contact_degree)
-    sampled = evaluate(traction, space.mesh, samples, contact.facets)
+    sampled = space.evaluate(traction, samples, contact.facets)
     sampled = space.section.over(sampled, contact.trace.here.points_at(samples))
     turning = turning_of(contact.trace)
     degree = space.degree if turning is None else turning.degree
@@ -154,7 +153,7 @@ def profile_table(
     along_shear = np.divide(shear, needed, out=np.ones_like(needed), where=needed > 0)
     gap = np.zeros(1)
     if contact.gap is not None:
-        gap = evaluate(contact.gap, space.mesh, points, facets)
+        gap = space.evaluate(contact.gap, points, facets)
     if space.d == 2:
         # In the plane slip and shear have a sign.
         (tangent,) = tangents(n)
@@ -236,7 +235,7 @@ def _in_order(space: Space, contact: ContactOnMesh, columns: dict[str, np.ndarra
 def _places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
     points = profile_points(space)
-    x = evaluate(space.x, space.mesh, points, contact.facets)
+    x = space.evaluate(space.x, points, contact.facets)
     if contact.is_exchanged and contact.between is not None:
         x = x + np.matmul(barycentric(points), contact.between)
     return {name: x[..., axis] for axis, name in enumerate("xyz"[: space.d])}

@@ -19,7 +19,7 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
-from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.section import Section
 from namedmesh.base.ranks import global_numbers
 from namedmesh.base.releases import cell_nodes
@@ -280,7 +280,7 @@ class Space:
         """
         if self.domain.offset is None:
             return self.V.tabulate_dof_coordinates()[self.facet_nodes(facets), : self.d]
-        return evaluate(self.x + self.domain.offset, self.mesh, self.facet_points, facets)
+        return self.evaluate(self.x + self.domain.offset, self.facet_points, facets)
 
     def cell_corners(self) -> np.ndarray:
         """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
@@ -333,10 +333,18 @@ class Space:
         """Compute the outward unit normals of facets (cell, local facet), (n, d)."""
         return outward_normals(self.cell_corners()[facets[:, 0]], facets[:, 1])
 
+    def evaluate(self, expression: Ufl, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
+        """Evaluate a UFL expression on its mesh, see :func:`.expressions.evaluate`."""
+        return evaluate(expression, self.mesh, points, entities)
+
+    def everywhere(self, expression: Ufl) -> Everywhere:
+        """Make a function of points and cells of a UFL expression."""
+        return Everywhere(expression, self.mesh)
+
     def at_middles(self, expression: Ufl, cells: np.ndarray) -> np.ndarray:
         """Evaluate a UFL expression at the middle of cells, shape (n, *s)."""
         middle = np.full((1, self.d), 1 / (self.d + 1))
-        return evaluate(expression, self.mesh, middle, cells)[:, 0]
+        return self.evaluate(expression, middle, cells)[:, 0]
 
     def extremes(self, values: np.ndarray) -> tuple[float, float]:
         """Return the least and the greatest value of all ranks, or nan; collective."""
@@ -379,7 +387,7 @@ class Space:
         local = np.take_along_axis(cell_nodes(self.mesh.geometry)[facets[:, 0]], vertices, axis=1)
         places = self.mesh.geometry.x[local][:, None, :, : self.d]
         # The position at a vertex of the reference facet tells which vertex it is.
-        reference_places = evaluate(self.x, self.mesh, nodes(self.d - 1, 1), facets)
+        reference_places = self.evaluate(self.x, nodes(self.d - 1, 1), facets)
         distance = np.linalg.norm(reference_places[:, :, None, :] - places, axis=-1)
         order = distance.argmin(axis=2)
         of_cells = np.tile(self._local_facets.astype(np.int8), (len(self.nodes), 1, 1))

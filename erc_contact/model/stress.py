@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.law.point_law import Search
 from erc_contact.model.law.strains import Strains
 from erc_contact.model.model import Model
@@ -52,13 +51,13 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
             tensor = ufl.as_matrix(matrix.tolist())
             images.append(material.out_of_plane(tensor, **model.parameters))
         cells = np.arange(len(stress), dtype=np.int32)
-        row = evaluate(ufl.as_vector(images), space.mesh, nodes(d, 0), cells)[:, 0]
+        row = space.evaluate(ufl.as_vector(images), nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
         if isinstance(model.strains, Strains):
             # A strain out of plane that cannot take place presses on the plane.
             modulus = material.out_of_plane_modulus(**model.parameters)
             pressed = -modulus * model.strains.normal
-            full[:, 2, 2] += evaluate(pressed, space.mesh, nodes(d, 0), cells)[:, 0]
+            full[:, 2, 2] += space.evaluate(pressed, nodes(d, 0), cells)[:, 0]
     return full
 
 

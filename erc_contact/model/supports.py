@@ -16,7 +16,6 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import marks_of_owners
 from erc_contact.model.data.values import number
 from erc_contact.model.motions.rigid_faces import RigidFace, bind_rigid
@@ -83,7 +82,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
                 at_nodes = _rigid_values(space, support, face, nodes)[..., i]
             elif callable(value):
                 expression = number(space, value, what)
-                at_nodes = evaluate(expression, space.mesh, space.facet_points, facets)
+                at_nodes = space.evaluate(expression, space.facet_points, facets)
                 if _jumps(space, nodes, at_nodes):
                     error = InputError(
                         f"{what} jumps between facets in component {i}, which no displacement of"

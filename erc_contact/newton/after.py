@@ -18,7 +18,6 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact.contact_values import spring_displacement
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import STICK
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import sum_over_ranks
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.newton.rest import load_size
@@ -120,7 +119,7 @@ def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     """
     space = solution.model.space
     points = space.facet_points
-    r = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    r = space.evaluate(solution.traction(contact), points, contact.facets)
     of_facets = spring_displacement(space, contact, r, points)
     here = contact.trace.here
     of_nodes = [here.values_of_nodes(of_facets[..., axis]) for axis in range(space.d)]
@@ -132,7 +131,7 @@ def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     model = solution.model
     space = model.space
     trial = solution.method.projected(model, contact, solution.u)
-    status = evaluate(contact.status(trial), space.mesh, space.facet_points, contact.facets)
+    status = space.evaluate(contact.status(trial), space.facet_points, contact.facets)
     side = contact.trace.here
     moves = np.where(status[side.owned] < STICK, 1.0, 0.0)
     # A node sticks if no facet of any rank lets it slip.

@@ -82,7 +82,7 @@ class Solver(Protocol):
     def warm(self, old: Model, u: fem.Function) -> Any:
         """Return the state of a displacement u of a model on another mesh."""
 
-    def attempt(self, step: Attempt, state: Any, tolerance: float | None) -> Attempted:
+    def attempt(self, step: Attempt, state: Any) -> Attempted:
         """Make one attempt from a state."""
 
     def destroy(self) -> None:
@@ -96,16 +96,13 @@ class ContactSolve:
         solver: What makes an attempt.
         method: The method whose solution is wanted; with None it is :data:`DEFAULT`,
             or the augmented Lagrangian where only that one converges.
-        tolerance: Distance to the solution that is enough [sqrt(force length)]; None
-            for round-off.
     """
 
-    def __init__(self, solver: Solver, method: Method | None, tolerance: float | None) -> None:
+    def __init__(self, solver: Solver, method: Method | None) -> None:
         self.solver = solver
         self.model = solver.model
         self.method = method_beside_faces(self.model, method)
         self.fallback = method is None
-        self.tolerance = tolerance
         self.log = log_of(self.model.space.comm)
         self.rungs: list[str] = []
         self.outcomes: list[Outcome] = []
@@ -143,9 +140,7 @@ class ContactSolve:
             if attempt.start not in states:
                 continue
             check_interrupts(self.model.space.comm)
-            outcome, state, solution = self.solver.attempt(
-                attempt, states[attempt.start], self.tolerance
-            )
+            outcome, state, solution = self.solver.attempt(attempt, states[attempt.start])
             self.steps += outcome.steps
             self.rungs.append(f"{attempt}: {outcome}")
             self.outcomes.append(outcome)
@@ -319,7 +314,6 @@ def solution_of(
     model: Model,
     method: Method | None,
     start: Solution | None,
-    tolerance: float | None,
 ) -> Solution:
     """Solve a model with one kind of solver.
 
@@ -327,7 +321,7 @@ def solution_of(
     """
     solver = kind(model)
     try:
-        solution = _solution_by(solver, method, start, tolerance)
+        solution = _solution_by(solver, method, start)
     finally:
         solver.destroy()
         track_communicator(model.domain, model.space.mesh.comm)
@@ -335,9 +329,7 @@ def solution_of(
     return replace(solution, u=model.without_unheld(solution.u))
 
 
-def _solution_by(
-    solver: Solver, method: Method | None, start: Solution | None, tolerance: float | None
-) -> Solution:
+def _solution_by(solver: Solver, method: Method | None, start: Solution | None) -> Solution:
     """Solve the model of a solver, with its anchors at rest."""
     model = solver.model
     elastic = solver.elastic
@@ -349,7 +341,7 @@ def _solution_by(
     if not elastic.contact_size:
         return Solution(model, method or DEFAULT, solver.guess, (), "linear solve", elastic)
     _check_statics(model, loads)
-    solution = ContactSolve(solver, method, tolerance).solve(start)
+    solution = ContactSolve(solver, method).solve(start)
     at_rest = displacement_back_at_rest(model, loads, solution.u)
     if at_rest is None:
         return solution

@@ -39,7 +39,6 @@ from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_shapes import translations_and_rotations
 from erc_contact.newton.distortion import gradients_of
@@ -214,7 +213,7 @@ def _pressures(model: Model, traction: Callable[[ContactOnMesh], Ufl]) -> _Press
         trace = contact.trace
         owned = trace.here.owned
         facets = contact.facets[owned]
-        r = evaluate(traction(contact), space.mesh, points, facets)
+        r = space.evaluate(traction(contact), points, facets)
         normals = np.broadcast_to(trace.normals_at(points)[owned], r.shape)
         pressure = np.maximum(-(r * normals).sum(axis=-1), 0.0)
         forces = pressure * space.facet_weights(facets, points, weights)

@@ -36,7 +36,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.contact.contact_values import friction_parameters
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 from erc_contact.newton.snes import PathEnd
@@ -154,7 +153,7 @@ class CentralPath:
         opens = []
         for contact in model.contacts:
             owned = contact.trace.here.owned
-            normals = evaluate(contact.normal, space.mesh, forms.points, contact.facets)[owned]
+            normals = space.evaluate(contact.normal, forms.points, contact.facets)[owned]
             self._shapes.append((len(normals), len(forms.points)))
             allowed = contact.friction_set
             facets = np.flatnonzero(owned)

@@ -35,6 +35,8 @@ class Iterative:
         model: The scene on a mesh.
         elastic: Its elastic equations if there are any yet.
         forms: Equations of methods at its contacts that there are; others are added.
+        tolerance: Distance to the solution that is enough [sqrt(force length)]; None
+            for round-off.
         hurried: Whether the first guess gives up early where multigrid is slow.
 
     Attributes:
@@ -52,10 +54,12 @@ class Iterative:
         model: Model,
         elastic: Multigrid | None = None,
         forms: dict[Method, ContactForms] | None = None,
+        tolerance: float | None = None,
         *,
         hurried: bool = False,
     ) -> None:
         self.model = model
+        self._tolerance = tolerance
         self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
@@ -80,7 +84,7 @@ class Iterative:
         self.carried.take_from_contacts(jumps)
         return self._sprung(jumps)
 
-    def attempt(self, step: Attempt, state: fem.Function, tolerance: float | None) -> Attempted:
+    def attempt(self, step: Attempt, state: fem.Function) -> Attempted:
         """Make one attempt from a state."""
         method = step.method
         if step.interior:
@@ -91,7 +95,7 @@ class Iterative:
             self._problems[method] = self._full(self._forms[method])
         problem = self._problems[method]
         start = self.elastic.start(state) / problem.length
-        solve = partial(problem.solve, tolerance=tolerance)
+        solve = partial(problem.solve, tolerance=self._tolerance)
         unknowns, outcome = solve_in_turn(problem, solve, step, start, self.model.space.comm)
         x = problem.at(unknowns)
         v, multipliers = problem.fields(x)

@@ -69,7 +69,7 @@ def solution_of_law(
 
     Args:
         kind: Makes a solver of a model; its argument ``forms`` are forms that there
-            are.
+            are, and ``tolerance`` is its part of the error.
         model: The scene on a mesh. A potential is linearised in place.
         method: The contact method, None for the default.
         start: A solution to start from, of any mesh of the body.
@@ -85,7 +85,7 @@ def solution_of_law(
     """
     space = model.space
     if model.linearised is None:
-        return solution_of(kind, model, method, start, tolerance)
+        return solution_of(partial(kind, tolerance=tolerance), model, method, start)
     if tolerance is not None:
         tolerance *= SHARE_OF_TOLERANCE
     steps = 0
@@ -99,10 +99,10 @@ def solution_of_law(
             about = before
             model.linearised.move(about)
     # The forms of all steps are alike.
-    kind = partial(kind, forms={})
+    kind = partial(kind, forms={}, tolerance=tolerance)
     while len(misfits) < LAW_STEPS:
         at(space.comm, f"law step {len(misfits) + 1}")
-        solution = solution_of(kind, model, method, start, tolerance)
+        solution = solution_of(kind, model, method, start)
         steps += solution.newton_steps
         change = _Change(model, about, solution.u)
         misfit, size = change.misfit()

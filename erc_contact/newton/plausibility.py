@@ -17,7 +17,6 @@ from erc_contact.base.logs import log_of
 from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import Trace
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.motions.body_words import boundary_parts, lying_words
 from erc_contact.newton.displaced import MISSING, missing_moments
@@ -393,7 +392,7 @@ def _presses(contact: ContactOnMesh, solution: Solution, lengths: np.ndarray) ->
     """
     space = solution.model.space
     points, _ = rule(space.d - 1, space.contact_degree)
-    r = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    r = space.evaluate(solution.traction(contact), points, contact.facets)
     none = NO_TRACTION * contact.trace.here.stiffness * lengths
     _, beyond = space.extremes(np.linalg.norm(r, axis=-1) - none[:, None])
     return beyond > 0

@@ -17,7 +17,6 @@ from mpi4py import MPI
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
@@ -146,7 +145,7 @@ def _pushes(space: Space, contact: ContactOnMesh, allowed: float) -> bool:
         return False
     # The nodes are among these points.
     points = lattice(space.d - 1, DATA_DEGREE)
-    gap = evaluate(contact.gap, space.mesh, points, contact.facets)
+    gap = space.evaluate(contact.gap, points, contact.facets)
     if contact.bilateral:
         return bool((abs(gap) > allowed).any())
     return bool((gap < -allowed).any())

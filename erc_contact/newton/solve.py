@@ -305,7 +305,7 @@ class Nearby:
         kind = self._kind(model)
         if kind is not None:
             try:
-                return solution_of(kind, model, near.method, near, None)
+                return solution_of(kind, model, near.method, near)
             except NotConverged:
                 # The direct solver takes over from multigrid where it may.
                 if self._solver != "auto" or not near.stiffness.iterative:

@@ -130,7 +130,7 @@ def test_hertz_by_marking():
     peak = 2 * force / (np.pi * half_width)
     points = np.linspace(0, 1, 9)[:, None]
     pressure = -traction.normal_component @ bernstein(1, 2, points).T
-    x = evaluate(model.space.x, model.space.mesh, points, traction.contact.facets)[..., 0]
+    x = model.space.evaluate(model.space.x, points, traction.contact.facets)[..., 0]
     hertzian = peak * np.sqrt(np.maximum(1 - (x / half_width) ** 2, 0.0))
     own = (traction.contact.facets[:, 0] < model.domain.owned_cells)[:, None] & (
         abs(x) < 0.98 * half_width

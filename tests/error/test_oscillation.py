@@ -25,7 +25,6 @@ from scenes import measured, mostly_serial, pressed
 from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.scene.material import strain
 from namedmesh.simplex import lagrange
 
@@ -248,7 +247,7 @@ def test_asperity_between_the_nodes(width, degree):
     pair = error.admissible
     model, (traction,) = pair.solution.model, pair.tractions
     t = np.linspace(0, 1, 1001)[:, None]
-    x = evaluate(model.space.x, model.space.mesh, t, traction.contact.facets)
+    x = model.space.evaluate(model.space.x, t, traction.contact.facets)
     down = -np.matmul(
         lagrange(1, degree, t), pair.displacement.x.array.reshape(-1, 2)[traction.nodes]
     )[..., 1]

@@ -27,7 +27,6 @@ from test_two_bodies import METHODS
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.model.contact.trace import Side, Trace
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.promises import bind
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
@@ -171,7 +170,7 @@ def test_distances_are_bounded_without_a_search(d, degree):
     facets = contact.facets
     places = np.random.default_rng(1).dirichlet(np.ones(d), 400)
     x = places @ contact.trace.here.corners
-    gap = Everywhere(contact.gap, solution.model.space.mesh)(x, facets).reshape(len(facets), -1)
+    gap = solution.model.space.everywhere(contact.gap)(x, facets).reshape(len(facets), -1)
     shape = bernstein(d - 1, degree, places[:, 1:])
     below = gap_limits(solution.model, contact, solution.u.x.array.reshape(-1, d)) @ shape.T
     scale = abs(gap).max()

@@ -159,12 +159,11 @@ def test_e_is_above_both_true_errors(seed):
 # -------------------------------------------------------------------------------------
 
 
-def elsewhere(unheld: Unheld, model) -> np.ndarray:
+def elsewhere(unheld: Unheld, space, fixed, contacts) -> np.ndarray:
     """Anchors at other vertices, that resist the motions as well."""
-    space = model.space
     values = np.stack([q.x.array.reshape(-1, space.d) for q in unheld.functions], axis=2)
     at_contact = [[]]
-    for contact in model.contacts:
+    for contact in contacts:
         at_contact.append(contact.trace.here.nodes.ravel())
         if contact.against is not None:
             at_contact.append(contact.trace.partners.ravel())
@@ -173,9 +172,9 @@ def elsewhere(unheld: Unheld, model) -> np.ndarray:
     for _ in range(100):
         nodes = rng.choice(vertices, values.shape[2], replace=False)
         components = rng.integers(0, space.d, values.shape[2])
-        anchors = np.zeros(model.fixed.shape, dtype=bool)
+        anchors = np.zeros(fixed.shape, dtype=bool)
         anchors[nodes, components] = True
-        if np.linalg.cond(values[nodes, components]) < 50 and not (anchors & model.fixed).any():
+        if np.linalg.cond(values[nodes, components]) < 50 and not (anchors & fixed).any():
             return anchors
     raise AssertionError("no anchors")
 
@@ -205,9 +204,9 @@ def test_any_minimal_supports_give_the_same(kind, d, degree, monkeypatch):
     one = certified(scene, domain, degree=degree)
     find = models.find_unheld
 
-    def find_elsewhere(space, *args):
-        unheld = find(space, *args)
-        return replace(unheld, anchors=elsewhere(unheld, space))
+    def find_elsewhere(space, bodies, motions, fixed, by_all, contacts):
+        unheld = find(space, bodies, motions, fixed, by_all, contacts)
+        return replace(unheld, anchors=elsewhere(unheld, space, fixed, contacts))
 
     monkeypatch.setattr(models, "find_unheld", find_elsewhere)
     other = certified(scene, domain, degree=degree)

@@ -21,7 +21,6 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from namedmesh.simplex import rule
 
 pytestmark = pytest.mark.serial
@@ -40,9 +39,7 @@ def check(error: ec.ConstitutiveError) -> None:
     model = solution.model
     space = model.space
     points, _ = rule(space.d - 1, space.contact_degree)
-    tractions = [
-        evaluate(solution.traction(c), space.mesh, points, c.facets) for c in model.contacts
-    ]
+    tractions = [space.evaluate(solution.traction(c), points, c.facets) for c in model.contacts]
     inside = abs(
         cell_stress(model, cell_geometry(space), solution.u).in_plane
     ).max()  # an open contact's is round-off of it

@@ -461,7 +461,7 @@ def test_body_that_the_loads_take_from_its_foundation(supports, friction, force,
 def attempts_fail(scene, block):
     """Make all attempts of a scene that statics would refuse; return their error."""
     with pytest.raises(ec.NotConverged) as caught:
-        ContactSolve(Direct(bind(scene, block)), None, None).solve(None)
+        ContactSolve(Direct(bind(scene, block)), None).solve(None)
     return caught.value
 
 

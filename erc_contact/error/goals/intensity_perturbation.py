@@ -223,7 +223,7 @@ def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
     total = BoundedNumber(0.0)
     for load in model.surface_loads:
         facets = model.domain.owned_facets(load.facets)
-        density = partial(_of_load, space, Everywhere(load.density, space.mesh), facets)
+        density = partial(_of_load, space, space.everywhere(load.density), facets)
         value, _ = _on_faces(space, frame, facets, density)
         total += BoundedNumber(value, 0.0, value == 0.0 or not load.varies)
     for traction in error.admissible.tractions:

@@ -33,7 +33,6 @@ from erc_contact.model.contact.normals import (
     turns,
 )
 from erc_contact.model.contact.trace import Side, Trace
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
 from erc_contact.model.data.values import components, number, parameter
@@ -80,7 +79,7 @@ def bind_contact(
     if contact.gap != 0:
         gaps.append(number(space, contact.gap, f"{what}: gap", surface))
     if callable(contact.gap):
-        values = evaluate(gaps[0], space.mesh, space.facet_points, facets)
+        values = space.evaluate(gaps[0], space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     sides = here, there
@@ -191,7 +190,7 @@ def _friction(
         parameters[name] = number(space, value, f"{what}: {name}")
         if not callable(value):
             continue
-        at_nodes = evaluate(parameters[name], space.mesh, space.facet_points, facets)
+        at_nodes = space.evaluate(parameters[name], space.facet_points, facets)
         low, high = space.extremes(at_nodes)
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
@@ -206,8 +205,8 @@ def _allowed(
     """Return the set of tangential tractions that a law allows; collective.
 
     Raises:
-        InputError: If a law has axes in the plane, on a foundation that gives way
-            tangentially, or along the normal, or if its ratio is no number > 0.
+        InputError: If a law has axes in the plane, on a tangentially compliant
+            foundation, or along the normal, or if its ratio is no number > 0.
     """
     axes = getattr(law, "axes", None)
     if axes is None:
@@ -220,12 +219,12 @@ def _allowed(
         )
     if getattr(contact.foundation, "tangential", None) is not None:
         raise InputError(
-            f"{what} has axes, and the foundation gives way tangentially; the nearest point of an"
-            " ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
+            f"{what} has axes, and the foundation is tangentially compliant; the nearest point of"
+            " an ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
         )
     ratio = positive(f"{what}: ratio", parameter(law, "ratio"), "> 0")
     axis = components(space, axes, f"{what}: axes")
-    on_facets = evaluate(axis, space.mesh, nodes(2, 0), facets)[:, 0]
+    on_facets = space.evaluate(axis, nodes(2, 0), facets)[:, 0]
     across = np.cross(direction, on_facets)
     length = np.linalg.norm(across, axis=1, keepdims=True)
     size = np.linalg.norm(on_facets, axis=1, keepdims=True)
@@ -379,7 +378,7 @@ def _at_vertices(space: Space, contact: Contact, facets: np.ndarray, given: Ufl)
     Raises:
         InputError: If it is zero or not finite there.
     """
-    values = evaluate(given, space.mesh, nodes(space.d - 1, 1), facets)
+    values = space.evaluate(given, nodes(space.d - 1, 1), facets)
     length = np.linalg.norm(values, axis=2)
     error = None
     if not (np.isfinite(length).all() and np.all(length > 0)):
@@ -412,14 +411,14 @@ def foundation_motion(
         InputError: If the motion is not finite.
     """
     facets = trace.here.facets
-    at_nodes = evaluate(motion, space.mesh, space.facet_points, facets)
+    at_nodes = space.evaluate(motion, space.facet_points, facets)
     if not np.isfinite(space.extremes(at_nodes)).all():
         raise InputError(f"{what}: the motion is not finite everywhere; look at it.")
     field = space.function()
     field.x.array.reshape(-1, space.d)[space.facet_nodes(facets)] = at_nodes
     points, weights = rule(space.d - 1, 2 * space.degree + 2)
     shape = lagrange(space.d - 1, space.degree, points)
-    difference = evaluate(motion, space.mesh, points, facets) - np.matmul(shape, at_nodes)
+    difference = space.evaluate(motion, points, facets) - np.matmul(shape, at_nodes)
     size = greatest(space.comm, at_nodes)
     return field, lost_on_facets(space, trace, difference, size, points, weights)
 

@@ -28,7 +28,6 @@ from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.law.constitution import Constitution, ElasticMatrix, StrainField
 from erc_contact.model.law.law_state import LawState
 from erc_contact.model.law.point_law import Derivatives, PointLaw, Search
@@ -51,8 +50,8 @@ class StrainOf:
         self._u = u
         size = space.d * (space.d + 1) // 2
         self._in_plane = space.domain.function("DG", space.degree - 1, (size,))
-        self._of_in_plane = Everywhere(self._in_plane, space.mesh)
-        self._of_displacement = Everywhere(u, space.mesh)
+        self._of_in_plane = space.everywhere(self._in_plane)
+        self._of_displacement = space.everywhere(u)
         self.update()
 
     def update(self) -> None:

@@ -24,7 +24,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.data.users import call_of_user
 from erc_contact.model.data.values import (
@@ -111,7 +111,7 @@ def bind_strains(
                 normal += expression
                 tensor += expression * _out_of_plane(strain, material, parameters)
     points, _ = rule(d, DATA_DEGREE)
-    values = evaluate(tensor, space.mesh, points, space.owned_cells)
+    values = space.evaluate(tensor, points, space.owned_cells)
     if not np.isfinite(space.extremes(values)).all():
         raise InputError("A given strain is not finite everywhere; look at its callables.")
     return Strains(tensor, normal, space.mesh, basis)
