@@ -98,11 +98,10 @@ def equilibrated(
     """
     began = perf_counter()
     model = solution.model
-    space = model.space
-    cells = cell_geometry(space)
+    cells = cell_geometry(model.space)
     if solution.at_rest:
         pair = _at_rest(solution, cells)
-        return replace(pair, seconds=space.comm.allreduce(perf_counter() - began, MPI.MAX))
+        return replace(pair, seconds=model.space.comm.allreduce(perf_counter() - began, MPI.MAX))
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported_components(model, cells)
@@ -130,7 +129,7 @@ def equilibrated(
             tractions = admissible_tractions(model, solution, kept)
             again = _make_pair(data, tractions, tighten, near)
             pair = again.pair if again.bulk < made.bulk else pair
-    seconds = space.comm.allreduce(perf_counter() - began, MPI.MAX)
+    seconds = model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
 
@@ -234,12 +233,11 @@ def _make_pair(
     """
     cells = data.cells
     model = data.solution.model
-    space = model.space
     u = data.solution.u
     u_hat = u
     if tractions:
-        if space.comm.size > 1:
-            tractions = _of_owners(space, cells, tractions)
+        if model.space.comm.size > 1:
+            tractions = _of_owners(model.space, cells, tractions)
         u_hat = admissible_displacement(model, u, tractions)
     boundary = _boundary(data, tractions)
     b = load_forces(model, cells, boundary, data.force)
@@ -259,7 +257,7 @@ def _make_pair(
         tighten=tighten,
         correction=None if near is None else near.correction,
     )
-    bulk = axisymmetric_bulk(given) if space.axisymmetric else plane_bulk(given)
+    bulk = axisymmetric_bulk(given) if model.space.axisymmetric else plane_bulk(given)
     of_boundary = Given(bulk.boundary, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []

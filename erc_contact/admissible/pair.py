@@ -193,13 +193,12 @@ class Admissible:
         Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
         """
         model = self.model
-        space = model.space
-        points = profile_points(space)
+        points = profile_points(model.space)
         corners = traction.contact.trace.here.corners
-        r = space.section.per_area(corners, traction.values, points)
+        r = model.space.section.per_area(corners, traction.values, points)
         if traction.contact in model.ties:
             return r, np.full(r.shape[:2], np.inf)
-        return r, space.section.per_area(corners, traction.friction_bound, points)
+        return r, model.space.section.per_area(corners, traction.friction_bound, points)
 
     def status(self, traction: ContactTraction) -> np.ndarray:
         """Tell which facets are open, slip, stick or are closed, (f,); collective.

@@ -159,14 +159,13 @@ def other_forces(
         u: Displacement of the contact solve [length].
         bolts: Forces that sigma^ has in bolts, by the names of preloads [force].
     """
-    space = model.space
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
         values = model.unheld.motions_of_bodies.values
         fixed = model.held_or_anchored
-        held = held_products(space, model.bodies, values, fixed, faces=model.loose_faces)
-        motions = motions_not_held(space, model.bodies[0], values, held)
+        held = held_products(model.space, model.bodies, values, fixed, faces=model.loose_faces)
+        motions = motions_not_held(model.space, model.bodies[0], values, held)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
@@ -178,7 +177,7 @@ def other_forces(
     b = load_forces(model, cells, boundary, force)
     works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])
-    total = space.comm.allreduce(local, MPI.SUM)
+    total = model.space.comm.allreduce(local, MPI.SUM)
     motions = [*motions, *of_halves]
     works = [*total[:-1], *works_on_halves]
     size = float(total[-1]) + float(np.sum(np.abs(works_on_halves)))

@@ -97,20 +97,19 @@ def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
     Returns:
         Shape (K, K), zero without springs.
     """
-    space = model.space
     total = np.zeros((len(motions), len(motions)))
     if not model.springs:
         return total
     for spring in model.springs:
         side = spring.side
         owned = side.owned
-        pulls = [moments(side.areas, spring.pull(m.x.array), space.degree) for m in motions]
+        pulls = [moments(side.areas, spring.pull(m.x.array), model.space.degree) for m in motions]
         # A motion is linear: its values at the nodes of a facet are its coefficients.
-        values = [m.x.array.reshape(-1, space.d)[side.nodes] for m in motions]
+        values = [m.x.array.reshape(-1, model.space.d)[side.nodes] for m in motions]
         by_facets = np.stack(pulls)[:, owned]
         of_motions = np.stack(values)[:, owned]
         total += np.einsum("kfmi,lfmi->kl", by_facets, of_motions)
-    return space.comm.allreduce(total, MPI.SUM)
+    return model.space.comm.allreduce(total, MPI.SUM)
 
 
 def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray:

@@ -120,7 +120,6 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     refuse_potential(error.solution.scene.material, "resultant()", BY_FORCE)
     pair = error.admissible
     model = pair.model
-    space = model.space
     bound = model.contact(contact)
     if bound in model.ties:
         raise InputError(
@@ -129,8 +128,8 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
         )
     which = model.contacts.index(bound)
     a = np.asarray(direction, dtype=float)
-    if a.shape != (space.d,) or not np.isfinite(a).all():
-        raise InputError(f"The direction is {direction!r}; give {space.d} finite numbers.")
+    if a.shape != (model.space.d,) or not np.isfinite(a).all():
+        raise InputError(f"The direction is {direction!r}; give {model.space.d} finite numbers.")
     if contact != bound.side_names[0]:
         # Action and reaction: the traction on the other body is the opposite one.
         a = -a
@@ -142,7 +141,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     # If phi is a rigid motion, (b) is the balance of forces, which needs no friction
     # law.
-    stiffest = model.stiffest() * model.domain.extent ** (space.d - 2)
+    stiffest = model.stiffest() * model.domain.extent ** (model.space.d - 2)
     is_rigid = bool(size <= RIGID_ENERGY * np.linalg.norm(a) * np.sqrt(stiffest))
     from_loads = is_rigid and error.geometry_error <= ROUND_OFF * error.scale
     proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)

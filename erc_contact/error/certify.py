@@ -215,10 +215,9 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     The stress of u_r is the rebalanced one of the pair.
     """
     model = pair.model
-    space = model.space
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
-    _, _, weights = macro_points(space.d, space.degree)
+    _, _, weights = macro_points(model.space.d, model.space.degree)
     elastic = elastic_stress(model, cells, pair.displacement, owned)
     difference = pair.balanced.at_macro_points(model, cells) - elastic
     compliance = macro_moduli(model, cells, owned, inverse=True)
@@ -227,4 +226,4 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     # Springs pull at u_r, so that all of the error in their law is this distance.
     of_springs, _ = spring_squares(model, pair.displacement, pair.spring_tractions)
     local += float(of_springs.sum())
-    return float(space.comm.allreduce(local, MPI.SUM))
+    return float(model.space.comm.allreduce(local, MPI.SUM))

@@ -325,8 +325,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     """
     began = perf_counter()
     model = admissible.model
-    space = model.space
-    comm = space.comm
+    comm = model.space.comm
     measure = body_error if model.linearised is None else fenchel_error
     body = measure(admissible)
     springs = spring_error(admissible)
@@ -336,7 +335,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     geometry_cells_2 = geometry_squares(admissible, body.of_sum)
     bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
     floor = UNKNOWN_SHARE * float(bulk_2)
-    contacts = contact_law_error(space, admissible.displacement, admissible.tractions, floor)
+    contacts = contact_law_error(model.space, admissible.displacement, admissible.tractions, floor)
     cells_2 = bulk_cells_2 + contacts.gap
     sums_2 = body.of_sum + springs.of_sum + contacts.of_sum
     # In the order of the attributes of Oscillations.
@@ -361,7 +360,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
-    tell_tiny_edges(space, cells_2, float(bulk_2 + contact_2), float(scale_2))
+    tell_tiny_edges(model.space, cells_2, float(bulk_2 + contact_2), float(scale_2))
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible=admissible,

@@ -247,11 +247,10 @@ class _LinearLaws:
         """Integrate :meth:`squares` by the rule of the sub-simplices, (owned, 2)."""
         pair = self._pair
         model = pair.model
-        space = model.space
-        _, points, weights = macro_points(space.d, space.degree)
+        _, points, weights = macro_points(model.space.d, model.space.degree)
         owned = len(volume)
         x = np.matmul(barycentric(points), pair.cell_geometry.corners[:owned])
         eps = self._of_displacement.at_points(slice(owned), points, x)
         sigma = pair.stress_at_macro_points(x)
-        squares = self.squares(np.arange(owned), eps, sigma, space.section.weight(x))
+        squares = self.squares(np.arange(owned), eps, sigma, model.space.section.weight(x))
         return np.asarray(volume[:, None] * np.einsum("nqi,q->ni", squares, weights))

@@ -181,18 +181,17 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     With the work of the springs it is the work of r^ and of the projected loads.
     """
     model = pair.model
-    space = model.space
     cells = pair.cell_geometry
     k = cells.degree
     owned = model.domain.owned_cells
-    shape, points, weights = macro_points(space.d, k)
+    shape, points, weights = macro_points(model.space.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
-    strain = strains_at(space, cells, v, points, owned)
+    strain = strains_at(model.space, cells, v, points, owned)
     # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
     local += spring_work(model, v, pair.spring_tractions)
-    return BoundedNumber(float(space.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
+    return BoundedNumber(float(model.space.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
 
 
 def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:

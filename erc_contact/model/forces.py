@@ -224,9 +224,8 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
 
 def body_force(model: Model) -> Force:
     """Compute resultant and moment of the loads in the body; collective."""
-    space = model.space
-    loads = model.loads(ufl.TestFunction(space.V), on=[None])
-    return _of_nodes(space, _assemble(space, loads))
+    loads = model.loads(ufl.TestFunction(model.space.V), on=[None])
+    return _of_nodes(model.space, _assemble(model.space, loads))
 
 
 def _of_nodes(space: Space, forces: np.ndarray) -> Force:

@@ -84,7 +84,6 @@ def last_step(solution: Solution) -> LastStep:
     traction sticks on all its facets.
     """
     model = solution.model
-    space = model.space
     contacts = {}
     for contact in model.contacts:
         trace = contact.trace
@@ -103,13 +102,13 @@ def last_step(solution: Solution) -> LastStep:
         contacts[contact.name] = contact.facets, contact.sign * w
     before = model.greatest_before
     sizes = Greatest(
-        max(greatest(space.comm, solution.u.x.array), before.displacement),
-        max(load_size(space, solution.stiffness.load_vector()), before.load),
+        max(greatest(model.space.comm, solution.u.x.array), before.displacement),
+        max(load_size(model.space, solution.stiffness.load_vector()), before.load),
     )
     state = None
     if model.linearised is not None:
         state = model.linearised.state_at_end(solution.u)
-    return LastStep(space, contacts, sizes, state)
+    return LastStep(model.space, contacts, sizes, state)
 
 
 def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:

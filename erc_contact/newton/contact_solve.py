@@ -286,17 +286,16 @@ def method_beside_faces(model: Model, method: Method | None) -> Method:
         InputError: If the user names a method that reads the stress, and a cell
             touches both.
     """
-    space = model.space
     if not model.loose_faces:
         return method or DEFAULT
-    on_faces = np.zeros(space.node_count, dtype=bool)
+    on_faces = np.zeros(model.space.node_count, dtype=bool)
     for face in model.loose_faces:
         on_faces[face.nodes] = True
     touching = False
     for contact in model.contacts:
         facets = np.concatenate([contact.trace.here.facets, contact.trace.there.facets])
-        touching = touching or bool(on_faces[space.nodes[facets[:, 0]]].any())
-    if not space.comm.allreduce(touching, MPI.LOR):
+        touching = touching or bool(on_faces[model.space.nodes[facets[:, 0]]].any())
+    if not model.space.comm.allreduce(touching, MPI.LOR):
         return method or DEFAULT
     if method is None:
         return NODAL

@@ -179,14 +179,13 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
 
     V is infinite of a body without strain.
     """
-    space = model.space
-    d = space.d
+    d = model.space.d
     _, count = model.bodies
     found = gradients_of(model, u)
     basis = mandel_basis(d)
     strain = np.einsum("bij,nij->nb", basis, found.elastic)
     x = found.corners.mean(axis=1)
-    stress = model.constitution.stress(strain[:, None], x[:, None], space.owned_cells)[:, 0]
+    stress = model.constitution.stress(strain[:, None], x[:, None], model.space.owned_cells)[:, 0]
     volume = measures(found.corners)
     forces = np.einsum("nb,bij->nij", stress, basis) * volume[:, None, None]
     product = np.einsum("nji,njk->nik", found.whole, forces)
@@ -196,7 +195,7 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
     sizes = [np.sqrt((tensor**2).sum(axis=tuple(range(1, tensor.ndim)))) for tensor in tensors]
     total = np.zeros((count, len(first) + 3))
     np.add.at(total, found.bodies, np.column_stack([moments, *sizes]))
-    total = space.comm.allreduce(total, MPI.SUM)
+    total = model.space.comm.allreduce(total, MPI.SUM)
     whole, gradient, strains = total[:, len(first) :].T
     # A body that nothing touches turns without strain, and its forces are round-off.
     return total[:, : len(first)], np.where(strains > NO_STRAIN * gradient, whole, np.inf)

@@ -83,7 +83,6 @@ def solution_of_law(
         NotConverged: If the misfit does not become small, or a contact problem does not
             converge.
     """
-    space = model.space
     if model.linearised is None:
         return solution_of(partial(kind, tolerance=tolerance), model, method, start)
     if tolerance is not None:
@@ -94,20 +93,20 @@ def solution_of_law(
     about = model.linearised.u.copy()
     holds = not model.linearised.at_rest
     if start is not None and not holds:
-        before = carry_displacement(start.u, start.model.space, space)
+        before = carry_displacement(start.u, start.model.space, model.space)
         if before is not None:
             about = before
             model.linearised.move(about)
     # The forms of all steps are alike.
     kind = partial(kind, forms={}, tolerance=tolerance)
     while len(misfits) < LAW_STEPS:
-        at(space.comm, f"law step {len(misfits) + 1}")
+        at(model.space.comm, f"law step {len(misfits) + 1}")
         solution = solution_of(kind, model, method, start)
         steps += solution.newton_steps
         change = _Change(model, about, solution.u)
         misfit, size = change.misfit()
         misfits.append(misfit / size if size > 0.0 else 0.0)
-        log_of(space.comm).debug(
+        log_of(model.space.comm).debug(
             "%d cells: law step %d, misfit %.1e", model.domain.cells, len(misfits), misfits[-1]
         )
         if _ends(misfits, misfit, tolerance):

@@ -52,15 +52,14 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
         The same vector at all nodes, as a new Function; None if the body is not known
         to be at rest.
     """
-    space = model.space
     if _is_loaded(model, loads) or _is_moved(model):
         return None
     slides = any(contact.trace.slip_before.any() for contact in model.contacts)
-    displacement = space.function()
-    if space.comm.allreduce(bool(slides), MPI.LOR):
+    displacement = model.space.function()
+    if model.space.comm.allreduce(bool(slides), MPI.LOR):
         if not _is_loose_on_a_plane(model):
             return None
-        displacement.x.array.reshape(-1, space.d)[:] = _mean_slip(model)
+        displacement.x.array.reshape(-1, model.space.d)[:] = _mean_slip(model)
     return displacement
 
 

@@ -261,16 +261,15 @@ class Solution:
             InputError: If no contact has this name.
         """
         model = self.model
-        space = model.space
         where = model.contact(contact)
-        points = profile_points(space)
-        r = profile_traction(space, where, self.traction(where))
+        points = profile_points(model.space)
+        r = profile_traction(model.space, where, self.traction(where))
         r_n = split(r, where.trace.normals_at(points)).normal
         pressure = -r_n
         bound = self._bound(where, np.maximum(pressure, 0.0), points)
         if where in model.ties:
             bound = np.full_like(pressure, np.inf)
-        return profile_table(space, where, self.u, r, bound)
+        return profile_table(model.space, where, self.u, r, bound)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.

@@ -83,7 +83,6 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
     """
     admissible = pair_of(result)
     model = admissible.model
-    space = model.space
     names = [joint.name for joint in (*model.contacts, *model.ties)]
     if name not in names:
         raise InputError(
@@ -92,7 +91,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
         )
     surface = whole_contact(admissible, admissible.per_area(admissible.traction(name)))
     # Only rank 0 knows all facets, and all ranks raise.
-    has_facets = space.comm.bcast(surface is not None and len(surface.x))
+    has_facets = model.space.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:
         raise InputError(
             f"plot_contact: {name!r} has no facet; contacts of this scene: {', '.join(names)}."
@@ -100,9 +99,9 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
 
     def draw(ax: Any) -> Any:
         assert surface is not None
-        return contact_curves(surface, ax) if space.d == 2 else contact_maps(surface, ax)
+        return contact_curves(surface, ax) if model.space.d == 2 else contact_maps(surface, ax)
 
-    return draw_figure(space.comm, path, ax, draw)
+    return draw_figure(model.space.comm, path, ax, draw)
 
 
 def contact_curves(surface: WholeContact, ax: Any = None) -> Any:

@@ -269,14 +269,13 @@ def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
         InputError: If no contact has this name.
     """
     model = error.model
-    space = model.space
     name = model.contact(contact).name
-    if space.d == 3:
+    if model.space.d == 3:
         return None
     zone, whole = contact_zone(error.admissible, name)
-    body = gather_rows(space.comm, **body_mesh(error.domain))
+    body = gather_rows(model.space.comm, **body_mesh(error.domain))
     window = window_around(zone, body["points"], whole) if body else None
-    return space.comm.bcast(window)
+    return model.space.comm.bcast(window)
 
 
 def add_near(gallery: Gallery, error: ConstitutiveError, contact: str, code: str) -> None:

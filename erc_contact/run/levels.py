@@ -77,7 +77,7 @@ class Folder:
         except OSError as reason:
             raise Damaged(f"it cannot be read ({reason.strerror})") from reason
         except InputError as reason:
-            raise InputError(f"{self.file(number)}: {reason}.") from reason
+            raise InputError(f"{self.file(number)}: {reason}, or another folder.") from reason
 
     def write(self, number: int, level: Contents) -> None:
         """Write a file; one of the same number that is damaged gets another name.

@@ -91,7 +91,7 @@ def unpack(whole: bytes, check: Check, kind: str) -> Contents:
     if int(number) != FORMAT:
         raise InputError(
             f"it has format {number}, and this version of the package knows format {FORMAT}: "
-            "take the version that wrote it, or write it again"
+            "take the version that wrote it"
         )
     # What has a checksum may still be of anybody.
     try:

@@ -136,13 +136,12 @@ class EliminatedFaces:
     def _nodal_forces(self) -> list[np.ndarray]:
         """Return the nodal forces K R_j of this rank [force/length], each (owned,)."""
         model = self._model
-        space = model.space
-        field = space.function()
-        action = compiled.form(model.stiffness(field, ufl.TestFunction(space.V)))
+        field = model.space.function()
+        action = compiled.form(model.stiffness(field, ufl.TestFunction(model.space.V)))
         nodal_forces = []
         for shape in self.shapes:
             field.x.array[:] = shape.x.array
-            forces = space.function()
+            forces = model.space.function()
             fem.assemble_vector(forces.x.array, action)
             forces.x.scatter_reverse(la.InsertMode.add)
             nodal_forces.append(forces.x.array[: self._owned].copy())
