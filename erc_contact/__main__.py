@@ -17,7 +17,6 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.versions import versions
 from erc_contact.error.constitutive import constitutive_error
 from erc_contact.newton.solve import solve
-from erc_contact.output.views import lack_of_window
 from erc_contact.run.adapt import adapt
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.material import Elastic
@@ -25,6 +24,7 @@ from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Displacement
 from namedmesh import rectangle
 from namedmesh.gmsh_session import has_netgen, session
+from namedmesh.pictures import lack_of_window
 
 SOLVER_PACKAGES = {
     "mumps": "MUMPS (direct solver)",

@@ -17,11 +17,11 @@ from erc_contact.output.curves import plot_history
 from erc_contact.output.deformed import draw_deformed, draw_near
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.part_pictures import draw_parts
 from erc_contact.output.pictures import draw_error, draw_state
 from erc_contact.output.revolved import draw_revolved
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
+from namedmesh import draw_parts
 
 __all__ = [
     "draw_deformed",

@@ -16,14 +16,13 @@ from erc_contact.output.drawing import (
     STATUS_NAMES,
     bar_axes,
     coordinate,
-    new_figure,
     panels_of,
     tangents,
 )
-from erc_contact.output.files import subdivide
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
 from namedmesh.base.names import in_picture
+from namedmesh.pictures import new_figure, subdivide
 from namedmesh.simplex import bernstein
 
 MAP_DIVISIONS = 4

@@ -19,15 +19,15 @@ from erc_contact.output.contact_maps import contact_maps
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,
-    draw_figure,
     log_ticks,
     weighted_level,
     words,
 )
-from erc_contact.output.files import PARTS, subdivide
+from erc_contact.output.files import PARTS
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
 from namedmesh.base.names import in_picture
+from namedmesh.pictures import draw_figure, subdivide
 from namedmesh.simplex import bernstein
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"

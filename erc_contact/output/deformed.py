@@ -24,9 +24,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
-from erc_contact.output.bodies import DIVISIONS, Skin, outline, sample, skin_of, straight
-from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned, weighted_level
-from erc_contact.output.files import gather
+from erc_contact.output.drawing import only_turned, weighted_level
 from erc_contact.output.foundations import (
     CLOSED_COLOUR,
     DISPLACEMENT_SHARE,
@@ -44,21 +42,33 @@ from erc_contact.output.foundations import (
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import (
     WholeContact,
-    body_mesh,
     colours_in_words,
     is_symmetry,
     letters_of,
     mean_normal,
+    upward,
     whole_body,
 )
 from erc_contact.output.maps import Scale, draw_map
-from erc_contact.output.views import ShownPart, upward, views_of
 from erc_contact.output.windows import contact_zone, window_around
 from erc_contact.results.stresses import linear_mises
 from namedmesh.base.checks import positive
 from namedmesh.base.names import in_picture
-from namedmesh.base.ranks import greatest
+from namedmesh.base.ranks import gather_rows, greatest
 from namedmesh.for_solvers import in_space
+from namedmesh.pictures import (
+    DIVISIONS,
+    ShownPart,
+    Skin,
+    body_mesh,
+    draw_figure,
+    only_in_2d,
+    outline,
+    sample,
+    skin_of,
+    straight,
+    views_of,
+)
 
 STRAIN_ROUND_OFF = 1e-12
 """Strain that is round-off, over the displacement over the size of the body [-]."""
@@ -263,7 +273,7 @@ def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
     if model.space.d == 3:
         return None
     zone, whole = contact_zone(error.admissible, name)
-    body = gather(model.space.comm, **body_mesh(error.domain))
+    body = gather_rows(model.space.comm, **body_mesh(error.domain))
     window = window_around(zone, body["points"], whole) if body else None
     return model.space.comm.bcast(window)
 
@@ -313,7 +323,7 @@ def gather_mises(admissible: Admissible, stress: str = "admissible") -> dict[str
     """
     model = admissible.model
     owned = model.domain.owned_cells
-    return gather(
+    return gather_rows(
         model.space.comm,
         stress=linear_mises(admissible, stress),
         volume=admissible.cell_geometry.volume[:owned],

@@ -15,17 +15,11 @@ from erc_contact.error.runs import LoadingHistory
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import OPEN
 from erc_contact.output.deformed import draw_deformed, magnification
-from erc_contact.output.drawing import (
-    COLOUR_CYCLE,
-    STATUS_COLOURS,
-    STATUS_NAMES,
-    draw_figure,
-    tangents,
-)
-from erc_contact.output.files import on_root
+from erc_contact.output.drawing import STATUS_COLOURS, STATUS_NAMES, tangents
 from erc_contact.output.foundations import round_factor
 from erc_contact.output.placing import panels
 from namedmesh.base.names import in_picture
+from namedmesh.pictures import COLOUR_CYCLE, draw_figure, on_root
 from namedmesh.simplex import lagrange, rule
 
 ZONE_POINTS = 400

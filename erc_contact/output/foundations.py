@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from erc_contact.model.contact.status import OPEN
-from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal
 from namedmesh.for_solvers import in_space
+from namedmesh.pictures import DIVISIONS, sample, straight
 from namedmesh.simplex import edges
 
 FOUNDATION_REACH = 0.15

@@ -14,8 +14,8 @@ from time import perf_counter
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
-from erc_contact.output.files import on_root
 from namedmesh import Domain
+from namedmesh.pictures import on_root
 
 IMPORT_SECONDS = 1.0
 """Time that saving may take after a run of no time [s]."""

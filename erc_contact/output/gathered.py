@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -18,12 +17,10 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.contact.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.contact.trace import split
 from erc_contact.model.space import Space
-from erc_contact.output.files import degree_of, gather
-from namedmesh import Domain
-from namedmesh.base.ranks import global_numbers
-from namedmesh.base.releases import cell_nodes
+from namedmesh.base.ranks import gather_rows
 from namedmesh.for_solvers import in_space
-from namedmesh.simplex import at_nodes, determinants, node_between, node_vertices
+from namedmesh.pictures import number_cells
+from namedmesh.simplex import at_nodes
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
@@ -111,6 +108,29 @@ def mean_normal(surface: WholeContact) -> np.ndarray:
     return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
+def upward(admissible: Admissible) -> np.ndarray:
+    """Find the upward direction of a picture, shape (3,); collective.
+
+    It is the coordinate axis, with its sign, that points away from the first
+    foundation. Between two bodies neither is the lower one: without a foundation it is
+    the axis across the first contact.
+    """
+    model = admissible.model
+    total = np.zeros(3)
+    on_foundations = [
+        traction for traction in admissible.tractions if traction.contact.against is None
+    ]
+    for traction in (on_foundations or admissible.tractions)[:1]:
+        owned = traction.contact.trace.here.owned
+        total[: model.space.d] = traction.area[owned] @ traction.contact.direction[owned]
+    total = np.array(model.space.comm.allgather(total)).sum(axis=0)
+    # Without a contact, y is upward.
+    axis = int(abs(total).argmax()) if total.any() else 1
+    # The normal points from the body to the foundation, which is below.
+    sign = -1.0 if on_foundations and total[axis] > 0 else 1.0
+    return np.eye(3)[axis] * sign
+
+
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeContact | None:
     """Gather the facets of a contact on rank 0; None on other ranks; collective.
 
@@ -130,7 +150,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     if contact.is_exchanged:
         place = place + contact.to_partners
         nodes, partners = partners, nodes
-    parts = gather(
+    parts = gather_rows(
         space.comm,
         area=traction.area[owned],
         values=contact.sign * traction.values[owned],
@@ -196,28 +216,16 @@ def colours_in_words(contacts: Sequence[WholeContact]) -> str:
     return words + ("\nblue: plane of symmetry" if any(symmetries) else "")
 
 
-def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
-    """Return the part of a mesh that this rank owns.
-
-    Returns:
-        Arguments of :func:`erc_contact.output.bodies.skin_of`: "points", the vertices
-        [length], shape (n, 3), and "cells", the global numbers of the vertices of each
-        cell, shape (m, d+1). All cells are positively oriented.
-    """
-    geometry = domain.mesh.geometry
-    cells = cell_nodes(geometry)[: domain.owned_cells]
-    return _number_cells(geometry.x, cells, geometry.index_map(), domain.dim)
-
-
 def body_nodes(space: Space) -> dict[str, np.ndarray]:
-    """Return the same as :func:`body_mesh`, with all nodes of the displacement.
+    """Return the owned part of a mesh, with all nodes of the displacement.
 
     Returns:
+        The same as :func:`namedmesh.pictures.grids.body_mesh`:
         "points", shape (n, 3), and "cells", shape (m, N).
     """
     cells = space.nodes[: space.domain.owned_cells]
     x = space.V.tabulate_dof_coordinates()
-    return _number_cells(x, cells, space.V.dofmap.index_map, space.d)
+    return number_cells(x, cells, space.V.dofmap.index_map, space.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
@@ -243,24 +251,5 @@ def whole_body(
     prescribed = model.prescribed.x.array.reshape(-1, space.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
     still[:, : space.d] = model.held[: len(u)] & (prescribed == 0.0)
-    body = gather(space.comm, **body_nodes(space), u=u, still=still)
+    body = gather_rows(space.comm, **body_nodes(space), u=u, still=still)
     return body, whole_contacts(admissible)
-
-
-def _number_cells(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
-    """Return owned nodes, and cells by global numbers, positively oriented.
-
-    Args:
-        x: Positions of the nodes of this rank [length], shape (n, 3).
-        cells: Local numbers of the nodes of each cell, shape (m, N).
-        nodes: Index map of the nodes.
-        d: Dimension.
-    """
-    k = degree_of(cells, d)
-    negative = determinants(x[cells[:, : d + 1], :d]) < 0
-    # Two swapped vertices turn the orientation; the nodes on the edges go with them.
-    swapped_vertices = np.array([*range(d - 1), d, d - 1])
-    first, second = swapped_vertices[node_vertices(d, k)].T
-    swapped_nodes = node_between(d, k)[first, second]
-    cells = np.where(negative[:, None], cells[:, swapped_nodes], cells)
-    return {"points": x[: nodes.size_local].copy(), "cells": global_numbers(nodes, cells)}

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from erc_contact.base.code import code_of, definitions, without_paths
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
 from erc_contact.model.forces import Force
-from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
@@ -30,6 +30,8 @@ from namedmesh import Domain
 from namedmesh.base.html import table
 from namedmesh.base.names import file_stem, printable
 from namedmesh.for_solvers import shape_in_words
+from namedmesh.keeping import rules_of, write_domain
+from namedmesh.pictures import on_root
 
 PAGE_STYLE = """
 body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: white;
@@ -49,6 +51,8 @@ th { font-weight: normal; } thead th { color: #555; }
 pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem;
   line-height: 1.35; }
 """
+DOMAIN_FILE = "domain.vtkhdf"
+"""Name of the file of the first mesh beside a report."""
 ERROR_NUMBERS = (
     "relative",
     "total",
@@ -317,6 +321,25 @@ def evolution_as_code(
     """
     call = f"evolution = ec.evolve(\n    {code_of(scene_at)}"
     return _script(definitions([scene_at]), _domain_lines(domain, domain_code), call, arguments)
+
+
+def keep_domain(domain: Domain, folder: Path) -> str:
+    """Write the first mesh of a run beside its report; collective.
+
+    Returns:
+        The code that reads it, or a comment that says why there is none.
+    """
+    try:
+        write_domain(domain, folder / DOMAIN_FILE)
+    except InputError:
+        return "# domain = ...: its true shape is of a class of your own, make it as before"
+    needed = []
+    named = []
+    for rules in rules_of(domain.whole.geometry):
+        needed += definitions([rules.parts, rules.regions])
+        named.append(f"({code_of(rules.parts)}, {code_of(rules.regions)})")
+    more = f", rules=[{', '.join(named)}]" if named else ""
+    return "\n".join([*needed, f'domain = ec.read_domain("{DOMAIN_FILE}"{more})'])
 
 
 def _domain_lines(domain: Domain, code: str) -> list[str]:

@@ -18,7 +18,6 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.meridian import ON_AXIS
-from erc_contact.output.bodies import Skin, skin_of
 from erc_contact.output.deformed import (
     gather_mises,
     greatest_magnification,
@@ -26,12 +25,12 @@ from erc_contact.output.deformed import (
     mises_scale,
     shift_of,
 )
-from erc_contact.output.drawing import draw_figure, only_turned
-from erc_contact.output.files import grid_of, on_root, save_grid
+from erc_contact.output.drawing import only_turned
+from erc_contact.output.files import save_grid
 from erc_contact.output.foundations import round_factor
 from erc_contact.output.gathered import whole_body
 from erc_contact.output.maps import draw_map
-from erc_contact.output.views import views_of
+from namedmesh.pictures import Skin, draw_figure, grid_of, on_root, skin_of, views_of
 from namedmesh.simplex import node_vertices
 
 STEP = 4.0

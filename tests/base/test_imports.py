@@ -31,7 +31,7 @@ NARROW = {
 FLOORS = {"namedmesh": 10, "erc_contact": 18}
 """Modules in the longest chain of imports of each package."""
 DOORS = 15
-"""Modules of namedmesh that erc_contact enters: its public names, what solvers need, simplices, tables, the base."""
+"""Modules of namedmesh that erc_contact enters: its public names, what solvers need, simplices, pictures, files of domains, the base."""
 
 
 def test_modules_import_from_above_only():

@@ -2,6 +2,7 @@
 
 - Rectangles, boxes, files and assemblies become domains; they are named, split, joined, refined
   and meshed again, and their measures stay.
+- They are written, read and drawn.
 - Its tests run where erc_contact cannot be imported.
 """
 
@@ -35,6 +36,12 @@ assert again.pairs == both.pairs
 read = nm.read_mesh(sys.argv[1], scripts=True)
 assert len(read.names) > 1
 assert nm.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2)).refined().dim == 3
+nm.write_domain(both, "both.vtkhdf")
+kept = nm.read_domain("both.vtkhdf")
+assert repr(kept) == repr(both)
+for domain, picture in ((kept, "flat.png"), (nm.box((0.0,) * 3, (1.0,) * 3, cells=(1, 1, 1)), "box.png")):
+    axes = nm.draw_parts(domain, picture)
+    assert (axes is None) == (comm.rank > 0)
 try:
     block.tag("nowhere")
 except nm.NamedMeshError as reason:
@@ -60,10 +67,13 @@ def test_all_of_it_works_alone(ranks, tmp_path):
         text=True,
         timeout=120,
         env=environment(),
+        cwd=tmp_path,
         check=False,
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.count("done") == ranks
+    for name in ("flat.png", "box.png"):
+        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
 
 
 COLLECT = """

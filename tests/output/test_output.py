@@ -31,11 +31,11 @@ from scenes import block, measured, mostly_serial, patch_test, random_scene, res
 import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.output import contact_plots, gathered, views
-from erc_contact.output.drawing import new_figure
+from erc_contact.output import contact_plots, gathered
 from erc_contact.output.gallery import Gallery
 from namedmesh.base.percent import percent
 from namedmesh.base.releases import cell_nodes
+from namedmesh.pictures import new_figure, views
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}

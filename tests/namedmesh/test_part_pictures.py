@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from test_named import COMM
+from domains import COMM
 
-import erc_contact as ec
+import namedmesh as nm
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_picture_names_all_parts(dim, shared_tmp_path):
     pytest.importorskip("matplotlib")
-    a = (ec.rectangle if dim == 2 else ec.box)((0.0,) * dim, (1.0,) * dim, cells=(2,) * dim)
-    where = {"pad": ec.where(**{"xyz"[dim - 1]: 1.0, "x": (None, 0.5)})}
+    a = (nm.rectangle if dim == 2 else nm.box)((0.0,) * dim, (1.0,) * dim, cells=(2,) * dim)
+    where = {"pad": nm.where(**{"xyz"[dim - 1]: 1.0, "x": (None, 0.5)})}
     path = shared_tmp_path / "parts.png"
-    axes = ec.draw_parts(a.named(where), path)
+    axes = nm.draw_parts(a.named(where), path)
     if COMM.rank > 0:
         assert axes is None
         return
@@ -25,9 +25,9 @@ def test_the_picture_names_all_parts(dim, shared_tmp_path):
         assert set(labels) == {"left", "right", "front", "back", "bottom", "top", "pad"}
 
 
-def test_the_picture_is_of_a_domain_alone(block):
-    with pytest.raises(ec.InputError, match="3 is no domain"):
-        ec.draw_parts(3)
-    box = ec.box((0.0,) * 3, (1.0,) * 3, cells=(1, 1, 1))
-    with pytest.raises(ec.InputError, match="in 3D makes a figure of its own"):
-        ec.draw_parts(box, ax=object())
+def test_the_picture_is_of_a_domain_alone():
+    with pytest.raises(nm.InputError, match="3 is no domain"):
+        nm.draw_parts(3)
+    box = nm.box((0.0,) * 3, (1.0,) * 3, cells=(1, 1, 1))
+    with pytest.raises(nm.InputError, match="in 3D makes a figure of its own"):
+        nm.draw_parts(box, ax=object())
