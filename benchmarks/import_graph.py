@@ -19,6 +19,7 @@ ORDER = [
     "output",
     "run",
     "decks",
+    "command",
     "__main__",
     "",
 ]

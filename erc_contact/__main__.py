@@ -1,114 +1,127 @@
-"""Show versions and solvers, and check the package: ``python -m erc_contact``.
+"""Run the command ``erc-contact``, or ``python -m erc_contact``.
 
-The check takes about a second, and some ten more the first time, when its forms are
-compiled.
+Without arguments it is the check of the package. It returns 0 if the accuracy is
+reached or the check passes, 1 if not, and 2 if the input is refused. Under ``mpirun``
+rank 0 prints.
 """
 
 from __future__ import annotations
 
 import sys
-from time import perf_counter
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Callable, Sequence
+from typing import IO
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from erc_contact.admissible.equilibrate import equilibrate
-from erc_contact.base.exceptions import InputError
-from erc_contact.base.versions import versions
-from erc_contact.error.constitutive import constitutive_error
-from erc_contact.newton.solve import solve
-from erc_contact.run.adapt import adapt
-from erc_contact.scene.contact import Contact
-from erc_contact.scene.material import Elastic
-from erc_contact.scene.scene import Scene
-from erc_contact.scene.support import Displacement
-from namedmesh import rectangle
-from namedmesh.gmsh_session import has_netgen, session
-from namedmesh.pictures import lack_of_window
+from erc_contact.base.exceptions import ErcContactError, InputError
+from erc_contact.command.certifying import certify_file
+from erc_contact.command.check import run_check
+from erc_contact.command.decks import show_deck, show_parts
+from erc_contact.command.solving import solve_deck
+from erc_contact.decks.deck import PENALTIES
 
-SOLVER_PACKAGES = {
-    "mumps": "MUMPS (direct solver)",
-    "hypre": "hypre (another multigrid)",
-    "ptscotch": "PT-Scotch (partitions)",
-}
-"""Packages that PETSc may have, and their use; its own multigrid is always there."""
-UNBALANCED_FORCE = 1e-9
-"""Unbalanced force over the contact force that passes [-]."""
-SOLVER_DIFFERENCE = 1e-7
-"""Relative difference of eps between the two solvers that passes [-]."""
+NOT_REACHED = 1
+"""Value of a command whose accuracy is not reached."""
+REFUSED = 2
+"""Value of a command whose input is refused, as of a wrong command line."""
 
 
-def self_check() -> dict[str, bool]:
-    """Solve a small scene with both solvers; collective.
+class Parser(ArgumentParser):
+    """Read a command line, and write on rank 0 alone."""
+
+    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+        """Write help or an error."""
+        if MPI.COMM_WORLD.rank == 0:
+            super()._print_message(message, file)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run a subcommand; collective.
+
+    Args:
+        words: The command line; None takes the one of the process.
 
     Returns:
-        Each property in words, and whether it holds.
+        0 if the accuracy is reached, 1 if it is not, 2 if the input is refused.
     """
-    block = rectangle((0.0, 0.0), (2.0, 7.0), cells=(4, 14))
-    scene = Scene(
-        Elastic(E=1.0, nu=0.3),
-        [Displacement("top", (0.02, -0.05))],
-        contacts=[Contact("bottom", friction=0.3)],
+    arguments = _parser().parse_args(words)
+    try:
+        return int(arguments.run(arguments))
+    except ErcContactError as reason:  # raised on all ranks
+        if MPI.COMM_WORLD.rank == 0:
+            print(f"erc-contact: {reason}", file=sys.stderr, flush=True)
+        return REFUSED if isinstance(reason, InputError) else NOT_REACHED
+
+
+def _parser() -> Parser:
+    """Return the parser of the command line."""
+    parser = Parser(
+        prog="erc-contact",
+        description="Certified accuracy for contact of elastic bodies. Without a subcommand it "
+        "checks the package.",
+        epilog="It returns 0 if the accuracy is reached, 1 if not, 2 if the input is refused.",
     )
-    direct = constitutive_error(equilibrate(solve(scene, block, solver="direct")))
-    iterative = constitutive_error(equilibrate(solve(scene, block, solver="iterative")))
-    difference = abs(direct.relative - iterative.relative)
-    same = difference < SOLVER_DIFFERENCE * direct.relative
-    forces = direct.reactions()
-    unbalanced = abs(forces["balance"].force).max()
-    pressed = abs(forces["bottom"].force).max()
-    balanced = bool(unbalanced < UNBALANCED_FORCE * pressed)
-    history = adapt(scene, block, accuracy=0.02)
-    cells = history.steps[-1].cells
-    return {
-        f"both solvers find eps {direct.relative:.4%}": same,
-        "the forces are in balance": balanced,
-        f"2% are reached on {cells} triangles": history.reached,
-    }
+    parser.set_defaults(run=run_check)
+    commands = parser.add_subparsers(title="subcommands", metavar="COMMAND")
+
+    def command(name: str, run: Callable[[Namespace], int], words: str, example: str) -> Parser:
+        added: Parser = commands.add_parser(
+            name,
+            help=words,
+            description=f"{words[0].upper()}{words[1:]}.",
+            epilog=f"example:\n  erc-contact {name} {example}",
+            formatter_class=RawDescriptionHelpFormatter,
+        )
+        added.set_defaults(run=run)
+        return added
+
+    parts = command("parts", show_parts, "list the parts of a mesh or a drawing", "bracket.step")
+    parts.add_argument("file", help="a mesh, a drawing or a deck")
+    parts.add_argument("--size", type=float, help="greatest edge of the cells of a drawing")
+    parts.add_argument("-o", "--output", help="folder of the picture (default: this folder)")
+
+    deck = command("deck", show_deck, "tell what a deck is, and what is left out", "job.inp")
+    _add_deck(deck, "deck")
+
+    words = "certify the result that another code has computed for a deck"
+    certify = command("certify", certify_file, words, "job.inp job.frd")
+    _add_deck(certify, "certified")
+    certify.add_argument("result", help="its result: .frd, .vtu, .med, .e or .xdmf")
+    _add_accuracy(certify)
+
+    words = "solve a deck to an accuracy, with forces and their intervals"
+    solve = command("solve", solve_deck, words, "job.inp --accuracy 0.05")
+    _add_deck(solve, "solved")
+    _add_accuracy(solve)
+    solve.add_argument("--degree", type=int, default=1, help="degree of the elements, 1 or 2")
+    solve.add_argument("--max-cells", type=int, default=1_000_000, help="greatest mesh")
+    words = "draw all pictures; by default those for which there is time"
+    solve.add_argument("--pictures", action="store_true", help=words)
+
+    command("check", run_check, "check the package: versions, solvers, a small scene", "")
+    return parser
 
 
-def _netgen() -> str:
-    """Tell whether gmsh has Netgen, on rank 0."""
-    words = []
-    try:
-        with session(MPI.COMM_SELF, lambda gmsh: words.append(has_netgen(gmsh)), "gmsh"):
-            return "yes" if words[0] else "no; take the wheel of gmsh: pip install gmsh"
-    except InputError as reason:
-        return f"no; {reason}"
+def _add_deck(parser: Parser, ending: str) -> None:
+    """Add a deck, how it is read, and the folder of the report."""
+    parser.add_argument("deck", help="the deck of CalculiX or Abaqus")
+    parser.add_argument(
+        "--without",
+        action="append",
+        default=[],
+        metavar="CARD",
+        help='leave out a card that is refused: --without "*EQUATION"; can be repeated',
+    )
+    words = "what a pressure over an overclosure is: a penalty for hard contact, or a layer"
+    parser.add_argument("--penalty", choices=PENALTIES, default="hard", help=words)
+    parser.add_argument("-o", "--output", help=f"folder of the report (default: DECK_{ending})")
 
 
-def _pictures() -> str:
-    """Tell whether bodies in 3D can be drawn, on rank 0."""
-    try:
-        import pyvista  # noqa: F401, PLC0415
-
-        lack = lack_of_window()
-    except ImportError as reason:
-        lack = f"{reason}; pip install 'erc-contact[pictures]'"
-    return f"no, {lack}" if lack else "yes"
-
-
-def main() -> int:
-    """Print all on rank 0, and return 0 if every check passes, 1 otherwise."""
-    comm = MPI.COMM_WORLD
-    lines = [f"{name:<12}{version}" for name, version in versions().items()]
-    lines.append(f"{'ranks':<12}{comm.size}")
-    for name, use in SOLVER_PACKAGES.items():
-        available = "yes" if PETSc.Sys.hasExternalPackage(name) else "no"
-        lines.append(f"{use}: {available}")
-    if comm.rank == 0:
-        lines.append(f"Netgen in gmsh (bodies meshed apart, in 3D): {_netgen()}")
-        lines.append(f"pictures of bodies in 3D: {_pictures()}")
-        print(*lines, sep="\n", flush=True)
-    start = perf_counter()
-    checks = self_check()
-    seconds = perf_counter() - start
-    passed = all(checks.values())
-    if comm.rank == 0:
-        for words, holds in checks.items():
-            print(f"{'passed' if holds else 'FAILED'}: {words}")
-        print(f"Self-check {'passed' if passed else 'FAILED'} in {seconds:.1f} s.")
-    return int(not passed)
+def _add_accuracy(parser: Parser) -> None:
+    """Add the accuracy."""
+    words = "relative error that is asked for (default: 0.05)"
+    parser.add_argument("--accuracy", type=float, default=0.05, help=words)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
-from erc_contact.base.exceptions import NotBalanced
+from erc_contact.base.exceptions import InputError, NotBalanced
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.model.contact.contact_values import gap_at_nodes
@@ -38,6 +38,7 @@ from erc_contact.model.law.constitution import act
 from erc_contact.newton.given import AnyField, solution_of, with_nitsche_tractions
 from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 from namedmesh import Domain
 from namedmesh.base.percent import percent
 from namedmesh.files.displacements import FileField, from_file
@@ -163,7 +164,8 @@ def certify(
         The error with its causes.
 
     Raises:
-        InputError: If u does not fit the mesh or the scene, or is not finite.
+        InputError: If u does not fit the mesh or the scene, or is not finite, or the
+            shift of a preload is not known.
         NotHeldError: As in :func:`equilibrate`.
         NotBalanced: As there.
 
@@ -173,6 +175,7 @@ def certify(
         'the displacement'
     """
     refuse_potential(scene.material, "certify()", "solve() and adapt() have an error for it.")
+    _refuse_unknown_shifts(scene)
     field = from_file(domain.comm, u) if isinstance(u, str | Path) else u
     solution, off_supports = solution_of(scene, domain, field, degree, traction)
     penetration = 0.0
@@ -207,6 +210,21 @@ def certify(
         penetration=float(penetration) if penetration > ROUND_OFF * size else 0.0,
         interpolated=isinstance(field, FileField) and field.interpolated,
     )
+
+
+def _refuse_unknown_shifts(scene: Scene) -> None:
+    """Refuse a scene with preloads whose shift is to be found by a solution.
+
+    Raises:
+        InputError: If it has any.
+    """
+    preloads = [tie for tie in scene.ties if isinstance(tie, Preload)]
+    unknown = [tie.facets for tie in preloads if tie.shortening is None]
+    if unknown:
+        raise InputError(
+            f"certify: the shifts of the preloads at {unknown} are not known; give shortening= as "
+            "the other code has it, or solve the scene with ec.adapt, which finds them."
+        )
 
 
 def _distance_to_equilibrium(pair: Admissible) -> float:

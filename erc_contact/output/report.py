@@ -15,7 +15,7 @@ from html import escape
 from itertools import permutations
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from erc_contact.base.code import code_of, definitions, without_paths
 from erc_contact.base.exceptions import InputError
@@ -68,8 +68,20 @@ BROAD = 1.3
 """Width over height of a picture that a narrow screen shows part by part [-]."""
 
 
+class Reported(Protocol):
+    """Represent what a report is of: a run, or a certificate."""
+
+    @property
+    def outcome(self) -> str:
+        """Say why the run ended, or what is certified."""
+
+    @property
+    def error(self) -> Any:
+        """Return the error."""
+
+
 def write_report(
-    run: Run,
+    run: Reported,
     path: str | Path,
     title: str,
     tables: Mapping[str, str],
@@ -86,7 +98,7 @@ def write_report(
     has neither the name of the machine nor a path.
 
     Args:
-        run: The run.
+        run: The run, or a certificate.
         path: The file, in the folder of the pictures.
         title: Its heading.
         tables: Tables of its rows in HTML, by their headings.

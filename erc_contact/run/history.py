@@ -17,17 +17,14 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.slip_share import small_slips
-from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
-from erc_contact.output.deformed import add_near, draw_deformed
-from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures import add_states, draw_error
+from erc_contact.output.pictures_of_error import add_error
 from erc_contact.output.report import keep_domain, run_as_code, write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
-from erc_contact.results import OPEN, Force, Maximum, Values
+from erc_contact.results import Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.columns import Column, header, line, page_rows
 from erc_contact.run.result import RunResult
@@ -246,31 +243,8 @@ class History(RunResult):
         write_meshes(self.meshes, folder / "meshes.vtkhdf")
 
     def _draw(self, gallery: Gallery) -> None:
-        """Draw all pictures of a run that show something; collective.
-
-        An exact solution has no map of its error, and a body that does not move is not
-        drawn deformed.
-        """
-        best = self.best
-        if self.maximum("displacement").value > STILL_SHARE * best.domain.extent:
-            words = "The deformed body."
-            code = 'erc_contact.output.draw_deformed(history.best, "deformed.png")'
-            gallery.add("deformed.png", words, code, partial(draw_deformed, best), is_body=True)
-        for joint in (*best.model.contacts, *best.model.ties):
-            name = joint.name
-            kind = "tied joint" if joint in best.model.ties else "contact"
-            if np.any(self.profile(name)["status"] != OPEN):
-                words = f"Traction on the {kind} {joint.title}, of the admissible stress."
-                file = f"contact_{file_stem(name)}.png"
-                code = f"erc_contact.output.plot_contact(history, {name!r}, {file!r})"
-                gallery.add(file, words, code, partial(plot_contact, best.admissible, name))
-        for contact in best.model.contacts:
-            add_near(gallery, best, contact.name, "history.best")
-        add_states(gallery, best, "history.best")
-        if best.absolute > 0:
-            words = "Share of each element in eps."
-            code = 'erc_contact.output.draw_error(history.best, "error_map.png")'
-            gallery.add("error_map.png", words, code, partial(draw_error, best), is_body=True)
+        """Draw all pictures of a run that show something; collective."""
+        add_error(gallery, self.best, "history.best")
         self._draw_run(gallery)
 
     def _draw_run(self, gallery: Gallery) -> None:

@@ -43,6 +43,7 @@ class FileField:
         vertices: How many points are vertices.
         degree: Degree of elements that carry it, 1 or 2.
         interpolated: Whether cells were split, which changes it inside them.
+        time: Its time [time]; None if the file does not tell it.
     """
 
     points: np.ndarray
@@ -51,6 +52,7 @@ class FileField:
     vertices: int
     degree: int
     interpolated: bool
+    time: float | None
 
 
 def displacement_of(mesh: FileMesh) -> FileField:
@@ -98,6 +100,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
         len(used),
         2 if quadratic or split else 1,
         split,
+        mesh.time,
     )
 
 

@@ -171,6 +171,7 @@ class FileMesh:
         left_out: Kind of elements that are no solids -> their number.
         values: Name of a vector at the points -> its values, shape (n, 3).
         notes: What reading has changed, in words.
+        time: Time of the values [time]; None if the file does not tell it.
     """
 
     points: np.ndarray
@@ -181,6 +182,7 @@ class FileMesh:
     left_out: Mapping[str, int] = field(default_factory=dict)
     values: Mapping[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    time: float | None = None
 
     @property
     def dim(self) -> int:

@@ -29,6 +29,8 @@ LONG = 1
 """Format of files whose numbers of nodes have ten digits; 0 stands for five."""
 WIDTH = 12
 """Characters of a value."""
+TIME = slice(12, 24)
+"""Characters of the time in the head of a result."""
 
 
 def mesh_of_frd(path: Path) -> FileMesh:
@@ -42,6 +44,7 @@ def mesh_of_frd(path: Path) -> FileMesh:
     points = np.empty((0, 3))
     elements: dict[int, list[list[int]]] = {}
     values: dict[str, np.ndarray] = {}
+    time = None
     at = 0
     while at < len(lines):
         words = lines[at].split()
@@ -55,6 +58,7 @@ def mesh_of_frd(path: Path) -> FileMesh:
             rows = places_of(numbers, result_numbers)
             values["DISP"] = np.zeros(points.shape)
             values["DISP"][rows[rows >= 0]] = table[rows >= 0]
+            time = float(lines[_head(lines, at)][TIME])
         at += 1
     if not len(points):
         raise InputError("it has no block of nodes (2C), as results of CalculiX have.")
@@ -67,7 +71,7 @@ def mesh_of_frd(path: Path) -> FileMesh:
         shape, width = TYPES[kind]
         table = np.array([row[:width] for row in rows_of])
         blocks.append(Block(shape, places_of(numbers, table)))
-    return FileMesh(points, tuple(blocks), left_out=left_out, values=values)
+    return FileMesh(points, tuple(blocks), left_out=left_out, values=values, time=time)
 
 
 def _format(line: str) -> int:
@@ -86,9 +90,14 @@ def _format(line: str) -> int:
 
 def _digits(lines: list[str], at: int) -> int:
     """Return the digits of the numbers of nodes of a result that begins above."""
+    return 10 if _format(lines[_head(lines, at)]) == LONG else 5
+
+
+def _head(lines: list[str], at: int) -> int:
+    """Return the line above at which a result begins."""
     while not lines[at].lstrip().startswith("100C"):
         at -= 1
-    return 10 if _format(lines[at]) == LONG else 5
+    return at
 
 
 def _first_row(lines: list[str], at: int) -> int:

@@ -1,0 +1,194 @@
+"""Certify the result that another code has computed for a deck."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+
+import numpy as np
+
+from erc_contact.command.decks import deck_of, folder_of, say, write_words
+from erc_contact.command.forces import BoundedForce, bounded_forces, in_columns
+from erc_contact.decks.deck import Deck
+from erc_contact.error.certify import ADVICE, Certificate, certify
+from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
+from erc_contact.output.gallery import Gallery
+from erc_contact.output.pictures_of_error import add_error
+from erc_contact.output.report import write_report
+from erc_contact.output.verdict import verdict
+from namedmesh.base.html import table
+from namedmesh.base.percent import percent, place_words
+from namedmesh.base.ranks import gather_rows
+from namedmesh.base.releases import cell_nodes
+from namedmesh.files.displacements import FileField, from_file
+
+SAME_TIME = 1e-5
+"""Relative difference of times that is none: files have six digits [-]."""
+MOST = 0.5
+"""Share of the squared error in the cells that are told as the place of it [-]."""
+
+
+@dataclass(frozen=True)
+class Certified:
+    """Hold what a report shows of a certificate: the error, and the verdict in words."""
+
+    error: ConstitutiveError
+    outcome: str
+
+
+def certify_file(arguments: Namespace) -> int:
+    """Certify a file of results, and write the verdict, pictures and a report."""
+    deck = deck_of(arguments)
+    folder = folder_of(arguments, "certified")
+    field = from_file(deck.domain.comm, arguments.result)
+    time = _time_of(deck, field)
+    certificate = certify(deck.scene_at(time), deck.domain, field)
+    error = certificate.error
+    name = Path(arguments.result).name
+    forces = bounded_forces(error)
+    sentences = [
+        _how_wrong(certificate, name, time),
+        *_of_the_time(deck, time, name),
+        *_from_what(certificate),
+        _where(error),
+        _how_many_cells(certificate, arguments.accuracy),
+        _of_forces(forces, name),
+    ]
+    words = "\n".join(sentences)
+    columns = "\n".join(in_columns(forces))
+    write_words(folder / "verdict.txt", f"{words}\n\n{columns}")
+    say(words, "", columns, "")
+    gallery = Gallery(error.domain, folder, 0.0, every=True)
+    add_error(gallery, error, "certificate.error")
+    header = ("part", "axis", name, "exact solution")
+    tables = {
+        f"Forces of {name} and of the exact solution": table([row.row for row in forces], header),
+        "What is assumed of the deck": table([(note.card, str(note)) for note in deck.assumed]),
+    }
+    title = f"{name} is wrong by at most {percent(error.total)}"
+    path = folder / "report.html"
+    write_report(
+        Certified(error, words),
+        path,
+        title,
+        tables,
+        gallery,
+        claims=verdict(error),
+    )
+    say(f"Report: {path}")
+    return int(error.total > arguments.accuracy)
+
+
+def _time_of(deck: Deck, field: FileField) -> float:
+    """Return the time of a result; the end of the last step if its file tells none."""
+    ends = deck.times or [0.0]
+    if field.time is None:
+        return ends[-1]
+    same = [end for end in ends if isclose(end, field.time, rel_tol=SAME_TIME)]
+    return (same or [field.time])[0]
+
+
+def _how_wrong(certificate: Certificate, name: str, time: float) -> str:
+    """Say how large the error is, and whether that is proved."""
+    error = certificate.error
+    kind = "This is proved" if error.guaranteed else "This holds up to terms that the report names"
+    return (
+        f"{name} at t = {time:g} is wrong by at most {percent(error.total)}: stresses and strains, "
+        f"in the mean over the bodies (energy norm), against the exact solution of the deck. {kind}."
+    )
+
+
+def _of_the_time(deck: Deck, time: float, name: str) -> list[str]:
+    """Say what of the history of the deck the error does not know."""
+    sentences = []
+    if deck.times and time < deck.times[-1]:
+        sentences.append(
+            f"The last result of {name} is at t = {time:g}, before the end of the deck at t = "
+            f"{deck.times[-1]:g}: the other code has not written, or not reached, the end."
+        )
+    has_friction = any(contact.friction != 0.0 for contact in deck.scene.contacts)
+    if has_friction and len([end for end in deck.times if end <= time]) > 1:
+        sentences.append(
+            "The deck has several steps with friction, and the error is that of an answer to the "
+            "loads at this time in one step, so that a slip to and fro before counts as an error; "
+            "`erc-contact solve` takes all steps."
+        )
+    return sentences
+
+
+def _from_what(certificate: Certificate) -> list[str]:
+    """Say what causes the error."""
+    error = certificate.error
+    scale = error.scale or 1.0
+    shares = {
+        "the mesh": certificate.mesh,
+        "the contact (penetration, tension, friction)": certificate.contact,
+        "forces out of balance (solver, digits, contact stiffness)": certificate.displacement,
+    }
+    words = ", ".join(f"{cause} {percent(share / scale)}" for cause, share in shares.items())
+    sentences = [f"From: {words}; the squares add up."]
+    sentences.append(f"Most of it is {certificate.cause}: {ADVICE[certificate.cause]}.")
+    if certificate.penetration > 0:
+        sentences.append(f"Bodies penetrate by up to {certificate.penetration:.3g}.")
+    if certificate.off_supports > 0:
+        sentences.append(
+            f"The result differs from the supports by up to {certificate.off_supports:.3g}."
+        )
+    if certificate.interpolated:
+        sentences.append(
+            "Its cells were split into simplices; what that loses counts as forces out of balance."
+        )
+    return sentences
+
+
+def _where(error: ConstitutiveError) -> str:
+    """Say in which cells most of the squared error is; collective."""
+    domain = error.domain
+    comm = domain.comm
+    cells = cell_nodes(domain.mesh.geometry)[: domain.owned_cells]
+    middles = domain.mesh.geometry.x[cells].mean(axis=1)[:, : domain.dim]
+    rows = gather_rows(comm, square=error.indicators**2, middle=middles)
+    return str(comm.bcast(_place_of(rows["square"], rows["middle"]) if rows else None))
+
+
+def _place_of(square: np.ndarray, middle: np.ndarray) -> str:
+    """Say where most of the squared error is, of all cells."""
+    total = square.sum()
+    if total == 0.0:
+        return "Where: nowhere."
+    order = np.argsort(-square)
+    number = int(np.searchsorted(np.cumsum(square[order]), MOST * total)) + 1
+    worst = place_words(middle[order[0]])
+    return (
+        f"Where: {percent(MOST)} of its square is in {number} of {len(square)} cells, the worst "
+        f"around {worst}."
+    )
+
+
+def _how_many_cells(certificate: Certificate, accuracy: float) -> str:
+    """Say how many cells would do for an accuracy; collective."""
+    error = certificate.error
+    wanted = percent(accuracy)
+    if error.total <= accuracy:
+        return f"The mesh of {error.domain.cells} simplices does for {wanted}."
+    if certificate.cause != "the mesh":
+        return f"A finer mesh alone does not lead to {wanted}: see what most of the error is."
+    cells = size_map(error, accuracy).predicted_cells
+    doubt = "; a mesh as coarse as this one foresees it badly" * (error.total > PREDICTIVE_ERROR)
+    return (
+        f"For {wanted} about {cells:.0f} simplices would do, where the picture of the error says; "
+        f"this mesh has {error.domain.cells}{doubt}."
+    )
+
+
+def _of_forces(forces: Sequence[BoundedForce], name: str) -> str:
+    """Say which forces of the result are outside their intervals."""
+    outside = [f"{row.part} along {row.axis}" for row in forces if row.is_outside]
+    known = sum(row.bounds is not None for row in forces)
+    if not outside:
+        return f"Forces: {known} of {len(forces)} have an interval, and {name} is in all of these."
+    return f"Forces: those of {name} on {', '.join(outside)} are outside their intervals."
