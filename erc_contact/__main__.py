@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Callable, Sequence
-from typing import IO
+from typing import Any
 
 from mpi4py import MPI
 
@@ -30,7 +30,7 @@ REFUSED = 2
 class Parser(ArgumentParser):
     """Read a command line, and write on rank 0 alone."""
 
-    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         """Write help or an error."""
         if MPI.COMM_WORLD.rank == 0:
             super()._print_message(message, file)

@@ -15,6 +15,8 @@ from namedmesh.pictures import on_root
 
 PICTURE = "parts.png"
 """Name of the picture of the parts."""
+NEAR = 1e-6
+"""Distance of parts that touch, over the extent of the bodies [-]."""
 
 
 def say(*paragraphs: object) -> None:
@@ -39,14 +41,18 @@ def folder_of(arguments: Namespace, ending: str) -> Path:
 
 def write_words(path: Path, words: str) -> None:
     """Write a text on rank 0; collective."""
-    on_root(MPI.COMM_WORLD, path, lambda: path.write_text(f"{words}\n"))
+
+    def write() -> None:
+        path.write_text(f"{words}\n")
+
+    on_root(MPI.COMM_WORLD, path, write)
 
 
 def show_parts(arguments: Namespace) -> int:
     """Print names, areas and pairs of a mesh, a drawing or a deck; draw its parts."""
     domain = read_mesh(arguments.file, size=arguments.size)
     words = [str(domain.parts())]
-    pairs = domain.touching()
+    pairs = domain.touching(within=NEAR * domain.extent)
     if len(pairs):
         words += ["", str(pairs)]
     say(repr(domain), "", *words, "")

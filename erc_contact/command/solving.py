@@ -22,9 +22,9 @@ def solve_deck(arguments: Namespace) -> int:
     say(deck, "")
     run = _run(deck, arguments)
     run.save(folder, pictures=arguments.pictures or None)
-    forces = "\n".join(in_columns(bounded_forces(run.error)))
+    forces = in_columns(bounded_forces(run.error))
     write_words(folder / "forces.txt", forces)
-    say("", run.outcome, "", "Forces on the parts at the end:", forces, "")
+    say("", "Forces on the parts at the end:", forces, "")
     say(f"Report: {folder / 'report.html'}")
     return int(not run.reached)
 
