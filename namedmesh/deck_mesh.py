@@ -27,6 +27,7 @@ from namedmesh.files.displacements import edge_nodes
 from namedmesh.files.faces import Faces, faces_of
 from namedmesh.files.file_mesh import SHAPES, ElementSet, FacetSet, FileMesh
 from namedmesh.files.of_abaqus import FACES, blocks_of
+from namedmesh.files.simplices import split
 from namedmesh.graphs import components
 from namedmesh.simplex import measures
 
@@ -332,6 +333,23 @@ class DeckMesh:
         for block, numbers in zip(self.body.cells, self.body.numbers, strict=True):
             middles[numbers] = self.x[block.nodes].mean(axis=1)
         return middles
+
+    def with_values(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return points, corners of simplices, and values at all points.
+
+        Points inside cells that are split have the mean of the corners.
+
+        Args:
+            values: Values at the points of the deck, shape (n,).
+        """
+        simplices = split(self.body, self.faces)
+        of_cells = np.zeros(self.body.count)
+        for block, numbers in zip(self.body.cells, self.body.numbers, strict=True):
+            of_cells[numbers] = values[block.nodes].mean(axis=1)
+        every = np.zeros(len(simplices.x))
+        every[simplices.cells] = of_cells[simplices.parents][:, None]
+        every[: len(values)] = values
+        return simplices.x, simplices.cells, every
 
     @cached_property
     def bodies(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spin
 from erc_contact.decks.histories import Entry
+from erc_contact.decks.nodal import NodalTable
 from erc_contact.decks.plan import Heat, Volume
 from erc_contact.decks.reading import MaterialCards, Reading
 from erc_contact.decks.supports import HeldFaces
@@ -226,17 +227,14 @@ def volumes_of(
                 reading.told.refuse(load.card, f"it acts on a part of the region {region!r}.")
                 return []
             values[region] = (density or 0.0) * float(inside.all())
-        if len(set(values.values())) > 1:
-            reading.told.refuse(
-                load.card,
-                "the force per volume differs between regions: one density for all regions is "
-                "read.",
-            )
-            return []
-        density = next(iter(values.values()))
         force = _force_per_mass(load, reading.mesh.d)
-        value = tuple(component.times(density) for component in force)
-        result.append(replace(entry, what=Volume(value)))
+        whole = len(set(values.values())) == 1
+        for region, density in values.items():
+            value = tuple(component.times(density) for component in force)
+            if density:
+                result.append(replace(entry, what=Volume(None if whole else region, value)))
+            if whole:
+                break
     return result
 
 
@@ -272,15 +270,12 @@ def heat_of(reading: Reading) -> list[Entry]:
         change[is_given] = temperature[every][is_given] - initial[is_given]
     result = []
     for entry, change in together.values():
-        value = fitted(mesh.x[every], change)
-        if value is None:
-            reading.told.refuse(
-                entry.what.card,
-                "the change of the temperature is not linear in the position: give "
-                "`ec.ThermalStrain(alpha, T)` with a callable of x.",
-            )
-            return []
-        result.append(replace(entry, what=Heat(value)))
+        field: Affine | NodalTable | None = fitted(mesh.x[every], change)
+        if field is None:
+            values = np.zeros(len(mesh.x))
+            values[every] = change
+            field = NodalTable(*mesh.with_values(values))
+        result.append(replace(entry, what=Heat(field)))
     return result
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from erc_contact.decks.affine import Affine
 from erc_contact.decks.histories import Entry
+from erc_contact.decks.nodal import NodalTable
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,9 @@ class PushedParts:
 
 @dataclass(frozen=True)
 class Volume:
-    """Hold a force per volume in the whole body, d components."""
+    """Hold a force per volume in a region, or in the whole body; d components."""
 
+    region: str | None
     value: tuple[Affine, ...]
 
 
@@ -42,7 +44,7 @@ class Volume:
 class Heat:
     """Hold a change of the temperature in the whole body."""
 
-    change: Affine
+    change: Affine | NodalTable
 
 
 @dataclass(frozen=True)

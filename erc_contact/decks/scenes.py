@@ -84,25 +84,34 @@ def _loads(plan: Plan, t: float) -> list[Any]:
     for part, traction in tractions.items():
         if any(value != zero for value in traction):
             loads.append(Traction(part, tuple(value.value for value in traction)))
-    volume = [zero] * plan.d
+    volumes: dict[str | None, list[Affine]] = {}
     for entry in plan.at("volume", t):
         new = [value.times(entry.factor(t)) for value in entry.what.value]
-        volume = [a.plus(b) for a, b in zip(volume, new, strict=True)]
-    if any(value != zero for value in volume):
-        loads.append(BodyForce(tuple(value.value for value in volume)))
+        known = volumes.get(entry.what.region, [zero] * plan.d)
+        volumes[entry.what.region] = [a.plus(b) for a, b in zip(known, new, strict=True)]
+    for region, volume in volumes.items():
+        if any(value != zero for value in volume):
+            loads.append(BodyForce(tuple(value.value for value in volume), region))
     return loads
 
 
 def _strains(plan: Plan, t: float) -> list[ThermalStrain]:
     """Return the strain of heat at a time."""
-    change = constant(0.0, plan.d)
-    for entry in plan.at("heat", t):
-        change = change.plus(entry.what.change.times(entry.factor(t)))
-    if change == constant(0.0, plan.d) or not any(plan.alphas.values()):
+    if not any(plan.alphas.values()):
         return []
+    linear = constant(0.0, plan.d)
+    changes: list[Any] = []
+    for entry in plan.at("heat", t):
+        change = entry.what.change.times(entry.factor(t))
+        if isinstance(change, Affine):
+            linear = linear.plus(change)
+        elif entry.factor(t):
+            changes.append(change)
+    if linear != constant(0.0, plan.d):
+        changes.append(linear.value)
     values = set(plan.alphas.values())
     alpha: Any = values.pop() if len(values) == 1 else dict(plan.alphas)
-    return [ThermalStrain(alpha, change.value)]
+    return [ThermalStrain(alpha, change) for change in changes]
 
 
 def _contact(joint: Joint) -> Contact:

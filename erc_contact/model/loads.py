@@ -95,4 +95,7 @@ def _density(space: Space, load: Load) -> Ufl:
         values = evaluate(density, space.mesh, points, entities)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what} is not finite everywhere; look at its callables.")
+    region = getattr(load, "region", None)
+    if region is not None:
+        density = space.indicator(space.domain.region(region)) * density
     return space.on_meridian(density)
