@@ -20,12 +20,12 @@ mesh that cuts the cells as sigma^ does and refines them three times.
 ``steps``: the same of steps of histories that turn the push back, given their history.
 
 ``heated``: the same of blocks with random given strains, where the contact has no
-friction or a given one.
+friction or Tresca's.
 
 ``sprung``: the same with springs on the sides. ``turned``: see ``attack_springs.py``.
 
 ``foundations``: the same on compliant foundations; ``tangential``: on foundations that
-give way tangentially, half of them along the normal, too, with given friction;
+are tangentially compliant, half of them along the normal, too, with Tresca friction;
 ``layers``: with such a layer between two bodies.
 
 ``tightening``: see ``attack_tightening.py``; ``plane``, ``space``: the certificates of
@@ -232,7 +232,7 @@ def compared(cases: list[Case]) -> None:
 
 
 def given_friction(rng: np.random.Generator) -> tuple[ec.Scene, ec.Domain, int]:
-    """Make a random block whose contact has no friction or a given one, and its degree.
+    """Make a random block whose contact has no friction or Tresca's, and its degree.
 
     On such scenes e is proved to bound the errors of displacement and stress.
     """
@@ -244,7 +244,7 @@ def given_friction(rng: np.random.Generator) -> tuple[ec.Scene, ec.Domain, int]:
 
 
 type Change = Callable[[np.random.Generator, ec.Scene], ec.Scene]
-"""Makes another scene of a block with given friction."""
+"""Makes another scene of a block with Tresca friction."""
 
 
 def compared_blocks(seed: int, count: int, change: Change) -> None:
@@ -281,7 +281,7 @@ def turned(seed: int = 0, count: int = 300) -> None:
 def rigid(seed: int = 0, count: int = 50) -> None:
     """Print the same of blocks that a rigid face presses and turns.
 
-    Without friction the face turns freely: a given friction might overturn the block.
+    Without friction the face turns freely: Tresca friction might overturn the block.
     The resultant is inside the middle third of the base, so that even a base of one
     facet has a traction that balances it.
     """
@@ -311,12 +311,12 @@ def foundations(seed: int = 0, count: int = 50) -> None:
 
 
 def tangential(seed: int = 0, count: int = 50) -> None:
-    """Print the same of blocks on foundations that give way tangentially."""
+    """Print the same of blocks on tangentially compliant foundations."""
     compared_blocks(seed, count, tangentially_bedded)
 
 
 def tangentially_bedded(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
-    """Put a block on a foundation that gives way tangentially, with given friction."""
+    """Put a block on a tangentially compliant foundation, with Tresca friction."""
     sheared = random_foundation(rng)["foundation"].normal
     bed = random_foundation(rng)
     normal = bed["foundation"].normal if rng.random() < 0.5 else None
@@ -357,7 +357,7 @@ def plane(seed: int = 0, count: int = 40) -> None:
 
 
 def space(seed: int = 0, count: int = 4) -> None:
-    """Print the same in space."""
+    """Print the same in 3D."""
     print(summary_of_certificates(certificates(seed, count, random_sliding_box)), flush=True)
 
 

@@ -3,7 +3,7 @@
 The question is whether q +- change and what is claimed hold on the refined mesh.
 
     OMP_NUM_THREADS=1 python benchmarks/attack_certificates.py [seed] [count in the
-    plane] [count in space]
+    plane] [count in 3D]
 
 Each scene is certified on its mesh and on the mesh that is refined once:
 

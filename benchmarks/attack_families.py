@@ -175,7 +175,7 @@ def random_foundation(rng: np.random.Generator) -> dict[str, Any]:
     return {"foundation": foundation, "gap": gaps[int(rng.integers(2))]}
 
 
-# -- blocks with Coulomb friction, in the plane and in space
+# -- blocks with Coulomb friction, in the plane and in 3D
 # ---------------------------------------------------------
 
 
@@ -199,7 +199,7 @@ def random_sliding_block(rng: np.random.Generator) -> Sample:
 
 
 def random_sliding_box(rng: np.random.Generator) -> Sample:
-    """Make a block in space with Coulomb friction whose top is moved."""
+    """Make a block in 3D with Coulomb friction whose top is moved."""
     sizes = [float(size) for size in rng.uniform(0.7, 1.6, 2)] + [1.0]
     count = int(rng.integers(2, 5))
     cells = [max(2, round(count * size)) for size in sizes]

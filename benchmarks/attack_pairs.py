@@ -1,6 +1,6 @@
 """Attack the equilibrium that pairs claim, by an evaluation of its own, in numpy alone.
 
-Random scenes of one to three bodies in the plane and in space: moduli with ratios from
+Random scenes of one to three bodies in the plane and in 3D: moduli with ratios from
 1e-12 to 1e12, units of force from 1e-25 to 1e12 and of length from 1e-9 to 1e9, bodies
 that a contact alone holds, that hang on a vertex, that lie in a round bowl, or that are
 one cell; solutions, and `certify` of zeros, translations, rotations and noise. On 1, 2

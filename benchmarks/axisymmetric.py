@@ -10,7 +10,7 @@ Each pair is compared with the solution of degree 2 on a nested mesh, three refi
 finer:
 
 - index: e over the energy norm of the error of u^;
-- both: e over the norm of the errors of u^ and sigma^, without friction or with given
+- both: e over the norm of the errors of u^ and sigma^, without friction or with Tresca
   friction; it may be below 1 by what the reference lacks;
 - own: what is missing in equilibrium at random points, by differences with numpy alone:
   axial forces, the definition of the hoop stress, jumps, cone, stresses on the axis;
@@ -242,9 +242,7 @@ def sigma_at(pair: Admissible, cell: np.ndarray, places: np.ndarray, x: np.ndarr
     # Each point may be in another piece of its cell.
     for q in range(x.shape[1]):
         sigma[:, q] = macro_values(pair.stress, k, cell, places[:, q : q + 1])[:, 0]
-    if pair.model.hoop_load is not None:
-        sigma[..., -1] += pair.model.hoop_load(x, cell)
-    return sigma
+    return pair.model.hoop_load.plus(sigma, x, cell)
 
 
 def parents(pair: Admissible, middles: np.ndarray) -> np.ndarray:

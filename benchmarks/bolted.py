@@ -1,4 +1,4 @@
-"""Make two plates and a bolt through them, of boxes, in the plane or in space."""
+"""Make two plates and a bolt through them, of boxes, in the plane or in 3D."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ UPPER, LOWER, HEIGHT, CUT = 2.0, -1.5, 1.0, 0.5
 
 
 def bolted_plates(d: int, size: float, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
-    """Make one half of the joint, in space a quarter, with square sections; collective.
+    """Make one half of the joint, in 3D a quarter, with square sections; collective.
 
-    The planes of symmetry are x = 0, and y = 0 in space. The plates reach from z = -1.5
+    The planes of symmetry are x = 0, and y = 0 in 3D. The plates reach from z = -1.5
     to 0 and from 0 to 2 (y in the plane), the joint is between them.
 
     Args:

@@ -2,7 +2,7 @@
 
 A scene is a stack of two to six leaves in the plane, each 1 to 50 times as long as
 thick, held at one end or lying on a foundation, bent by a displacement or a load, with
-gaps that are constant or parabolic, without friction or with given friction, of degree
+gaps that are constant or parabolic, without friction or with Tresca friction, of degree
 1 or 2, by the default method or the augmented Lagrangian. For each it prints the steps
 of Newton's method and of interior points together; then their distribution.
 
@@ -92,7 +92,7 @@ def random_stack(rng: np.random.Generator) -> Stack:
     by = "default" if method is None else "multiplier"
     name = (
         f"{count} leaves 1:{slenderness:.0f}, {drive}, {kind}, "
-        f"{'given friction' if friction else 'no friction'}, degree {degree}, {by}"
+        f"{'Tresca friction' if friction else 'no friction'}, degree {degree}, {by}"
     )
     return Stack(name, scene, domain, method, degree)
 

@@ -156,7 +156,7 @@ TABLE = (
 def bounds() -> None:
     """Print the bounds of ten scenes and more.
 
-    References are four times finer than the cut mesh, two times in space.
+    References are four times finer than the cut mesh, two times in 3D.
     """
     print(TABLE)
     for mu in (0.1, 0.3, 0.6, 0.8):

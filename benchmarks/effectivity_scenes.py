@@ -38,7 +38,7 @@ class Case:
     max_fine: int = MAX_FINE
 
     def of_degree(self, degree: int) -> ec.Scene:
-        """Make the scene whose data the degree carries exactly."""
+        """Make the scene whose data elements of the degree represent exactly."""
         return self.scene if isinstance(self.scene, ec.Scene) else self.scene(degree)
 
     def truth(self, solution: ec.Solution, degree: int) -> Reference:
@@ -170,9 +170,9 @@ def cubes(*n: int) -> tuple[Callable[[], ec.Domain], ...]:
 CASES = {
     "block, friction 0.3": Case(block(0.3), blocks(4, 8, 16)),
     "block, frictionless": Case(block(0.0), blocks(4, 8, 16)),
-    "block, given friction": Case(block(ec.Tresca(0.0015)), blocks(4, 8, 16)),
+    "block, Tresca friction": Case(block(ec.Tresca(0.0015)), blocks(4, 8, 16)),
     "opening block, frictionless": Case(opening(0.0), blocks(4, 8, 16)),
-    "opening block, given friction": Case(opening(ec.Tresca(0.0015)), blocks(4, 8, 16)),
+    "opening block, Tresca friction": Case(opening(ec.Tresca(0.0015)), blocks(4, 8, 16)),
     "block, nu 0.49": Case(block(0.3, 0.49), blocks(8, 16)),
     "block, frictionless, nu 0.49": Case(block(0.0, 0.49), blocks(8, 16)),
     "GRECO": Case(greco(), squares(40.0, 8, 16, 32)),

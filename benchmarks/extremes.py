@@ -43,7 +43,6 @@ from erc_contact.model.contact.contact_values import friction_parameters
 
 from erc_contact.admissible.cells import cell_geometry  # isort: skip
 from erc_contact.model.contact.trace import split  # isort: skip
-from erc_contact.model.data.expressions import evaluate  # isort: skip
 from namedmesh.simplex import lagrange, rule  # isort: skip
 
 METHODS: tuple[Any, ...] = (ec.Nitsche(), ec.AugmentedLagrangian())
@@ -109,9 +108,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
     shape = lagrange(space.d - 1, space.degree, points)
     values = u.x.array.reshape(-1, space.d)
     size = np.linalg.norm(values, axis=1).max() or 1.0
-    tractions = [
-        evaluate(solution.traction(c), space.mesh, points, c.facets) for c in model.contacts
-    ]
+    tractions = [space.evaluate(solution.traction(c), points, c.facets) for c in model.contacts]
     # an open contact has round-off of the stress inside, so that this is a scale, too
     peaks = [abs(cell_stress(model, cell_geometry(space), u).in_plane).max()]
     peaks += [np.linalg.norm(traction, axis=-1).max() for traction in tractions]
@@ -127,7 +124,7 @@ def violations(solution: ec.Solution) -> tuple[float, float, float, float]:
         w = np.einsum("qm,fmi->fqi", shape, values[space.facet_nodes(contact.facets)]) / size
         gap: float | np.ndarray = 0.0
         if contact.gap is not None:
-            gap = evaluate(contact.gap, space.mesh, points, contact.facets) / size
+            gap = space.evaluate(contact.gap, points, contact.facets) / size
         area = space.facet_areas(contact.facets)
         r_n, r_t, shear = split(r, n)
         w_n, w_t, slip = split(w, n)

@@ -1,7 +1,7 @@
 """Measure e against the true errors of random bodies that nothing holds.
 
 A scene is one body whose modulus varies, or two bodies pressed on each other, in the
-plane or in space, of degree 1 or 2, by both methods and solvers. A random stress in
+plane or in 3D, of degree 1 or 2, by both methods and solvers. A random stress in
 equilibrium gives the tractions on all sides, so the loads are in balance. For each
 scene it prints e over both errors, which is above 1; then the least one.
 
@@ -92,7 +92,7 @@ def _linear(value: float, slopes: np.ndarray) -> Callable[[Any], Any]:
 def random_free(rng: np.random.Generator, number: int) -> FreeScene:
     """Make one body whose modulus varies, or two bodies on each other."""
     d = 3 if number % 4 == 3 else 2
-    kind = ("one body", "two bodies", "two bodies with given friction")[number % 3]
+    kind = ("one body", "two bodies", "two bodies with Tresca friction")[number % 3]
     cells = (int(rng.integers(3, 7)), 3) if d == 2 else (2, 2, 1)
     domain = glued(d, cells)
     ratio = float(np.exp(rng.uniform(-2, 2)))

@@ -24,7 +24,6 @@ from true_errors import FACET_DEGREE, Reference  # isort: skip
 from true_errors import normal_traction_at, reference, true_errors  # isort: skip
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.model.data.expressions import evaluate
 from namedmesh.simplex import rule
 
 LEVELS = 3
@@ -69,12 +68,12 @@ def pressed_gap(pair: Admissible, exact: Reference) -> float:
     (contact,) = model.contacts
     points, weights = rule(space.d - 1, FACET_DEGREE)
     facets = contact.facets
-    x = evaluate(space.x, space.mesh, points, facets)
-    w = evaluate(contact.jump(exact.u), space.mesh, points, facets)
+    x = space.evaluate(space.x, points, facets)
+    w = space.evaluate(contact.jump(exact.u), points, facets)
     w_n = (w * contact.direction[:, None]).sum(axis=-1)
     gap = np.zeros_like(w_n)
     if contact.gap is not None:
-        gap = evaluate(contact.gap, space.mesh, points, facets).reshape(w_n.shape)
+        gap = space.evaluate(contact.gap, points, facets).reshape(w_n.shape)
     r_n = normal_traction_at(pair, 0, exact.parent[facets[:, 0]], x)
     return float(space.facet_areas(facets) @ ((-r_n * (gap - w_n)) @ weights))
 

@@ -115,7 +115,7 @@ def mean_of_body(force: np.ndarray) -> Wanted:
 
 
 def random_axis(rng: np.random.Generator, d: int) -> np.ndarray | None:
-    """Return a random axis in space, None in the plane."""
+    """Return a random axis in 3D, None in the plane."""
     return None if d == 2 else rng.standard_normal(3)
 
 

@@ -4,7 +4,7 @@ Blocks are pressed on a foundation by a support, or by a rigid face that may tur
 the contact is "free", a part of it opens, and its edge moves with the load. Where it is
 "settled", all of it is closed, and it slides all over or has no friction. The order is
 the slope of the logarithm of the width over the logarithm of e, on meshes refined one
-after the other: four in the plane, in space three of degree 1 and two of degree 2.
+after the other: four in the plane, in 3D three of degree 1 and two of degree 2.
 "last" is the order of the last two meshes. Orders are medians over the scenes.
 """
 

@@ -1,6 +1,6 @@
 """Measure runs that aim at a number: what they cost, and what they save.
 
-``cost``: random blocks in the plane and in space (:mod:`goals`), one goal each.
+``cost``: random blocks in the plane and in 3D (:mod:`goals`), one goal each.
 "seconds" is the time of the run over the time of a run that solves and measures e on
 the same meshes, and "width" the width of its last interval over the narrowest of
 several t on the last mesh (``interval``). ``runs``: forces to 1%, against runs by eps
@@ -211,5 +211,5 @@ def runs(_: int = 0) -> None:
 
 
 def _resultant(error: ec.ConstitutiveError, goal: Any) -> ec.Bounds:
-    """Return the interval of one lifting."""
+    """Return the lifting bound."""
     return ec.resultant(error, goal.part, goal.direction)

@@ -1,10 +1,10 @@
 """Measure intervals for single numbers: do they hold, how wide, how fast they fall.
 
 ``plane``: random blocks (size, cells, Poisson's ratio, loads that open or press,
-degree; without friction, with given friction or Coulomb's), ``space``: the same in 3D.
+degree; without friction, with Tresca friction or Coulomb's), ``space``: the same in 3D.
 The goals are the force on the top, the force on the contact below, and the mean
 displacement of the right side. An interval is called false where it lies apart from the
-interval of a mesh refined three times (in space once) with elements of degree 2. "half
+interval of a mesh refined three times (in 3D once) with elements of degree 2. "half
 width" is over the number, "narrower" the width of ``resultant`` over the width of
 ``interval``, and "order" the exponent of the width in e on a mesh refined once.
 
@@ -102,7 +102,7 @@ def plane(seed: int = 0, count: int = 60) -> None:
 
 
 def space(seed: int = 0, count: int = 8) -> None:
-    """Print the table of blocks in space."""
+    """Print the table of blocks in 3D."""
     compare(seed, count, 3)
 
 
@@ -211,7 +211,7 @@ def forces(seed: int = 0, count: int = 110) -> None:
 
 
 def forces_in_space(seed: int = 0, count: int = 12) -> None:
-    """Print the table of forces, mean displacements and energies in space."""
+    """Print the table of forces, mean displacements and energies in 3D."""
     against_fields(pressed, seed, count, 3)
 
 
@@ -221,7 +221,7 @@ def aimed(seed: int = 0, count: int = 100) -> None:
 
 
 def rotations_in_space(seed: int = 0, count: int = 12) -> None:
-    """Print the table of rotations of rigid faces in space."""
+    """Print the table of rotations of rigid faces in 3D."""
     against_fields(rotating, seed, count, 3)
 
 
@@ -231,7 +231,7 @@ def moments(seed: int = 0, count: int = 40) -> None:
 
 
 def moments_in_space(seed: int = 0, count: int = 6) -> None:
-    """Print the table of moments and rotations in space."""
+    """Print the table of moments and rotations in 3D."""
     against_fields(turned, seed, count, 3)
 
 
@@ -246,7 +246,7 @@ def contacts(seed: int = 0, count: int = 40) -> None:
 
 
 def contacts_in_space(seed: int = 0, count: int = 6) -> None:
-    """Print the table of forces and moments between bodies in space."""
+    """Print the table of forces and moments between bodies in 3D."""
     against_fields(stacked, seed, count, 3)
 
 
@@ -256,7 +256,7 @@ def functionals(seed: int = 0, count: int = 40) -> None:
 
 
 def functionals_in_space(seed: int = 0, count: int = 6) -> None:
-    """Print the table of numbers that are linear in u, in space."""
+    """Print the table of numbers that are linear in u, in 3D."""
     against_fields(weighed, seed, count, 3)
 
 
@@ -266,7 +266,7 @@ def cost(seed: int = 0, count: int = 40) -> None:
 
 
 def cost_in_space(seed: int = 0, count: int = 12) -> None:
-    """Print what runs in space cost."""
+    """Print what runs in 3D cost."""
     cost_of_runs(random_block, goals, seed, count, 3)
 
 
@@ -276,7 +276,7 @@ def orders(seed: int = 0, count: int = 8) -> None:
 
 
 def orders_in_space(seed: int = 0, count: int = 6) -> None:
-    """Print the orders of widths in space."""
+    """Print the orders of widths in 3D."""
     orders_of_blocks(seed, count, 3)
 
 

@@ -2,7 +2,7 @@
 
 - ``blocks``: an upper block lies on a lower one that is three times as stiff, with
   friction. Its top is pressed down and moved aside, as a given displacement; the strain
-  is plane, or the blocks are in space, with ``--dim 3``. All have the mesh of one gmsh
+  is plane, or the blocks are in 3D, with ``--dim 3``. All have the mesh of one gmsh
   file, whose sides match. The finest run of this package is the reference.
 - ``ball``: a bonded layer is moved towards a ball, both turned bodies; GetFEM has the
   weight of the rings by hand, CalculiX its elements CAX6. The reference is an integral
@@ -55,7 +55,7 @@ def main() -> None:
     asked = parser.parse_args()
     scene, dim = SCENES[asked.scene], asked.dim
     if dim not in scene.FORCES:
-        parser.error(f"{asked.scene} is not in space")
+        parser.error(f"{asked.scene} is not in 3D")
     with tempfile.TemporaryDirectory() as folder:
         found = measure(list(scene.rows(Path(folder), dim)))
     best = scene.REFERENCE or (found[-1].force, found[-1].energy)

@@ -1,6 +1,6 @@
 """The scene of two blocks with friction for other_codes.py, and its decks.
 
-It is in the plane or in space, where both blocks have the depth 2.
+It is in the plane or in 3D, where both blocks have the depth 2.
 """
 
 from __future__ import annotations

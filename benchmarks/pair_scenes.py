@@ -225,7 +225,7 @@ def stacked(
 def in_a_bowl(
     d: int, length: float, cells: list[tuple[int, ...]], comm: MPI.Comm
 ) -> tuple[list[str], ec.Domain]:
-    """Make half a ring in half a ring, tubes in space, with the same facets.
+    """Make half a ring in half a ring, tubes in 3D, with the same facets.
 
     A side has 21 vertices at least, enough for the quadric that gives its normals.
     """

@@ -1,12 +1,12 @@
 """Certify random bodies with a potential, and test e against the exact energy.
 
-A scene is a body in the plane, of revolution or in space, or two bodies in the plane,
+A scene is a body in the plane, of revolution or in 3D, or two bodies in the plane,
 pressed and pushed by displacements and loads on a foundation, without friction or with
-given friction, of degree 1 or 2, by Nitsche's method or the augmented Lagrangian. Its
+Tresca friction, of degree 1 or 2, by Nitsche's method or the augmented Lagrangian. Its
 law is plasticity with isotropic, kinematic or both hardenings, 1% to 100% of E, and
 loads from below yielding to ten times as much; or two moduli in tension and
 compression; or fibres that carry tension only. A reference is three uniform refinements
-finer (two in space), of degree 2: the exact energy J(u) is in its interval. Told are
+finer (two in 3D), of degree 2: the exact energy J(u) is in its interval. Told are
 
     violations   e^2/2 < J(u^) - J(u), or e^2/2 < J*(sigma^) - J*(sigma), for each J(u)
                  of the interval: none is allowed
@@ -81,7 +81,7 @@ class Body:
     @property
     def name(self) -> str:
         """Tell what the body is."""
-        of_friction = "given friction" if self.friction else "smooth"
+        of_friction = "Tresca friction" if self.friction else "smooth"
         bodies = "two bodies, " if self.is_double else ""
         return (
             f"{self.kind}, {bodies}{self.words}, degree {self.degree}, {of_friction}, "

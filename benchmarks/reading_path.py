@@ -202,7 +202,7 @@ def features() -> Iterator[tuple[str, Callable[[], object]]]:
     driven = (lambda x: 0.01 * x[0], 0.0)
     soft = ec.Contact("bottom", friction=0.3, foundation=bed, motion=driven)
     on_bed = ec.Scene(MATERIAL, [PRESSED], contacts=[soft])
-    yield "Foundations that give way and move", lambda: certified(on_bed, square)
+    yield "Compliant foundations that move", lambda: certified(on_bed, square)
 
     stamp = ec.Rigid("top", (0.0, None), force=(None, -0.01), moment=0.0)
     yield "Rigid faces", lambda: certified(ec.Scene(MATERIAL, [stamp], contacts=[FRICTION]), square)

@@ -142,19 +142,19 @@ class Meshes:
         bounds = ec.resultant(self.error, part, direction)
         if bounds.weighted:
             raise ValueError(f"The resultant of {part} is weighted.")
-        return intersection(name, unit, [bounds], "one lifting")
+        return intersection(name, unit, [bounds], "lifting bound")
 
     def goal(self, goal: Any, unit: str, name: str, factor: float = 1.0) -> Number:
-        """Return a goal from three pairs, of a contact also from one lifting.
+        """Return the difference-quotient bound, of a contact also the lifting bound.
 
-        Not with Coulomb's friction, of which three pairs know too little.
+        Not with Coulomb's friction, of which the difference quotient knows too little.
         """
         bounds = [ec.interval(self.error, goal)]
         if goal.part in [contact.facets for contact in self.error.model.scene.contacts]:
             lifted = ec.resultant(self.error, goal.part, goal.direction)
             if not lifted.weighted:
                 bounds.append(lifted)
-        return intersection(name, unit, bounds, "three pairs", factor)
+        return intersection(name, unit, bounds, "difference-quotient bound", factor)
 
     def probe(self, name: str, unit: str, factor: float = 1.0) -> Number:
         """Return what a probe read on the last mesh, and the spread of the last."""

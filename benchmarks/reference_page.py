@@ -25,15 +25,16 @@ OMP_NUM_THREADS=1 python benchmarks/reference_values.py
 ```
 
 - **proved**: the exact number lies between low and high, up to round-off ([what is
-  guaranteed](number.md#what-is-guaranteed)): flat sides, no friction or a given one, data that
-  the mesh carries. Low and high are rounded outwards.
+  guaranteed](number.md#what-is-guaranteed)): flat sides, no friction or Tresca's, data
+  that the mesh represents exactly. Low and high are rounded outwards.
 - **estimate**: an interval that is not proved, because of Coulomb friction or curved sides; or
   the number of the finest mesh, to either side the spread of the last three meshes of the run
   ("last meshes"), which bounds nothing.
 - **The way**: "energies" is the intersection of the intervals of all meshes of the run, where
-  they are proved, "one lifting" is {{py:func}}`erc_contact.resultant` on the last mesh, "three
-  pairs" {{py:func}}`erc_contact.interval`, of a contact both together ([bounds on single
-  numbers](number.md#bounds-on-single-numbers)). With Coulomb friction three pairs are not used.
+  they are proved, "lifting bound" is {{py:func}}`erc_contact.resultant` on the last mesh,
+  "difference-quotient bound" {{py:func}}`erc_contact.interval`, of a contact both together
+  ([bounds on single numbers](number.md#bounds-on-single-numbers)), which is not used
+  with Coulomb friction.
 - **Others** are closed forms, published figures and other codes: "inside" or "outside" the
   interval, up to the rounding of the figure. In brackets is the relative difference of a figure
   from the value, where there is no interval, or where the figure is of a simpler problem.

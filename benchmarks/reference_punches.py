@@ -186,7 +186,7 @@ def tilted_plate() -> Result:
 
 
 def block_in_space() -> Result:
-    """Press a block in space on a plane with a gap.
+    """Press a block in 3D on a plane with a gap.
 
     Box (0, 2) x (0, 1) x (0, 1), E = 1, nu = 0.3, no friction, on a foundation with the
     gap 0.004 x^2 along z. The top has u_z = -0.01, the side x = 0 u_x = 0, the side

@@ -61,7 +61,7 @@ def growing(support: ec.Displacement, width: float) -> ec.Displacement:
 
 
 def turned(extreme: Extreme, hole: float) -> tuple[ec.Scene, ec.Domain] | None:
-    """Return the scene as rings; None in space, and of rigid faces at the axis."""
+    """Return the scene as rings; None in 3D, and of rigid faces at the axis."""
     scene, domain = extreme.build()
     if domain.dim != 2 or not isinstance(scene.material, ec.Elastic):
         return None

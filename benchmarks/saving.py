@@ -2,8 +2,8 @@
 
     OMP_NUM_THREADS=1 python benchmarks/saving.py [scene]
 
-Scenes: short block, block (demos/block.py), cubes (in space), history and history in
-space (a block pushed to and fro), and the scenes of benchmarks/foreseen.py, of degrees
+Scenes: short block, block (demos/block.py), cubes (in 3D), history and history in
+3D (a block pushed to and fro), and the scenes of benchmarks/foreseen.py, of degrees
 1 and 2. Without a scene each has a process of its own, so that the first save imports
 matplotlib and pyvista. A short run is made twice: the second one compiles nothing.
 "allowed" is a second and a fifth of the run, and what is drawn in that time is in the
@@ -55,7 +55,7 @@ def cube_to(accuracy: float) -> ec.History:
 
 
 def history_in(d: int) -> ec.Evolution:
-    """Return the history of a block in the plane or in space."""
+    """Return the history of a block in the plane or in 3D."""
 
     def scene_at(t: float) -> ec.Scene:
         push = (0.01 * np.sin(t), *[0.0] * (d - 2), -0.02)
@@ -84,7 +84,7 @@ RUNS: dict[str, Callable[[], ec.History | ec.Evolution]] = {
     "cube of some seconds": lambda: cube_to(0.042),
     "large cube": lambda: cube_to(0.028),
     "history": lambda: history_in(2),
-    "history in space": lambda: history_in(3),
+    "history in 3D": lambda: history_in(3),
     "wedge": problem_of("plane", "wedge", 1),
     "wedge, degree 2": problem_of("plane", "wedge", 2),
     "bent bar, degree 2": problem_of("plane", "bent_bar", 2),

@@ -1,10 +1,10 @@
-"""Run a grid of scenes in space with both solvers and both methods.
+"""Run a grid of scenes in 3D with both solvers and both methods.
 
 Do they converge, and to the same error?
 
 Poisson's ratio to 0.4999 with friction 0 to 5, slender bodies, flat and graded cells,
 jumps of the modulus, spheres, rollers, several contacts, bodies that only contacts
-hold, given friction, a bilateral contact.
+hold, Tresca friction, a bilateral contact.
 
     OMP_NUM_THREADS=1 python benchmarks/solvers.py [--degree 1]
 
@@ -111,7 +111,7 @@ def scenes() -> dict[str, Callable[[], Pair]]:
     walls = ("bottom", "left", "front")
     grid["three walls"] = lambda: standing((-0.5, -0.5, -1.0), cube(4), parts=walls, friction=0.1)
     grid["three smooth walls"] = lambda: standing((-0.5, -0.5, -1.0), cube(4), parts=walls)
-    grid["given friction"] = lambda: pressed(cube(4), friction=ec.Tresca(0.01))
+    grid["Tresca friction"] = lambda: pressed(cube(4), friction=ec.Tresca(0.01))
     grid["bilateral"] = lambda: pressed(cube(4), friction=ec.Tresca(0.01), bilateral=True)
     return grid
 

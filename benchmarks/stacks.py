@@ -2,7 +2,7 @@
 
 A partial overlap, a contact that opens everywhere, a sandwich whose middle only
 contacts hold, five blocks that their weight presses, a body that only a contact holds,
-one that only friction holds, and tied ones; in the plane and in space, degrees 1 and 2,
+one that only friction holds, and tied ones; in the plane and in 3D, degrees 1 and 2,
 both methods, both solvers. "check" is the largest deviation of the contact forces from
 what balance says of them, over the largest force. What fails is told in words.
 

@@ -150,7 +150,7 @@ def strut(rng: np.random.Generator) -> Case:
 
 
 def box(rng: np.random.Generator) -> Case:
-    """A box in space under an eccentric load that leans."""
+    """A box in 3D under an eccentric load that leans."""
     domain = ec.box((0.0,) * 3, (1.0, *rng.uniform(0.7, 1.5, 2)), cells=(3, 3, 3))
     p = 10 ** rng.uniform(-5, -2.5)
     load = ec.Traction("top", (0.05 * p, 0.03 * p, pressed(p, rng.uniform(-0.6, 0.6))))

@@ -5,7 +5,7 @@ Uniform refinement, marking and the optimal mesh, on five scenes.
     OMP_NUM_THREADS=1 python benchmarks/strategies.py [scene] [variant: 0, 1 or 2]
 
 Scenes: block (the paper's shape, clamped top), greco (SSNV128), hertz (half disc),
-bracket (an L with a fillet and bolt holes on a foundation), dome (a block in space on a
+bracket (an L with a fillet and bolt holes on a foundation), dome (a block in 3D on a
 spherical foundation). Writes a table, and figures to results/strategies. All runs start
 from the same mesh. Seconds are wall time, cpu the processor time of this process, which
 does not depend on what else the machine does.

@@ -42,7 +42,8 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from mpi4py import MPI  # isort: skip
 
 from erc_contact.run import checkpoint
-from erc_contact.run.levels import BLOCK, Damaged, Folder, unpack
+from erc_contact.run.levels import Folder, unpack_level
+from namedmesh.keeping import BLOCK, Damaged
 
 MESHES = Path(__file__).parent.parent / "meshes"
 SAME = 1e-8
@@ -219,7 +220,7 @@ def damage(seed: int) -> Counter:
 
 def accepted(content: bytes) -> bool:
     try:
-        unpack(content)
+        unpack_level(content)
     except Damaged:
         return False
     return True

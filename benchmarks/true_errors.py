@@ -6,7 +6,7 @@ The reference lives on a mesh that cuts each cell at its barycentre, as the admi
 stress does, and is then refined uniformly: on each of its cells u^ and sigma^ are
 polynomials, and all integrals are exact. The augmented Lagrangian keeps the contact
 conditions at the nodes exactly. Together: for frictionless scenes whose data the mesh
-carries,
+represents exactly,
 
     e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i
     R_i (u^_n - g)_i,  R_i <= 0,
@@ -35,7 +35,6 @@ from dolfinx.io.utils import distribute_entity_data
 from erc_contact.admissible.pair import Admissible
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.friction import CONSTANT
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.interface_map import InterfaceMap
@@ -201,7 +200,7 @@ def true_errors(pair: Admissible, exact: Reference) -> TrueErrors:
 
 
 def _displacement_on(pair: Admissible, exact: Reference) -> fem.Function:
-    """Interpolate u^ on the fine mesh, which carries it exactly."""
+    """Interpolate u^ on the fine mesh, which represents it exactly."""
     V = exact.model.space.V
     hat = fem.Function(V)
     cell = np.empty(len(V.tabulate_dof_coordinates()), dtype=np.int32)
@@ -269,14 +268,14 @@ def _third_term(pair: Admissible, exact: Reference, hat: fem.Function) -> float:
             continue
         assert exact.solution is not None, "a known solution whose friction depends on the pressure"
         n, facets = contact.direction[:, None, :], contact.facets
-        r = evaluate(exact.solution.traction(contact), model.space.mesh, points, facets)
-        x = evaluate(model.space.x, model.space.mesh, points, facets)
+        r = model.space.evaluate(exact.solution.traction(contact), points, facets)
+        x = model.space.evaluate(model.space.x, points, facets)
         parameters = friction_parameters(model.space, contact, points)
         bound = contact.friction_bound(np.maximum(-(r * n).sum(axis=-1), 0.0), parameters)
         bound = bound - bound_at(pair, which, exact.parent[facets[:, 0]], x)
         slips = []
         for u in (exact.u, hat):
-            w = evaluate(contact.jump(u), model.space.mesh, points, facets)
+            w = model.space.evaluate(contact.jump(u), points, facets)
             slips.append(np.linalg.norm(w - (w * n).sum(axis=-1, keepdims=True) * n, axis=-1))
         total += 2 * float(
             model.space.facet_areas(facets) @ ((bound * (slips[0] - slips[1])) @ weights)

@@ -7,7 +7,7 @@ with Coulomb's (0 to 1). "both" is e over ``sqrt(|u - u^|^2 + |sigma - sigma^|^2
 which the theorem says is at least 1 but for Coulomb's friction; "index" is e over ``|u
 - u^|``; "third" is the third term of the theorem over e^2. The reference is the
 augmented Lagrangian of degree 2 on a mesh that cuts the cells as sigma^ does and
-refines them three times, in space once.
+refines them three times, in 3D once.
 
 ``apart``: half a cylinder in a groove, or two bricks, in the plane. Both bodies keep
 their shapes across a clearance or an interference, and have facets of other sizes.
@@ -17,7 +17,7 @@ multiplier keeps no condition exactly at such a point, so the reference is Nitsc
 whose own error counts.
 
 ``extreme``, ``extreme_space``: which share of a grid of extreme scenes is solved and
-certified, in the plane and in space: friction 0 to 2, nu to 0.4999, ratios of moduli
+certified, in the plane and in 3D: friction 0 to 2, nu to 0.4999, ratios of moduli
 1e-6 to 1e6, slender bodies and flat cells, gaps and interference, both methods, both
 orders. What fails is told in words.
 
@@ -262,7 +262,7 @@ def plane(seed: int = 0, count: int = 100) -> None:
 
 
 def space(seed: int = 0, count: int = 10) -> None:
-    """Print the same in space."""
+    """Print the same in 3D."""
     compare(seed, count, 3)
 
 
@@ -316,7 +316,7 @@ SHAPES: dict[str, tuple[tuple[int, int], tuple[int, int, int], tuple[float, floa
     "slender 1:50": ((2, 12), (1, 1, 6), (50.0, 50.0)),
     "flat cells 1:100": ((4, 4), (2, 2, 2), (0.02, 0.02)),
 }
-"""Cells in the plane and in space, and heights of bricks of width 2."""
+"""Cells in the plane and in 3D, and heights of bricks of width 2."""
 
 
 def extreme(_seed: int = 0, _count: int = 0) -> None:
@@ -325,7 +325,7 @@ def extreme(_seed: int = 0, _count: int = 0) -> None:
 
 
 def extreme_space(_seed: int = 0, _count: int = 0) -> None:
-    """Print the same in space."""
+    """Print the same in 3D."""
     solve_extremes(3)
 
 

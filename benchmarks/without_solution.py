@@ -126,7 +126,7 @@ def given(rng: np.random.Generator, _: int) -> Family:
         push = ec.Traction("b0 left", (share * bound * width / height, 0.0))
         return ec.Scene(ELASTIC, loads=[own_weight(), push], contacts=[contact])
 
-    return Family("given friction", blocks(rng, width, np.array([0.0, height])), scene)
+    return Family("Tresca friction", blocks(rng, width, np.array([0.0, height])), scene)
 
 
 def wedge(rng: np.random.Generator, _: int) -> Family:

@@ -31,7 +31,7 @@ if not PATH.is_file():
 
 # %%
 # From the file to a certified force: the underside of the plate gets a name by a rule,
-# threads are tied, and what presses is a contact. Shanks in their holes are drawn
+# threads are tied, and what presses is a contact. Shanks in their holes are modelled
 # without play; tightened they are thinner than the holes, and their pairs are left out.
 
 ec.log_to_console()

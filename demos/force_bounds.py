@@ -19,8 +19,8 @@ the loads :math:`\ell(\varphi)`:
 So :math:`F_a` lies in an interval around the mean of the two forces. Its half-width is
 the radius times the energy norm of :math:`\varphi`. It is the narrowest for the
 :math:`\varphi` of least energy, which takes one elastic solve. The interval is proved
-without friction, and with given friction (Tresca's law: the shear is at most a given
-number). With Coulomb's friction it is an estimate, and says so.
+without friction, and with Tresca friction (the shear is at most a given number). With
+Coulomb's friction it is an estimate, and says so.
 """
 
 from pathlib import Path

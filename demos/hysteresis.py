@@ -95,7 +95,7 @@ for name, (evolution, _) in runs.items():
     )
     if root:
         shares = ", ".join(f"{energy:.3e}" for energy in taken)
-        print(f"{name}: {shares} in halves of cycles; the balance leaves {left:.1e}")
+        print(f"{name}: {shares} in halves of cycles; energy residual {left:.1e}")
     assert evolution.reached
     assert np.all(
         np.diff(evolution.column("dissipated"))

@@ -1,10 +1,10 @@
 r"""
-A ball pressed into a plastic layer and let go
-==============================================
+A ball pressed into a plastic layer and unloaded
+================================================
 
 A rigid ball of radius 100 is pressed into a steel layer of thickness 10 that is bonded
-to a plate. It is let go, pressed to the same depth again, and let go. The steel yields
-at 235 and hardens by 1% of Young's modulus. Lengths are in mm, stresses in MPa.
+to a plate. It is unloaded, pressed to the same depth again, and unloaded. The steel
+yields at 235 and hardens by 1% of Young's modulus. Lengths are in mm, stresses in MPa.
 
 Here the scene stands on its head, as all contacts of the package: the layer hangs below
 a plate that moves down, on a foundation with the gap :math:`r^2/2R`. Both are
@@ -36,7 +36,7 @@ TIMES = [0.25, 0.5, 0.75, *np.arange(1.0, 4.1, 0.2)]
 # %%
 # The plate moves. At a depth of ``FREE`` the layer has left the ball, and only residual
 # stresses are in it. ``Mark`` refines cells, which inherit their plastic strain without
-# loss; a mesh made anew moves it by what it does not carry.
+# loss; a mesh made anew moves it by what it does not represent.
 
 
 def depth(t):
@@ -113,7 +113,7 @@ if layer.comm.rank == 0:
     for name, (line, part) in shown.items():
         left.plot(path[part], taken[part], line, ms=4, lw=1, label=name)
     left.set(xlabel=r"depth of the plate [$\mu$m]", ylabel="force [kN]", xlim=0, ylim=0)
-    for name, (r, height) in (("pressed", deepest), ("let go", imprint)):
+    for name, (r, height) in (("pressed", deepest), ("unloaded", imprint)):
         right.plot(r, 1e3 * height, label=name)
     right.set(xlabel="$r$ [mm]", ylabel=r"surface [$\mu$m]", xlim=(0, 8))
     left.legend(frameon=False)

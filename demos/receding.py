@@ -127,8 +127,8 @@ for name, (run, load) in runs.items():
 bounds = ec.work_of_loads(light)
 
 # %%
-# The pressure against that on a rigid base. The softer bed gives way, so the pressure
-# spreads: its peak is lower, and the contact is wider.
+# The pressure against that on a rigid base. The softer bed is compliant, so the
+# pressure spreads: its peak is lower, and the contact is wider.
 
 if both.comm.rank == 0:
     for name, values in found.items():

@@ -3,7 +3,7 @@ A block on a sphere
 ===================
 
 A block of 2 x 2 x 1 is pressed on a rigid sphere below the middle of its lower face,
-and moved aside. In space Hertz's contact is a disc of radius :math:`a`, the pressure is
+and moved aside. In 3D Hertz's contact is a disc of radius :math:`a`, the pressure is
 a half ellipsoid:
 
 .. math::
@@ -20,7 +20,7 @@ little; friction holds them, and this raises the pressure in the middle by some 
 Hertz's, which is without friction.
 
 The formulas are for a half-space. The block is four contact radii high, so they hold up
-to some percent. In space the number of elements grows fast with the accuracy: some
+to some percent. In 3D the number of elements grows fast with the accuracy: some
 thousand tetrahedra of degree 2 reach 10% here. The error counts all of the stress
 field; forces and the size of the contact are much better than that.
 """

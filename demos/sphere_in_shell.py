@@ -4,7 +4,7 @@ A ball pressed into a shell
 
 A solid ball of radius :math:`R` is too thick by :math:`\delta` for the hollow of a
 shell, in which it sits. The two press on each other with the same pressure everywhere.
-This is the press fit in space, and Lame's formulas for it are
+This is the press fit in 3D, and Lame's formulas for it are
 
 .. math::
 

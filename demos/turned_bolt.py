@@ -5,8 +5,8 @@ A bolt with a washer
 A bolt with a washer below its head clamps two steel plates, and then the plates are
 pulled apart. Bolt, nut and washer are turned bodies, and so are the plates if one takes
 a round piece of them, as large as the half of the distance to the next bolt. So the
-mesh is the half plane of radius and axis, and eps is 5% where one quarter in space has
-25% (:ref:`the bolt in space <sphx_glr_gallery_bolt.py>`).
+mesh is the half plane of radius and axis, and eps is 5% where one quarter in 3D has
+25% (:ref:`the bolt in 3D <sphx_glr_gallery_bolt.py>`).
 
 A torque wrench gives the *force* of the bolt. The shank is cut by a plane, and
 ``ec.Preload`` draws the two sides of the cut together by the shift that this force

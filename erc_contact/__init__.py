@@ -48,12 +48,10 @@ from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
 from erc_contact.newton.solve import solve
-from erc_contact.output.part_pictures import draw_parts
 from erc_contact.run.adapt import adapt
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.evolve import evolve
 from erc_contact.run.history import History
-from erc_contact.run.kept_mesh import read_domain, write_domain
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
@@ -81,7 +79,18 @@ from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.table import table
 from erc_contact.scene.tied import Preload, Tied
-from namedmesh import Domain, assembly, box, from_gmsh, read_mesh, rectangle, where
+from namedmesh import (
+    Domain,
+    assembly,
+    box,
+    draw_parts,
+    from_gmsh,
+    read_domain,
+    read_mesh,
+    rectangle,
+    where,
+    write_domain,
+)
 
 __all__ = [
     "Admissible",

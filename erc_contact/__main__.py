@@ -17,7 +17,6 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.versions import versions
 from erc_contact.error.constitutive import constitutive_error
 from erc_contact.newton.solve import solve
-from erc_contact.output.views import lack_of_window
 from erc_contact.run.adapt import adapt
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.material import Elastic
@@ -25,6 +24,7 @@ from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Displacement
 from namedmesh import rectangle
 from namedmesh.gmsh_session import has_netgen, session
+from namedmesh.pictures import lack_of_window
 
 SOLVER_PACKAGES = {
     "mumps": "MUMPS (direct solver)",
@@ -78,7 +78,7 @@ def _netgen() -> str:
 
 
 def _pictures() -> str:
-    """Tell whether bodies in space can be drawn, on rank 0."""
+    """Tell whether bodies in 3D can be drawn, on rank 0."""
     try:
         import pyvista  # noqa: F401, PLC0415
 
@@ -97,8 +97,8 @@ def main() -> int:
         available = "yes" if PETSc.Sys.hasExternalPackage(name) else "no"
         lines.append(f"{use}: {available}")
     if comm.rank == 0:
-        lines.append(f"Netgen in gmsh (bodies meshed apart, in space): {_netgen()}")
-        lines.append(f"pictures of bodies in space: {_pictures()}")
+        lines.append(f"Netgen in gmsh (bodies meshed apart, in 3D): {_netgen()}")
+        lines.append(f"pictures of bodies in 3D: {_pictures()}")
         print(*lines, sep="\n", flush=True)
     start = perf_counter()
     checks = self_check()

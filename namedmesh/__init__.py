@@ -21,6 +21,8 @@ from namedmesh.assembly import assembly
 from namedmesh.base import releases  # noqa: F401
 from namedmesh.base.exceptions import InputError, NamedMeshError
 from namedmesh.domain import Domain
+from namedmesh.keeping.domain_file import read_domain, write_domain
+from namedmesh.pictures.part_pictures import draw_parts
 from namedmesh.sources import box, from_gmsh, read_mesh, rectangle
 from namedmesh.where import where
 
@@ -30,8 +32,11 @@ __all__ = [
     "NamedMeshError",
     "assembly",
     "box",
+    "draw_parts",
     "from_gmsh",
+    "read_domain",
     "read_mesh",
     "rectangle",
     "where",
+    "write_domain",
 ]

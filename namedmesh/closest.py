@@ -1,4 +1,4 @@
-"""Find the closest points on edges and triangles, in the plane and in space.
+"""Find the closest points on edges and triangles, in the plane and in 3D.
 
 Symbols: n points, f facets, m corners of a facet (2 or 3), d dimension of space.
 """

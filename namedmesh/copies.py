@@ -85,7 +85,7 @@ def stay_closed(mesh: dmesh.Mesh, is_cut: np.ndarray) -> np.ndarray:
     """Tell which facets of interfaces do not open; collective.
 
     All vertices of such a facet are on the rim, where an interface ends inside a body
-    and both sides keep one node. They are usual in the corners of a crack in space.
+    and both sides keep one node. They are usual in the corners of a crack in 3D.
 
     Args:
         mesh: The glued mesh.

@@ -20,7 +20,7 @@ from mpi4py import MPI
 from namedmesh.closest import closest
 from namedmesh.domain import Domain
 from namedmesh.files.abaqus_cards import Card, cards_of
-from namedmesh.files.abaqus_tables import Elements, Space, Tables, shape_of, tables_of
+from namedmesh.files.abaqus_tables import ElementCard, Space, Tables, shape_of, tables_of
 from namedmesh.files.building import Built, build_simplices, faces_within, spread_from
 from namedmesh.files.cleaning import Body, body_of
 from namedmesh.files.displacements import edge_nodes
@@ -97,7 +97,7 @@ class DeckMesh:
         return self.tables.spaces
 
     @property
-    def blocks(self) -> list[Elements]:
+    def blocks(self) -> list[ElementCard]:
         """Return the elements of the deck, card by card."""
         return self.tables.blocks
 
@@ -160,7 +160,7 @@ class DeckMesh:
         cells = self._cell_of_row[rows]
         return cells[cells >= 0]
 
-    def cells_of_block(self, part: Elements) -> np.ndarray:
+    def cells_of_block(self, part: ElementCard) -> np.ndarray:
         """Return the cells of a card of elements."""
         cells = self._cell_of_row[part.begin : part.begin + len(part.block.nodes)]
         return cells[cells >= 0]

@@ -31,7 +31,7 @@ from namedmesh.sides import connect_facets
 from namedmesh.size_field import labels_of, size_field, sizes_at_nodes
 from namedmesh.splitting import (
     NO_INTERFACE,
-    Carried,
+    CarriedTables,
     check_opened,
     claim_facets,
     side_tags,
@@ -126,7 +126,7 @@ class Domain(Bodies):
         numbers, x = number_nodes(mesh)
         new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
-        carried = Carried(mesh, new, numbers)
+        carried = CarriedTables(mesh, new, numbers)
         self._set(
             mesh=new,
             facet_tags=carried.marks(self.facet_tags),
@@ -325,10 +325,10 @@ class Domain(Bodies):
             here: Name of a part of the boundary of one body.
             there: Name of the part of another body that lies against it.
             tied: Leave the bodies glued there. The joint is a part inside, then.
-            apart: Greatest distance of the parts [length]: they are drawn with a
+            apart: Greatest distance of the parts [length]: they are modelled with a
                 clearance or an interference. Each keeps its place, and their distance
                 along the normal is the gap, to which ``gap=`` of the contact adds. Two
-                parts move onto each other all the same if they are tied, or in space if
+                parts move onto each other all the same if they are tied, or in 3D if
                 their facets do not match, which a warning says: then ``gap=`` gives the
                 distance.
 
@@ -389,7 +389,7 @@ class Domain(Bodies):
         numbers, x = number_nodes(mesh, cut != NO_INTERFACE, self.places)
         new = partition.distribute(mesh.comm, numbers, x, same_ranks(mesh))
         connect_facets(new)
-        carried = Carried(mesh, new, numbers)
+        carried = CarriedTables(mesh, new, numbers)
         whole = self
         curved = carried.marks(self.curved_facets)
         if self.places is not None:

@@ -7,7 +7,6 @@ shape here, and need not know where they are made.
 from namedmesh.bodies import Bodies, Geometry
 from namedmesh.closest import closest
 from namedmesh.copies import points_in_words, shared_points
-from namedmesh.files.hdf5 import check_tables
 from namedmesh.graphs import components, order_along_curves, successors, to_chain_ends
 from namedmesh.interface_map import Interface
 from namedmesh.named import INSIDE_CELLS
@@ -36,7 +35,6 @@ __all__ = [
     "Rules",
     "boundary_sides",
     "check_shape",
-    "check_tables",
     "closest",
     "components",
     "count_cells",

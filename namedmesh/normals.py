@@ -72,7 +72,7 @@ def _means(corners: np.ndarray, vertices: np.ndarray, normals: np.ndarray) -> np
     """Return weighted means of facet normals at the vertices of facets, (f, d, d).
 
     In the plane the weight is one over the length of a facet, which is exact on a
-    circle with facets of any lengths. In space it is the angle of a facet at the
+    circle with facets of any lengths. In 3D it is the angle of a facet at the
     vertex, which does not depend on how a flat piece is cut into triangles.
     """
     f, d = normals.shape

@@ -198,7 +198,7 @@ def check_mesh(mesh: dmesh.Mesh) -> None:
 
     Raises:
         InputError: If cells are not straight-sided triangles in the plane or tetrahedra
-            in space.
+            in 3D.
     """
     cell = mesh.topology.cell_type.name
     gdim = mesh.geometry.dim

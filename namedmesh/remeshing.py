@@ -13,11 +13,10 @@ import numpy as np
 from mpi4py import MPI
 
 from namedmesh.base.exceptions import InputError
-from namedmesh.bodies import Geometry
-from namedmesh.domain import Domain
 from namedmesh.files.building import Built, build_simplices, spread_from
 from namedmesh.files.of_gmsh import marked_entities, mesh_of_model
 from namedmesh.gmsh_session import FIELD, add_sizes, session
+from namedmesh.named import NamedMesh
 from namedmesh.size_field import Labels, SizeField, at_corners
 
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
@@ -37,7 +36,7 @@ If the last one is not the best, the best one is made again.
 """
 
 
-def count_cells(domain: Domain, sizes: np.ndarray) -> float:
+def count_cells(domain: NamedMesh, sizes: np.ndarray) -> float:
     """Predict the number of cells of a mesh with given sizes; collective.
 
     It is ``int c / h^d`` with c of :data:`FILL`.
@@ -50,18 +49,16 @@ def count_cells(domain: Domain, sizes: np.ndarray) -> float:
 
 
 def mesh_geometry(
-    geometry: Geometry,
     build: Callable[[Any], dict[int, int] | None],
     comm: MPI.Comm,
     sizes: SizeField,
     labels: Labels,
-) -> Domain:
+) -> dict[str, Any]:
     """Mesh a geometry with the sizes in the cells of a mesh; collective.
 
-    See :meth:`Domain.remeshed`.
+    See :meth:`namedmesh.domain.Domain.remeshed`.
 
     Args:
-        geometry: The geometry, which the new domain keeps.
         build: Function that makes the geometry in gmsh's current model on rank 0, and
             returns gmsh's tag of each mark, or None.
         comm: Communicator.
@@ -69,7 +66,7 @@ def mesh_geometry(
         labels: The names of the new mesh.
 
     Returns:
-        The domain on the new mesh.
+        The arguments of the domain on the new mesh, without its geometry.
 
     Raises:
         InputError: If gmsh fails.
@@ -99,7 +96,7 @@ def mesh_geometry(
     if not labels.regions:
         # gmsh's tags stand for the group "body" then, which nobody asked for.
         new["cell_tags"] = None
-    return Domain(**new, geometry=geometry)
+    return new
 
 
 def _sort(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -104,7 +104,8 @@ class Brick(_OneModel):
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return self.exact(mesh_geometry(self, self.build, like.comm, sizes, labels))
+        new = mesh_geometry(self.build, like.comm, sizes, labels)
+        return self.exact(Domain(**new, geometry=self))
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the points themselves: the facets are the true surface."""
@@ -156,7 +157,8 @@ class Drawing(_OneModel):
 
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
-        return mesh_geometry(self, self.build, like.comm, sizes, labels)
+        new = mesh_geometry(self.build, like.comm, sizes, labels)
+        return Domain(**new, geometry=self)
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.

@@ -174,7 +174,7 @@ def side_tags(
     return tags
 
 
-class Carried:
+class CarriedTables:
     """Carry tables of the glued mesh over to the split mesh; methods are collective.
 
     Values of a cell are those that its owner has: another rank may not know that a

@@ -143,9 +143,9 @@ def describe_shape(geometry: Geometry | None) -> dict[str, Any] | None:
         return {"kind": "Assembled"} | _shallow(geometry) | {"members": members}
     if not isinstance(geometry, Brick | Drawing):
         raise InputError(
-            "A checkpoint cannot keep the true geometry of this domain, an object of type "
-            f"{type(geometry).__name__}. Run without checkpoint=, or take a domain of rectangle, "
-            "box, from_gmsh or read_mesh."
+            "A file cannot keep the true geometry of this domain, an object of type "
+            f"{type(geometry).__name__}. Take a domain of rectangle, box, from_gmsh or read_mesh, "
+            "or run without checkpoint=."
         )
     plain = asdict(geometry)
     if isinstance(geometry, Drawing):

@@ -40,7 +40,7 @@ from dolfinx import jit
 from mpi4py import MPI
 
 from namedmesh.base.releases import cell_nodes
-from erc_contact.output import views
+from namedmesh.pictures import views
 
 COMM = MPI.COMM_WORLD
 gc.set_threshold(100_000, 20, 50)

@@ -46,7 +46,7 @@ SOLVABLE: dict[str, Callable[[], Pair]] = {
     "stands pushed to 98% of the limit": lambda: standing((0.49, -1.0)),
     "stands pushed, mu 20": lambda: standing((0.3, -1.0), friction=20.0),
     "stands above a gap": lambda: standing((0.3, -1.0), gap=0.01),
-    "stands pushed in space": lambda: standing((0.2, 0.1, -1.0), cube(3)),
+    "stands pushed in 3D": lambda: standing((0.2, 0.1, -1.0), cube(3)),
     "tower leans": lambda: standing((0.2, -1.0), tower(), friction=1.0),
     "slope 15 degrees, mu 0.5": lambda: standing((0.0, -1.0), rotated(square(), 15.0)),
     "slope 44 degrees, mu 1": lambda: standing(
@@ -88,8 +88,8 @@ UNSOLVABLE: dict[str, Callable[[], Pair]] = {
     ),
     "tower tips over": lambda: standing((0.3, -1.0), tower(), friction=1.0),
     "wedge pulled out": lambda: wedge(0.2, 1.0),
-    "beyond the limit in space": lambda: standing((0.4, 0.4, -1.0), cube(3)),
-    "pulled off in space": lambda: standing((0.1, 0.0, 1.0), cube(3)),
+    "beyond the limit in 3D": lambda: standing((0.4, 0.4, -1.0), cube(3)),
+    "pulled off in 3D": lambda: standing((0.1, 0.0, 1.0), cube(3)),
 }
 """Scenes that have none."""
 

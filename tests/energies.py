@@ -8,7 +8,7 @@ from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_values
 from erc_contact.model.data.quadrature import cell_pieces
 from erc_contact.model.law.point_law import Search
-from erc_contact.model.space import circumferences
+from erc_contact.model.meridian import circumferences
 from namedmesh.simplex import barycentric, rule
 
 RULE = 8
@@ -32,8 +32,7 @@ def energies_of_law(error):
         x = np.matmul(places, cells.corners[of_cells])
         sigma = macro_values(pair.stress, model.space.degree, of_cells, places)
         around = circumferences(x) if model.space.axisymmetric else np.ones(x.shape[:2])
-        if model.hoop_load is not None:
-            sigma[..., -1] += model.hoop_load(x, of_cells)
+        sigma = model.hoop_load.plus(sigma, x, of_cells)
         eps = strain.at(of_cells, places, x)
         energy, stress = law.energy(eps, x, of_cells), law.whole_stress(eps, x, of_cells)
         of_law = sigma / around[..., None]

@@ -1,6 +1,6 @@
 """Small files of every kind, made by gmsh, meshio, VTK, DOLFINx and by hand.
 
-All are a body 2 x 1, in space 2 x 1 x 1, cut into two halves at x = 1. Its lowest side
+All are a body 2 x 1, in 3D 2 x 1 x 1, cut into two halves at x = 1. Its lowest side
 is "foot" and its highest one "roof", of measure 2 each. A maker writes a file on rank 0.
 """
 

@@ -7,10 +7,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pytest
 import ufl
+from domains import two_materials
 from mpi4py import MPI
 
 import erc_contact as ec
 from erc_contact.admissible.traction import ContactTraction
+
+AUGMENTED = ec.AugmentedLagrangian()
 
 
 def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
@@ -18,6 +21,29 @@ def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
     return [
         case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases
     ]
+
+
+def certified(
+    scene: ec.Scene,
+    domain: ec.Domain,
+    method: object = None,
+    degree: int = 1,
+    **options: object,
+) -> ec.ConstitutiveError:
+    """Solve a scene, and measure the error of an admissible pair."""
+    solution = ec.solve(scene, domain, method, degree=degree, **options)
+    return ec.constitutive_error(ec.equilibrate(solution))
+
+
+def measured(
+    scene: ec.Scene,
+    domain: ec.Domain,
+    method: object = AUGMENTED,
+    degree: int = 1,
+    **options: object,
+) -> ec.ConstitutiveError:
+    """The same by the augmented Lagrangian, whose forms know no modulus and no strain: few compile."""
+    return certified(scene, domain, method, degree, **options)
 
 
 def prototype_block() -> ec.Scene:
@@ -42,6 +68,19 @@ def common_block() -> ec.Scene:
 def block(n: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     """The 2 x 7 block with n squares across."""
     return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(n, 7 * n // 2), comm=comm)
+
+
+def flat_block(d: int, cells: int, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+    """The block (0, 2) x (0, 1), in 3D of depth 1, with so many cells in each unit of length."""
+    make = ec.rectangle if d == 2 else ec.box
+    numbers = (2 * cells, cells, cells)
+    return make((0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=numbers[:d], comm=comm)
+
+
+def pressed(material: object, push: Sequence, **contact: object) -> ec.Scene:
+    """A body whose top is moved by ``push``, on its foundation."""
+    top = ec.Displacement("top", push)
+    return ec.Scene(material, top, contacts=ec.Contact("bottom", **contact))
 
 
 def greco(friction: float = 1.0) -> ec.Scene:
@@ -206,28 +245,6 @@ def two_squares(
         dmesh.meshtags(mesh, 1, np.concatenate(facets)[order], np.concatenate(values)[order]),
         names,
     )
-
-
-def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> ec.Domain:
-    """A brick whose lower and upper halves are two regions, meshed by gmsh."""
-    make = ec.rectangle if len(extent) == 2 else ec.box
-    return two_halves(
-        make((0.0,) * len(extent), tuple(extent), size=size, comm=comm),
-        len(extent) - 1,
-        extent[-1] / 2,
-    )
-
-
-def two_halves(domain: ec.Domain, axis: int = 1, at: float = 0.5) -> ec.Domain:
-    """The same domain with its cells in two regions, lower and upper."""
-    from dolfinx import mesh as dmesh
-
-    mesh, d = domain.mesh, domain.dim
-    cells = mesh.topology.index_map(d)
-    every = np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)
-    upper = dmesh.compute_midpoints(mesh, d, every)[:, axis] > at
-    tags = dmesh.meshtags(mesh, d, every, np.where(upper, 2, 1).astype(np.int32))
-    return ec.Domain(mesh, domain.facet_tags, domain.names, tags, {"lower": 1, "upper": 2})
 
 
 def sliding_block(

@@ -64,7 +64,7 @@ def in_space(before: Axes, after: Axes) -> None:
             before,
             both,
             {"lower top": COLOURS["lower"], "upper bottom": COLOURS["upper"]},
-            "in space: top of the lower box, foot of the upper one",
+            "in 3D: top of the lower box, foot of the upper one",
         ),
         (after, boxes, names, "joined: the foot is an imprint on the top"),
     ):

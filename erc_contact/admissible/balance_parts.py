@@ -138,14 +138,14 @@ class TooCoarse(NotHeldError):
         return type(self), (str(self), self.cells)
 
 
-def too_coarse(
+def check_balance(
     space: Space,
     tractions: list[tuple[Trace, np.ndarray]],
     others: OtherForces,
     imbalance: np.ndarray,
     forces: float,
-) -> TooCoarse | None:
-    """Say that tractions do not balance the loads, return None if they do; collective.
+) -> None:
+    """Check that tractions balance the loads; collective.
 
     Args:
         space: The mesh.
@@ -153,12 +153,15 @@ def too_coarse(
         others: The other forces.
         imbalance: Work on the motions that is left [force], shape (K,).
         forces: Size of the forces [force].
+
+    Raises:
+        TooCoarse: If they do not, on all ranks.
     """
     left = others.free @ (others.free.T @ imbalance)
     size = np.linalg.norm(left)
     if size <= ACCEPTED_IMBALANCE * forces:
-        return None
-    return TooCoarse(
+        return
+    raise TooCoarse(
         "No contact traction that the law allows, a polynomial on each facet, balances the "
         f"loads on a rigid motion that no support holds (imbalance {size / forces:.1e} of "
         "the forces). Look at the direction of the loads, add a Displacement or friction, or "
@@ -191,7 +194,6 @@ def _cells_that_press(
         most = space.comm.allreduce(size.max(initial=0.0), MPI.MAX)
         presses = (size > SMALL_PRESSURE * most) & (jump > SAME_MOTION * farthest)
         cells.append(trace.here.facets[presses, 0])
-        if trace.there is not None:
-            cells.append(trace.there.facets[presses, 0])
+        cells.append(trace.there.facets[presses[trace.facing], 0])
     found = np.unique(np.concatenate(cells))
     return found[found < space.domain.owned_cells]

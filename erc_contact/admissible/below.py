@@ -23,7 +23,6 @@ from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.jumps import jumps, kinks_on_facets
 from erc_contact.model.contact.trace import Trace, split
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.peaks import upper_bounds
 from erc_contact.model.data.quadrature import facet_pieces, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
@@ -95,7 +94,7 @@ def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> n
         products = np.einsum("mnv,fni,fvi->fm", weights, beyond, corners, optimize=True)
         highest = products.max(axis=1) / _least_length(corners)
         return np.where(highest > 2 * round_off, highest, 0.0)
-    gap = Everywhere(contact.gap, space.mesh)
+    gap = space.everywhere(contact.gap)
 
     def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         w = np.matmul(polynomials(space.degree, places), of_w[facet])
@@ -201,7 +200,7 @@ def _excess(
         The bounds, and the greatest distance from the gap at samples, shape (s,) each.
     """
     facets = contact.facets[chosen]
-    gap = Everywhere(contact.gap, space.mesh)
+    gap = space.everywhere(contact.gap)
     distance = np.zeros(len(facets))
 
     def above(facet: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from erc_contact.admissible.unbalanced import unbalanced_cells
 
 
 def plane_bulk(given: Reconstruction) -> BulkStress:
-    """Reconstruct the stress of a body in the plane or in space."""
+    """Reconstruct the stress of a body in the plane or in 3D."""
     model, cells, force = given.model, given.cells, given.force
     owned = model.domain.owned_cells
     first = given.first_moments(given.fixed)
@@ -58,4 +58,5 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         correction=correction,
         square=tight.square,
         missing=missing,
+        boundary=given.boundary,
     )

@@ -11,6 +11,7 @@ forces.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -21,10 +22,10 @@ from erc_contact.admissible.balance import balance, largest_component
 from erc_contact.admissible.balance_parts import (
     OtherForces,
     TooCoarse,
+    check_balance,
     moduli,
     ray_part,
     spring_give,
-    too_coarse,
 )
 from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.nearest import BalancePart
@@ -44,9 +45,7 @@ SETTLED_TRACTION = 1e-13
 """Change of tractions by the law after which they stay, over the largest one [-]."""
 
 
-def admissible_tractions(
-    model: Model, solution: Any, others: OtherForces
-) -> list[ContactTraction] | TooCoarse:
+def admissible_tractions(model: Model, solution: Any, others: OtherForces) -> list[ContactTraction]:
     """Make the tractions r^ from the tractions r of the method; collective.
 
     The L2 projection of r on degree k of each facet is limited to what the law allows.
@@ -64,16 +63,18 @@ def admissible_tractions(
         others: The other forces on motions that no support holds.
 
     Returns:
-        r^ on each contact, or the error that says that no allowed traction balances the
-        other forces on a free motion. Who asks may have less to balance.
+        r^ on each contact.
+
+    Raises:
+        TooCoarse: If no allowed traction balances the other forces on a free motion.
+            Who asks may have less to balance.
     """
     trials = [_trial(model.space, contact, solution) for contact in model.contacts]
-    is_sampled = any(contact.sampled for contact in model.contacts)
-    tractions = _limit(model, trials, others, uniform=is_sampled)
-    if is_sampled and isinstance(tractions, TooCoarse):
+    if any(contact.sampled for contact in model.contacts):
         # On a coarse mesh uniform pressures may leave too little to balance with.
-        return _limit(model, trials, others, uniform=False)
-    return tractions
+        with suppress(TooCoarse):
+            return _limit(model.space, trials, others, uniform=True)
+    return _limit(model.space, trials, others, uniform=False)
 
 
 def _trial(space: Space, contact: ContactOnMesh, solution: Any) -> Trial:
@@ -99,17 +100,14 @@ def no_traction(space: Space, contact: ContactOnMesh) -> ContactTraction:
 
 
 def _limit(
-    model: Model, trials: list[Trial], others: OtherForces, *, uniform: bool
-) -> list[ContactTraction] | TooCoarse:
+    space: Space, trials: list[Trial], others: OtherForces, *, uniform: bool
+) -> list[ContactTraction]:
     """Limit tractions to what the law allows at all samples, and balance other forces.
 
     ``uniform`` tells whether pressures may become uniform on facets.
     """
-    space = model.space
     for _ in range(CONTACT_PASSES):
         values = _allowed_at_nodes(space, trials, others)
-        if isinstance(values, TooCoarse):
-            return values
         tractions = _contact_tractions(trials, values)
         outside = [
             trial.otherwise is not None and not is_inside(space, traction)
@@ -132,8 +130,7 @@ def _limit(
         trials = [trial.lower(*change) for trial, change in zip(trials, changes, strict=True)]
     # The passes do not settle: take the least bound on each facet, which is safe.
     safe = [replace(trial, allowed=replace(trial.allowed, sharp=False)) for trial in trials]
-    values = _allowed_at_nodes(space, safe, others)
-    return values if isinstance(values, TooCoarse) else _contact_tractions(safe, values)
+    return _contact_tractions(safe, _allowed_at_nodes(space, safe, others))
 
 
 def _in_disc(
@@ -172,9 +169,7 @@ def _contact_tractions(trials: list[Trial], values: list[np.ndarray]) -> list[Co
     return [trial.contact_traction(r) for trial, r in zip(trials, values, strict=True)]
 
 
-def _allowed_at_nodes(
-    space: Space, trials: list[Trial], others: OtherForces
-) -> list[np.ndarray] | TooCoarse:
+def _allowed_at_nodes(space: Space, trials: list[Trial], others: OtherForces) -> list[np.ndarray]:
     """Limit tractions at the nodes, and balance the other forces; collective.
 
     The result is the allowed tractions nearest to the shifted ones. A set of the
@@ -185,8 +180,10 @@ def _allowed_at_nodes(
     :meth:`Allowed.at_mean_pressure`: one unknown, all nodes as one.
 
     Returns:
-        Their coefficients on each contact [force/area], shape (f, m, d); or the error
-        that says that they balance nothing.
+        Their coefficients on each contact [force/area], shape (f, m, d).
+
+    Raises:
+        TooCoarse: If they do not balance the other forces.
     """
     start = [trial.limit() for trial in trials]
     if not others.motions:
@@ -229,9 +226,7 @@ def _allowed_at_nodes(
         by_contact = [
             (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)
         ]
-        failure = too_coarse(space, by_contact, others, imbalance, max(others.size, sizes))
-        if failure is not None:
-            return failure
+        check_balance(space, by_contact, others, imbalance, max(others.size, sizes))
         if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:
             break
     return values

@@ -5,7 +5,7 @@ point, not only at nodes: if the Bernstein coefficients of a normal displacement
 below the coefficients of a bound, the displacement is below the bound
 (:mod:`erc_contact.admissible.limits`). Between two bodies this is said of the jump.
 
-A compliant foundation may be entered, and gives way tangentially. There the
+A compliant foundation may be entered, and its surface moves tangentially. There the
 displacement is set to where it lowers the error most.
 
 Symbols: n normal of the foundation, r^ admissible contact traction, g gap, u^
@@ -25,7 +25,6 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.space import OnFacets, Space
 
@@ -73,7 +72,7 @@ def admissible_displacement(
     contacts = [traction.contact for traction in tractions]
     # Limits of Bernstein coefficients hold between the nodes, too.
     sides: list[OnFacets] = list(contacts)
-    sides += [contact.trace.there for contact in contacts if contact.trace.there is not None]
+    sides += [contact.trace.there for contact in contacts]
     space.to_coefficients(values, sides)
     gaps = [gap_limits(model, contact, values) for contact in contacts]
     limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]
@@ -232,7 +231,7 @@ def _best_slide(
     stiffness: np.ndarray,
     springs: np.ndarray,
 ) -> np.ndarray:
-    """Return the best tangential displacements where a foundation gives way [length].
+    """Return the best tangential displacements on a compliant foundation [length].
 
     They are ``z = u_t - s`` at nodes. A change of z raises the bulk part of e^2 by
     about k_b times its square. The contact part is ``c.z + k_f |z|^2`` and a constant
@@ -294,7 +293,7 @@ def _foundation_stiffness(
     if stiffness is None:
         return None
     facets = traction.contact.facets
-    at_nodes = evaluate(stiffness, space.mesh, space.facet_points, facets)
+    at_nodes = space.evaluate(stiffness, space.facet_points, facets)
     share = traction.area[:, None] / traction.nodes.shape[1]
     return limit.sum_up(share * at_nodes)
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple, Self
 
 import numpy as np
 from dolfinx import fem
@@ -12,7 +11,7 @@ from dolfinx import fem
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
-from erc_contact.admissible.reference import tensors
+from erc_contact.admissible.reference import mandel, tensors
 from erc_contact.model.data.quadrature import polynomials
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.law.constitution import act
@@ -22,6 +21,7 @@ from namedmesh.simplex import (
     barycentric,
     bernstein,
     coefficients,
+    from_means,
     gradients,
     nodes,
     projection,
@@ -40,25 +40,22 @@ class CellStrains:
         degree: Degree k of the displacement.
         in_plane: Coefficients of degree k-1 in Mandel components, shape (n, N_(k-1),
             s); of an axisymmetric body of the part in the half plane.
-        radial: Coefficients of the radial displacement of an axisymmetric body
-            [length], shape (n, N_k); None of other bodies.
     """
 
     degree: int
     in_plane: np.ndarray
-    radial: np.ndarray | None
 
-    @classmethod
-    def of(cls, space: Space, cells: CellGeometry, u: fem.Function) -> Self:
+    @staticmethod
+    def of(space: Space, cells: CellGeometry, u: fem.Function) -> CellStrains:
         """Return the strains of a displacement [length] in all cells of this rank."""
-        radial = None
-        if space.axisymmetric:
-            nodal = u.x.array.reshape(-1, cells.d)[cells.nodes, 0]
-            radial = nodal @ coefficients(cells.d, cells.degree).T
-        return cls(cells.degree, strains(cells, u), radial)
+        in_plane = strains(cells, u)
+        if not space.axisymmetric:
+            return CellStrains(cells.degree, in_plane)
+        nodal = u.x.array.reshape(-1, cells.d)[cells.nodes, 0]
+        return RingStrains(cells.degree, in_plane, nodal @ coefficients(cells.d, cells.degree).T)
 
     def at(self, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Evaluate the strain [-], with the hoop strain ``u_r/r`` as last component.
+        """Evaluate the strain [-], of rings with the hoop strain as last component.
 
         Args:
             cell: Cells, shape (n,).
@@ -68,11 +65,7 @@ class CellStrains:
         Returns:
             Mandel components, shape (n, q, s).
         """
-        in_plane = polynomials(self.degree - 1, places), self.in_plane[cell]
-        if self.radial is None:
-            return np.matmul(*in_plane)
-        radial = polynomials(self.degree, places), self.radial[cell][..., None]
-        return _with_hoop(in_plane, radial, x)
+        return np.matmul(polynomials(self.degree - 1, places), self.in_plane[cell])
 
     def at_points(self, chunk: slice, points: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Evaluate the strain at the same points of some cells [-], as :meth:`at`.
@@ -82,11 +75,29 @@ class CellStrains:
             points: Reference points, shape (q, d).
             x: The points [length], shape (n, q, d).
         """
-        d = points.shape[1]
-        in_plane = bernstein(d, self.degree - 1, points), self.in_plane[chunk]
-        if self.radial is None:
-            return np.matmul(*in_plane)
-        radial = bernstein(d, self.degree, points), self.radial[chunk, :, None]
+        return np.matmul(bernstein(points.shape[1], self.degree - 1, points), self.in_plane[chunk])
+
+
+@dataclass(frozen=True, eq=False)
+class RingStrains(CellStrains):
+    """Evaluate the strain of an axisymmetric body, with the hoop strain ``u_r/r``.
+
+    Attributes:
+        radial: Coefficients of the radial displacement [length], shape (n, N_k).
+    """
+
+    radial: np.ndarray
+
+    def at(self, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the strain [-], see :meth:`.CellStrains.at`."""
+        in_plane = polynomials(self.degree - 1, places), self.in_plane[cell]
+        radial = polynomials(self.degree, places), self.radial[cell][..., None]
+        return _with_hoop(in_plane, radial, x)
+
+    def at_points(self, chunk: slice, points: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate the strain [-], see :meth:`.CellStrains.at_points`."""
+        in_plane = bernstein(2, self.degree - 1, points), self.in_plane[chunk]
+        radial = bernstein(2, self.degree, points), self.radial[chunk, :, None]
         return _with_hoop(in_plane, radial, x)
 
 
@@ -101,26 +112,119 @@ def _with_hoop(
     return strain
 
 
-class CellStress(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class CellStress:
     """Hold a stress by the work that it does on polynomials of degree k in each cell.
 
     Attributes:
         in_plane: Coefficients of its projection on degree k-1 [force/area], shape (n,
             N_(k-1), d, d).
-        hoop: Work of the hoop force of an axisymmetric body, less the radial body
-            force, on each radial Bernstein polynomial [force], shape (n, N_k); None of
-            other bodies.
     """
 
     in_plane: np.ndarray
-    hoop: np.ndarray | None = None
 
     def plus(self, stress: CellStress) -> CellStress:
         """Return the sum of two stresses."""
-        hoop = None
-        if self.hoop is not None and stress.hoop is not None:
-            hoop = self.hoop + stress.hoop
-        return CellStress(self.in_plane + stress.in_plane, hoop)
+        return CellStress(self.in_plane + stress.in_plane)
+
+    def of_owners(
+        self, shared: Callable[[np.ndarray, np.ndarray | None], np.ndarray], cells: CellGeometry
+    ) -> CellStress:
+        """Return the stress that the owners of the cells have; collective.
+
+        Args:
+            shared: Gets values at nodes of the cells, and the place of each node in
+                DOLFINx's order or None for one value a cell; returns those of owners.
+            cells: Geometry.
+        """
+        is_constant = self.in_plane.shape[1] == 1
+        return CellStress(shared(self.in_plane, None if is_constant else cells.order))
+
+    def pull(self, forces: np.ndarray, shape: np.ndarray) -> None:
+        """Add the forces of hoop stresses to forces, in place; here are none.
+
+        Args:
+            forces: Works on functions in the first n cells [force], shape (n, N, d).
+            shape: The functions, as coefficients of degree k, shape (N_k, N).
+        """
+
+    def as_body_force(self, force: np.ndarray | None) -> np.ndarray | None:
+        """Add the forces of hoop stresses to a body force; here are none.
+
+        Args:
+            force: Works on Bernstein polynomials of degree k [force], shape (n, N_k,
+                d), or None without.
+        """
+        return force
+
+    def at_macro_points(self, model: Model, cells: CellGeometry) -> np.ndarray:
+        """Evaluate it in owned cells at the points of :func:`.macro.macro_points`.
+
+        Returns:
+            Mandel components [force/area], shape (owned, q, s).
+        """
+        _, points, _ = macro_points(cells.d, cells.degree)
+        in_plane = mandel(self.in_plane[: model.domain.owned_cells])
+        return np.matmul(bernstein(cells.d, cells.degree - 1, points), in_plane)
+
+    def means(self, model: Model, cells: CellGeometry) -> np.ndarray:
+        """Return its means in owned cells, Mandel components, shape (owned, s)."""
+        return mandel(self.in_plane[: model.domain.owned_cells].mean(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class RingStress(CellStress):
+    """Hold the stress of an axisymmetric body, of which hoop stresses are forces.
+
+    Attributes:
+        hoop: Work of the hoop force, less the radial body force, on each radial
+            Bernstein polynomial [force], shape (n, N_k).
+    """
+
+    hoop: np.ndarray
+
+    def plus(self, stress: CellStress) -> RingStress:
+        """Return the sum of two stresses."""
+        assert isinstance(stress, RingStress)
+        return RingStress(self.in_plane + stress.in_plane, self.hoop + stress.hoop)
+
+    def of_owners(
+        self, shared: Callable[[np.ndarray, np.ndarray | None], np.ndarray], cells: CellGeometry
+    ) -> RingStress:
+        """Return the stress that the owners have, see :meth:`.CellStress.of_owners`."""
+        in_plane = super().of_owners(shared, cells).in_plane
+        return RingStress(in_plane, shared(self.hoop, cells.places))
+
+    def pull(self, forces: np.ndarray, shape: np.ndarray) -> None:
+        """Add the forces of the hoop stress, see :meth:`.CellStress.pull`."""
+        forces[..., 0] -= self.hoop[: len(forces)] @ shape
+
+    def as_body_force(self, force: np.ndarray | None) -> np.ndarray:
+        """Add the hoop force to a body force, see :meth:`.CellStress.as_body_force`."""
+        total = np.zeros((*self.hoop.shape, 2)) if force is None else force
+        total[..., 0] -= self.hoop
+        return total
+
+    def at_macro_points(self, model: Model, cells: CellGeometry) -> np.ndarray:
+        """Evaluate it, of the hoop force its projection on degree k."""
+        owned, k = model.domain.owned_cells, cells.degree
+        _, points, _ = macro_points(2, k)
+        places = macro_places(model.space, cells, owned)
+        means = self.hoop[:owned, :, None] / cells.volume[:owned, None, None]
+        hoop = places[..., :1] * np.matmul(bernstein(2, k, points), from_means(2, k, means))
+        hoop = model.hoop_load.plus(hoop, places, model.space.owned_cells)
+        return np.concatenate([super().at_macro_points(model, cells), hoop], axis=-1)
+
+    def means(self, model: Model, cells: CellGeometry) -> np.ndarray:
+        """Return its means per area, over the mean circumference."""
+        owned = model.domain.owned_cells
+        middles = cells.corners[:owned].mean(axis=1)
+        in_plane = super().means(model, cells)
+        # The hoop force is 2 pi sigma_tt.
+        around = self.hoop[:owned].sum(axis=1) / cells.volume[:owned]
+        hoop = middles[:, :1] * around[:, None]
+        hoop = model.hoop_load.plus(hoop[:, None], middles[:, None], model.space.owned_cells)[:, 0]
+        return model.space.section.over(np.column_stack([in_plane, hoop]), middles)
 
 
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:
@@ -274,7 +378,7 @@ def moduli(
 
 
 def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:
-    """Return reference points of the cells in space, or only the middle of each cell.
+    """Return reference points of the cells in 3D, or only the middle of each cell.
 
     Shape (count, q, d), or (count, 1, d) where data do not vary inside cells.
     """
@@ -358,12 +462,12 @@ def _stress_of_rings(
         x = np.matmul(barycentric(points), cells.corners[chunk])
         numbers = _numbers(count)[chunk]
         values = stress(strain.at_points(chunk, points, x), x, numbers)
-        if model.hoop_load is not None and not change:
-            values[..., -1] -= model.hoop_load(x, numbers)
+        if not change:
+            values = model.hoop_load.minus(values, x, numbers)
         # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
         hoop[chunk] = (values[..., -1] / x[..., 0]) @ to_hoop
         np.matmul(to_in_plane, values[..., :-1], out=in_plane[chunk])
-    return CellStress(tensors(in_plane, d), cells.volume[:, None] * hoop)
+    return RingStress(tensors(in_plane, d), cells.volume[:, None] * hoop)
 
 
 def _chunks(count: int) -> Iterator[slice]:

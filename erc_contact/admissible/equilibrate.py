@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk, boundary_off_axis
+from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
 from erc_contact.admissible.balance_parts import TooCoarse
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
@@ -59,11 +59,12 @@ def equilibrate(solution: Solution, tighten: int = TIGHTEN) -> Admissible:
     Args:
         solution: Any state of the contact solver; the bound does not depend on its
             quality.
-        tighten: Greatest number of iterations that tighten sigma^, 0 for none. They end
-            when as many again, at the present pace, would lower e by less than 8%; 4 to
-            8 are usual, 10 to 30 near incompressibility, 150 to 500 where edges of a
-            cell differ by a factor of a thousand. Plastic bodies take further rounds,
-            20 to 500 iterations.
+        tighten: Greatest number of iterations that tighten sigma^: they minimise its
+            complementary energy in equilibrium. 0 for none. They end when as many
+            again, at the present pace, would lower e by less than 8%; 4 to 8 are usual,
+            10 to 30 near incompressibility, 150 to 500 where edges of a cell differ by
+            a factor of a thousand. Plastic bodies take further rounds, 20 to 500
+            iterations.
 
     Returns:
         The admissible pair.
@@ -97,11 +98,10 @@ def equilibrated(
     """
     began = perf_counter()
     model = solution.model
-    space = model.space
-    cells = cell_geometry(space)
+    cells = cell_geometry(model.space)
     if solution.at_rest:
         pair = _at_rest(solution, cells)
-        return replace(pair, seconds=space.comm.allreduce(perf_counter() - began, MPI.MAX))
+        return replace(pair, seconds=model.space.comm.allreduce(perf_counter() - began, MPI.MAX))
     force = cell_forces(model, cells)
     loads = load_moments(model, cells)
     fixed = supported_components(model, cells)
@@ -109,27 +109,27 @@ def equilibrated(
     data = _Data(solution, cells, force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
-    tractions = admissible_tractions(model, solution, others)
-    if bolts and isinstance(tractions, TooCoarse):
+    try:
+        tractions = admissible_tractions(model, solution, others)
+    except TooCoarse:
+        if not bolts:
+            raise
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
         tractions = admissible_tractions(model, solution, others)
-    if isinstance(tractions, TooCoarse):
-        raise tractions
     made = _make_pair(data, tractions, tighten, near)
-    pair, bulk = made.pair, made.bulk
+    pair = made.pair
     kept = None
-    if is_own and bulk is not None:
-        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, bulk)
-    if bulk is not None and kept is not None:
-        tractions = admissible_tractions(model, solution, kept)
-        # Beside the resultants the law may leave too little for the free motions.
-        if not isinstance(tractions, TooCoarse):
-            # Where its stress is not in equilibrium, the first pair stands.
-            with suppress(NotBalanced):
-                again = _make_pair(data, tractions, tighten, near)
-                pair = again.pair if again.bulk is not None and again.bulk < bulk else pair
-    seconds = space.comm.allreduce(perf_counter() - began, MPI.MAX)
+    if is_own:
+        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, made.bulk)
+    if kept is not None:
+        # The first pair stands where the law leaves too little for the free motions
+        # beside the resultants, and where the stress is not in equilibrium.
+        with suppress(TooCoarse, NotBalanced):
+            tractions = admissible_tractions(model, solution, kept)
+            again = _make_pair(data, tractions, tighten, near)
+            pair = again.pair if again.bulk < made.bulk else pair
+    seconds = model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
 
 
@@ -156,7 +156,7 @@ def _at_rest(solution: Solution, cells: CellGeometry) -> Admissible:
     """Return the pair of a body at rest, without stress and tractions; collective.
 
     What loads it has are round-off of its history. Supports and gap allow u, also where
-    facets do not carry the gap.
+    facets do not represent the gap.
     """
     model = solution.model
     space = model.space
@@ -211,13 +211,13 @@ class _Made(NamedTuple):
     Attributes:
         pair: The pair.
         balanced: The rebalanced stress.
-        bulk: The bulk part of e^2 before bubbles are chosen [force length]; None where
-            nothing was tightened.
+        bulk: Bound of the bulk part of e^2 before bubbles are chosen [force length];
+            infinite where nothing was tightened.
     """
 
     pair: Admissible
     balanced: Rebalanced
-    bulk: float | None
+    bulk: float
 
 
 def _make_pair(
@@ -233,12 +233,11 @@ def _make_pair(
     """
     cells = data.cells
     model = data.solution.model
-    space = model.space
     u = data.solution.u
     u_hat = u
     if tractions:
-        if space.comm.size > 1:
-            tractions = _of_owners(space, cells, tractions)
+        if model.space.comm.size > 1:
+            tractions = _of_owners(model.space, cells, tractions)
         u_hat = admissible_displacement(model, u, tractions)
     boundary = _boundary(data, tractions)
     b = load_forces(model, cells, boundary, data.force)
@@ -258,11 +257,8 @@ def _make_pair(
         tighten=tighten,
         correction=None if near is None else near.correction,
     )
-    bulk = axisymmetric_bulk(given) if space.axisymmetric else plane_bulk(given)
-    if space.axisymmetric:
-        # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary = boundary_off_axis(space, cells, boundary)
-    of_boundary = Given(boundary, data.fixed, tractions)
+    bulk = axisymmetric_bulk(given) if model.space.axisymmetric else plane_bulk(given)
+    of_boundary = Given(bulk.boundary, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
@@ -297,9 +293,8 @@ def _boundary(data: _Data, tractions: list[ContactTraction]) -> np.ndarray:
         of_contact = moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
         add_moments(space, boundary, trace.here.facets, of_contact)
-        if trace.there is not None:
-            # Action and reaction: on the other body acts the opposite traction.
-            add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
+        # Action and reaction: on the other body acts the opposite traction.
+        add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
     return boundary
 
 

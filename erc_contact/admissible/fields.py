@@ -25,8 +25,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.quadrature import cell_pieces, polynomials
 from erc_contact.model.model import Model
-from erc_contact.model.space import Space, circumferences
-from erc_contact.scene.material import tensor_basis
+from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric, rule
 
 FIELD_DEGREE = 4
@@ -78,8 +77,7 @@ def stress_function(
     """
     space = model.space
     d = space.d
-    basis = tensor_basis(model.scene.material, d)
-    rows = basis.shape[1]
+    basis, rows = space.section.basis, space.section.rows
     owned = model.domain.owned_cells
     points, weights = _sub_rule(d, degree)
     cell = space.mesh.basix_cell()
@@ -91,11 +89,8 @@ def stress_function(
     parts = np.split(places, d + 1, axis=1)
     of_parts = [macro_values(stress, space.degree, of_cells, part) for part in parts]
     components = np.concatenate(of_parts, axis=1)
-    if space.axisymmetric:
-        x = np.matmul(barycentric(points), space.cell_corners()[:owned])
-        if model.hoop_load is not None:
-            components[..., -1] += model.hoop_load(x, of_cells)
-        components /= circumferences(x)[..., None]
+    x = np.matmul(barycentric(points), space.cell_corners()[:owned])
+    components = space.section.over(model.hoop_load.plus(components, x, of_cells), x)
     at_points = np.tensordot(components, basis, axes=1)
     nodal = function.x.array.reshape(-1, rows * rows)
     nodal[function.function_space.dofmap.list[:owned]] = at_points.reshape(
@@ -112,7 +107,7 @@ def sides_of(model: Model, part: str) -> np.ndarray:
     """
     for tie in model.ties:
         for name, side in zip(tie.side_names, (tie.trace.here, tie.trace.there), strict=True):
-            if name == part and side is not None:
+            if name == part:
                 return side.facets[side.owned]
     return model.domain.owned_facets(part)
 

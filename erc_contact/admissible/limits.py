@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.model.contact.trace import Trace
+from erc_contact.model.contact.trace import NOBODY, Trace
 from erc_contact.model.model import Model
 
 
@@ -27,9 +27,10 @@ class Limits:
 
     Attributes:
         nodes: Node of each limit, shape (c,).
-        partners: The facing node of the other body, shape (c,); None on a foundation.
+        partners: The facing node of the other body, ``NOBODY`` on a foundation, shape
+            (c,).
         share: Share of a change of the jump that the node takes, its partner takes the
-            rest [-], shape (c,).
+            rest [-], shape (c,). Without a partner it takes all.
         normal: Normal of each limit, shape (c, d).
         bound: Limit of u_n [length], shape (c,).
         facet: Number in the contact of a facet of each limit, shape (c,).
@@ -38,7 +39,7 @@ class Limits:
     """
 
     nodes: np.ndarray
-    partners: np.ndarray | None
+    partners: np.ndarray
     share: np.ndarray
     normal: np.ndarray
     bound: np.ndarray
@@ -53,9 +54,10 @@ class Limits:
             values: Coefficients of u [length], shape (nodes, d).
             group: Numbers of limits.
         """
-        if self.partners is None:
-            return values[self.nodes[group]]
-        return values[self.nodes[group]] - values[self.partners[group]]
+        jump = values[self.nodes[group]]
+        is_pair, partners = self._pairs(group)
+        jump[is_pair] -= values[partners]
+        return jump
 
     def normal_displacement(self, values: np.ndarray, group: np.ndarray) -> np.ndarray:
         """Return w_n at the limits of a group [length], see :meth:`jump`."""
@@ -68,9 +70,10 @@ class Limits:
             free: Components of u that supports do not fix, shape (nodes, d).
             group: Numbers of limits.
         """
-        if self.partners is None:
-            return free[self.nodes[group]]
-        return free[self.nodes[group]] | free[self.partners[group]]
+        mobile = free[self.nodes[group]]
+        is_pair, partners = self._pairs(group)
+        mobile[is_pair] |= free[partners]
+        return mobile
 
     def move(
         self, values: np.ndarray, free: np.ndarray, group: np.ndarray, change: np.ndarray
@@ -86,15 +89,21 @@ class Limits:
             change: Change of w, zero where it is not mobile [length], shape (c, d).
         """
         nodes = self.nodes[group]
-        if self.partners is None:
-            values[nodes] += change
-            return
-        partners = self.partners[group]
-        share = np.broadcast_to(self.share[group, None], change.shape)
-        share = np.where(free[partners], share, 1.0)
+        is_pair, partners = self._pairs(group)
+        # A foundation is fixed.
+        free_there = np.zeros(change.shape, dtype=bool)
+        free_there[is_pair] = free[partners]
+        share = np.where(free_there, self.share[group, None], 1.0)
         share = np.where(free[nodes], share, 0.0)
         values[nodes] += share * change
-        values[partners] -= (1 - share) * change
+        of_there = (1 - share) * change
+        values[partners] -= of_there[is_pair]
+
+    def _pairs(self, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Tell which limits of a group have a partner, shape (c,), and the partners."""
+        partners = self.partners[group]
+        is_pair = partners != NOBODY
+        return is_pair, partners[is_pair]
 
     def sum_up(self, of_facets: np.ndarray) -> np.ndarray:
         """Sum values (f, m) over the facets of each limit, shape (c,)."""
@@ -127,11 +136,8 @@ def limits_of(model: Model, traction: ContactTraction, gaps: np.ndarray) -> Limi
     groups = [np.flatnonzero(number == k) for k in range(most + 1)]
     of_facet = of_facet.reshape(traction.nodes.shape)
     facet = first // traction.nodes.shape[1]
-    partners = None
-    share = np.ones(len(first))
-    if contact.trace.there is not None:
-        partners = contact.trace.partners.ravel()[first]
-        share = _share_of_node(contact.trace, len(model.fixed))[nodes]
+    partners = contact.trace.nodes_there.ravel()[first]
+    share = _share_of_node(contact.trace, len(model.fixed))[nodes]
     return Limits(nodes, partners, share, normals[first], bound, facet, of_facet, groups)
 
 
@@ -141,9 +147,9 @@ def _share_of_node(trace: Trace, node_count: int) -> np.ndarray:
     The softer body takes more: the shares are in proportion to the compliances. Shape
     (nodes,).
     """
-    assert trace.there is not None
     stiffness = np.zeros((2, node_count))
     for of_side, side in zip(stiffness, (trace.here, trace.there), strict=True):
-        np.maximum.at(of_side, trace.here.nodes, side.stiffness[:, None])
+        nodes = trace.here.nodes[: len(side.facets)]
+        np.maximum.at(of_side, nodes, side.stiffness[:, None])
     total = stiffness.sum(axis=0)
     return np.divide(stiffness[1], total, out=np.ones(node_count), where=total > 0)

@@ -16,11 +16,9 @@ import numpy as np
 from erc_contact.admissible.cells import CellGeometry, add_moments
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.jumps import kinks_on_facets
-from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.data.quadrature import cell_pieces, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.data.values import DATA_DEGREE
-from erc_contact.model.meridian import moments_off_axis
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from namedmesh.simplex import bernstein, from_means, nodes, rule
@@ -44,11 +42,11 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
     area = space.facet_areas(facets)
     if not varies_in_cells(traction):
         points, weights = rule(d - 1, DATA_DEGREE)
-        values = evaluate(traction, space.mesh, points, facets)
+        values = space.evaluate(traction, points, facets)
         weighted = weights[:, None] * bernstein(d - 1, k, points)
         moments = np.einsum("qm,fqi->fmi", weighted, values) * area[:, None, None]
-        return moments_off_axis(space, facets, moments)
-    load = Everywhere(traction, space.mesh)
+        return space.section.vanishing_moments(moments, space.facet_corners(facets))
+    load = space.everywhere(traction)
 
     def products(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k, places), load(x, facets[entity]))
@@ -62,7 +60,7 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
         cuts=kinks_on_facets(space, [traction], facets),
     )
     of_facets = total.value.reshape(len(facets), len(space.facet_points), d)
-    return moments_off_axis(space, facets, of_facets)
+    return space.section.vanishing_moments(of_facets, space.facet_corners(facets))
 
 
 def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
@@ -82,7 +80,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     if not varies_in_cells(model.body_force):
         values = space.at_middles(model.body_force, of_cells)[:, None]
         return np.repeat(values, len(nodes(d, k - 1)), axis=1) * cells.volume[:, None, None]
-    load = Everywhere(model.body_force, space.mesh)
+    load = space.everywhere(model.body_force)
 
     def moments(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return _products(polynomials(k - 1, places), load(x, of_cells[entity]))
@@ -91,9 +89,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     # and forces of a cell. Only then the vertices are sorted.
     total = integrate(space.comm, moments, space.cell_corners(), cells.volume, cell_pieces(d))
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
-    if space.axisymmetric:
-        means[..., 0] = 0.0
-    forces = from_means(d, k - 1, means)
+    forces = from_means(d, k - 1, space.section.carried(means))
     if k == 1:
         return forces
     return np.take_along_axis(forces, cells.order[:, :, None], axis=1)

@@ -159,6 +159,7 @@ class Nearest:
             length, new = self.line_search(y, step, now)
             y = y + length * step
             inverse = _update(inverse, length * step, new.imbalance - now.imbalance)
+            # Newton's method goes on while a step gains a digit, else BFGS for a while.
             smooth = new.size < 0.1 * now.size or i % NEWTON_RETRY == 0
             if new.size < 0.5 * best.size:
                 last_gain = i
@@ -233,6 +234,7 @@ class Nearest:
             else:
                 high = length
                 at_high = slope
+            # The zero may be decades away: means of exponents until it is within one.
             if high == np.inf:
                 length *= 10
             elif high > 10 * low:
@@ -240,6 +242,7 @@ class Nearest:
             elif i % 2:
                 length = (low + high) / 2
             else:
+                # Secants alone would crawl at a kink, from one side.
                 length = low + (high - low) * at_low / (at_low - at_high)
         return length, new
 
@@ -253,6 +256,7 @@ def _update(inverse: np.ndarray, step: np.ndarray, change: np.ndarray) -> np.nda
         change: Change of the imbalance by it [force], shape (K,).
     """
     curvature = float(step @ change)
+    # A convex function has none below zero: round-off, which would cost definiteness.
     if curvature <= 0:
         return inverse
     left = np.eye(len(step)) - np.outer(step, change) / curvature

@@ -21,18 +21,18 @@ from dolfinx import fem
 from erc_contact.admissible.cells import CellGeometry, tractions_of
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.fields import FIELD_DEGREE, stress_function, sub_dx, traction_function
+from erc_contact.admissible.macro import macro_points, macro_values
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import facet_status
-from erc_contact.model.meridian import area_ratio, per_area
 from erc_contact.model.model import Model
 from erc_contact.model.profile import profile_points, profile_weights
 from erc_contact.newton.solution import Solution
 from namedmesh import Domain
 from namedmesh.base import checks
-from namedmesh.simplex import coefficients, measures
+from namedmesh.simplex import measures
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +120,34 @@ class Admissible:
         """Return r^ on each contact for pictures and files, see :meth:`per_area`."""
         return [self.per_area(traction) for traction in self.tractions]
 
+    def stress_at(self, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Evaluate sigma^ at points of pieces of owned cells [force/area].
+
+        Args:
+            cell: Cell of each piece, shape (n,).
+            places: Barycentric coordinates for the sorted vertices, shape (n, q, d+1).
+            x: The points [length], shape (n, q, d).
+
+        Returns:
+            Mandel components, times the weights of the section, shape (n, q, s).
+        """
+        values = macro_values(self.stress, self.model.space.degree, cell, places)
+        return self.model.hoop_load.plus(values, x, cell)
+
+    def stress_at_macro_points(self, x: np.ndarray) -> np.ndarray:
+        """Evaluate sigma^ at the points of :func:`.macro.macro_points` [force/area].
+
+        Args:
+            x: The points [length], shape (owned, q, d).
+
+        Returns:
+            Mandel components, times the weights of the section, shape (owned, q, s).
+        """
+        model = self.model
+        shape = macro_points(model.space.d, model.space.degree).shape
+        values = np.matmul(shape, self.stress).reshape(*x.shape[:2], self.stress.shape[-1])
+        return model.hoop_load.plus(values, x, model.space.owned_cells)
+
     def traction(self, name: str) -> ContactTraction:
         """Return r^ on the contact of a name, or sigma^ n on a tied joint.
 
@@ -153,19 +181,10 @@ class Admissible:
         space = self.model.space
         corners = traction.contact.trace.here.corners
         named = traction.contact.named_corners
-        share = area_ratio(space, corners, named, space.facet_points)[..., None]
-        to_coefficients = coefficients(space.d - 1, space.degree)
-
-        def shown(values: np.ndarray) -> np.ndarray:
-            if not space.axisymmetric:
-                return share * values
-            nodal = share * per_area(space, corners, values, space.facet_points)
-            return np.matmul(to_coefficients, nodal)
-
         bound = traction.friction_bound
         if np.isfinite(bound).all():
-            bound = shown(bound[..., None])[..., 0]
-        values = shown(traction.values)
+            bound = space.section.shown(bound[..., None], corners, named)[..., 0]
+        values = space.section.shown(traction.values, corners, named)
         return replace(traction, area=measures(named), values=values, friction_bound=bound)
 
     def at_profile_points(self, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
@@ -174,13 +193,12 @@ class Admissible:
         Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
         """
         model = self.model
-        space = model.space
-        points = profile_points(space)
+        points = profile_points(model.space)
         corners = traction.contact.trace.here.corners
-        r = per_area(space, corners, traction.values, points)
+        r = model.space.section.per_area(corners, traction.values, points)
         if traction.contact in model.ties:
             return r, np.full(r.shape[:2], np.inf)
-        return r, per_area(space, corners, traction.friction_bound, points)
+        return r, model.space.section.per_area(corners, traction.friction_bound, points)
 
     def status(self, traction: ContactTraction) -> np.ndarray:
         """Tell which facets are open, slip, stick or are closed, (f,); collective.
@@ -216,8 +234,8 @@ class Admissible:
         """Return sigma^ n on a boundary part as a Function [force/area]; collective.
 
         On a contact it is r^. It is discontinuous, of degree k, and zero away from the
-        part: integrate it over ``model.ds(domain.tag(part))``. No two facets of the
-        part may have a common cell.
+        part: integrate it over ``model.space.ds(domain.tag(part))``. No two facets of
+        the part may have a common cell.
         """
         return traction_function(self.model, self.cell_geometry, self.facet_moments, part)
 

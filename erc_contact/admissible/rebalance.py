@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from dolfinx import fem, la
@@ -158,14 +159,13 @@ def other_forces(
         u: Displacement of the contact solve [length].
         bolts: Forces that sigma^ has in bolts, by the names of preloads [force].
     """
-    space = model.space
     motions = model.free_motions
     with_springs = bool(model.springs and model.contacts)
     if with_springs:
         values = model.unheld.motions_of_bodies.values
         fixed = model.held_or_anchored
-        held = held_products(space, model.bodies, values, fixed, faces=model.loose_faces)
-        motions = motions_not_held(space, model.bodies[0], values, held)
+        held = held_products(model.space, model.bodies, values, fixed, faces=model.loose_faces)
+        motions = motions_not_held(model.space, model.bodies[0], values, held)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
     if not motions and not of_halves:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
@@ -177,7 +177,7 @@ def other_forces(
     b = load_forces(model, cells, boundary, force)
     works = [b.x.array @ motion.x.array for motion in motions]
     local = np.array([*works, abs(b.x.array).sum()])
-    total = space.comm.allreduce(local, MPI.SUM)
+    total = model.space.comm.allreduce(local, MPI.SUM)
     motions = [*motions, *of_halves]
     works = [*total[:-1], *works_on_halves]
     size = float(total[-1]) + float(np.sum(np.abs(works_on_halves)))
@@ -257,13 +257,7 @@ def _stress_of_owners(space: Space, cells: CellGeometry, stress: CellStress) -> 
     """
     if space.comm.size == 1:
         return stress
-    is_constant = stress.in_plane.shape[1] == 1
-    order = None if is_constant else cells.order
-    in_plane = _values_of_owners(space, stress.in_plane, order)
-    hoop = None
-    if stress.hoop is not None:
-        hoop = _values_of_owners(space, stress.hoop, cells.places)
-    return CellStress(in_plane, hoop)
+    return stress.of_owners(partial(_values_of_owners, space), cells)
 
 
 def _values_of_owners(space: Space, values: np.ndarray, order: np.ndarray | None) -> np.ndarray:
@@ -307,8 +301,7 @@ def _residual(
     on_facets = facet_forces(cells.area[:owned], stress.in_plane[:owned])
     by_cell = on_facets.reshape(owned, to_cells.shape[1], d)
     of_cells = np.matmul(coefficients(d, k).T @ to_cells, by_cell)
-    if stress.hoop is not None:
-        of_cells[..., 0] -= stress.hoop[:owned] @ coefficients(d, k)
+    stress.pull(of_cells, coefficients(d, k))
     residual = space.function()
     residual.x.array[:] = b.x.array
     np.add.at(residual.x.array.reshape(-1, d), cells.nodes[:owned], of_cells)

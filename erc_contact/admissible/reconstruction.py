@@ -57,9 +57,7 @@ class Reconstruction:
         body = None
         if self.force is not None:
             body = np.matmul(mass(cells.d, cells.degree, cells.degree - 1), self.force)
-        if self.balanced.hoop is not None:
-            body = np.zeros((*self.balanced.hoop.shape, cells.d)) if body is None else body
-            body[..., 0] -= self.balanced.hoop
+        body = self.balanced.as_body_force(body)
         # A rank has all cells around the nodes of its own cells, but not around others.
         complete = np.zeros(len(model.fixed), dtype=bool)
         complete[model.space.nodes[: model.domain.owned_cells]] = True
@@ -76,14 +74,17 @@ class BulkStress(NamedTuple):
         moment: Moments of the facet tractions [force], shape (facets, m, d).
         iterations: Number of iterations that tightened it.
         correction: What they have added to the moments [force]; None without any.
-        square: Bulk part of e^2, before bubbles are chosen [force length]; None where
-            nothing was tightened.
+        square: Bound of the bulk part of e^2, before bubbles are chosen [force length];
+            infinite where nothing was tightened.
         missing: Greatest missing force in each owned cell, and greatest force [force].
+        boundary: Moments of the tractions that it has of those that are given [force],
+            shape (facets, m, d).
     """
 
     stress: np.ndarray
     moment: np.ndarray
     iterations: int
     correction: np.ndarray | None
-    square: float | None
+    square: float
     missing: tuple[np.ndarray, np.ndarray]
+    boundary: np.ndarray

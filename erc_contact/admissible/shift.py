@@ -18,7 +18,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.jumps import jumps
 from erc_contact.model.contact.trace import split
 from erc_contact.model.contact.turning import Turning
-from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.space import Space
 from namedmesh.simplex import averages, barycentric, lagrange, rule
@@ -141,16 +140,14 @@ def shift_by_slip(
 
 
 def _tangential_stiffness(space: Space, contact: ContactOnMesh) -> np.ndarray:
-    """Return E/h of the facets, in a row with what the foundation gives way, (f,).
+    """Return E/h of the facets, in a row with springs of the foundation, (f,).
 
     A change of the traction adds ``|dr|^2/k_t`` to the contact part of e^2, too.
     """
     stiffness = contact.trace.stiffness
     if contact.tangential_stiffness is None:
         return stiffness
-    at_nodes = evaluate(
-        contact.tangential_stiffness, space.mesh, space.facet_points, contact.facets
-    )
+    at_nodes = space.evaluate(contact.tangential_stiffness, space.facet_points, contact.facets)
     k = at_nodes.mean(axis=1)
     return k * stiffness / (k + MOBILITY * stiffness)
 
@@ -193,7 +190,7 @@ def shift_of_far_open(
     points, weights = rule(space.d - 1, space.contact_degree)
     shape = lagrange(space.d - 1, space.degree, points)
     x = np.matmul(barycentric(points), contact.trace.here.corners[far])
-    gap = Everywhere(contact.gap, space.mesh)(x, contact.facets[far])
+    gap = space.everywhere(contact.gap)(x, contact.facets[far])
     normals = contact.trace.normals_at_places(barycentric(points), far)
     w_n = (np.matmul(shape, u[far]) * normals).sum(axis=-1)
     opening = np.maximum(gap - w_n, 0.0)

@@ -47,15 +47,14 @@ def with_soft_contacts(
         others: What r^ has balanced so far.
         tractions: r^ so far.
         balanced: The stress in equilibrium with them.
-        bulk: Bulk part of e^2 so far [force length].
+        bulk: Bound of the bulk part of e^2 so far [force length].
 
     Returns:
         What r^ has to balance, or None where nothing soft holds a contact.
     """
-    space = model.space
     if balanced.missing is None or balanced.change is None:
         return None
-    comm = space.comm
+    comm = model.space.comm
     local_work = float(balanced.missing.x.array @ balanced.change.x.array)
     if comm.allreduce(local_work, MPI.SUM) <= SOFT_SHARE * bulk:
         return None
@@ -68,7 +67,7 @@ def with_soft_contacts(
             continue
         local = [balanced.missing.x.array @ motion.x.array for motion in of_contact]
         left = comm.allreduce(np.array(local), MPI.SUM)
-        moved = _rigid_part(space, traction, of_contact, balanced.change)
+        moved = _rigid_part(model.space, traction, of_contact, balanced.change)
         energy = float(left @ moved)
         if energy > SOFT_SHARE * bulk:
             motions += of_contact
@@ -77,7 +76,7 @@ def with_soft_contacts(
     if not motions:
         return None
     # What is missing is the work of r^ and of all other forces together.
-    works = np.concatenate(missing) - _works_of(space, tractions, motions)
+    works = np.concatenate(missing) - _works_of(model.space, tractions, motions)
     free = np.zeros((len(others.motions) + len(motions), others.free.shape[1]))
     free[: len(others.motions)] = others.free
     return OtherForces(

@@ -25,8 +25,6 @@ from namedmesh.simplex import bernstein, coefficients, rule
 
 AXIS = 1e-9
 """Difference of a component of a normal to 0 or 1 that counts as none [-]."""
-RING_DEGREE = 21
-"""Quadrature degree for the squares of tractions of springs on rings."""
 STIFF = 1.0
 """Least stiffness of a stiff spring over the stiffness of its cell, ``K h/E`` [-].
 
@@ -99,20 +97,19 @@ def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
     Returns:
         Shape (K, K), zero without springs.
     """
-    space = model.space
     total = np.zeros((len(motions), len(motions)))
     if not model.springs:
         return total
     for spring in model.springs:
         side = spring.side
         owned = side.owned
-        pulls = [moments(side.areas, spring.pull(m.x.array), space.degree) for m in motions]
+        pulls = [moments(side.areas, spring.pull(m.x.array), model.space.degree) for m in motions]
         # A motion is linear: its values at the nodes of a facet are its coefficients.
-        values = [m.x.array.reshape(-1, space.d)[side.nodes] for m in motions]
+        values = [m.x.array.reshape(-1, model.space.d)[side.nodes] for m in motions]
         by_facets = np.stack(pulls)[:, owned]
         of_motions = np.stack(values)[:, owned]
         total += np.einsum("kfmi,lfmi->kl", by_facets, of_motions)
-    return space.comm.allreduce(total, MPI.SUM)
+    return model.space.comm.allreduce(total, MPI.SUM)
 
 
 def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray:
@@ -148,8 +145,7 @@ def spring_squares(
     """
     space = model.space
     result = np.zeros((2, model.domain.owned_cells))
-    # On rings the squares are rational.
-    points, weights = rule(space.d - 1, RING_DEGREE if space.axisymmetric else 2 * space.degree)
+    points, weights = rule(space.d - 1, space.section.rule_degree(2 * space.degree))
     shape = bernstein(space.d - 1, space.degree, points)
     for spring, t in zip(model.springs, tractions, strict=True):
         owned = spring.side.owned

@@ -21,13 +21,10 @@ from erc_contact.model.contact.contact_values import friction_parameters, spring
 from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONSTANT
 from erc_contact.model.contact.turning import Turning, turning_of
-from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.meridian import off_axis, vertices_off_axis, without_axis
 from erc_contact.model.space import Space
 from namedmesh.simplex import (
     at_nodes,
     averages,
-    mass,
     projection,
     rule,
 )
@@ -54,8 +51,8 @@ class Trial:
         is_kinked: Whether the normals jump. A polygon that slides along another one
             presses on one end of each facet, and a projection would change resultants.
         turning: How tractions turn with the normals, or None.
-        off_axis: Which coefficients of an axisymmetric body are off the axis, where
-            there is no traction, shape (f, m); None of other bodies.
+        off_axis: Which coefficients are off the axis of the body, where there is no
+            traction, shape (f, m) or (1, 1).
         otherwise: The trial that takes the place of this one if the law does not allow
             a traction that does not turn, or None.
     """
@@ -67,7 +64,7 @@ class Trial:
     uniform: np.ndarray
     is_kinked: bool
     turning: Turning | None
-    off_axis: np.ndarray | None = None
+    off_axis: np.ndarray
     otherwise: Trial | None = None
 
     def turn(self, outside: bool) -> Trial:
@@ -96,8 +93,7 @@ class Trial:
         else:
             near = allowed.limited_by_mean(self.mean, self.best)
         shifted = near + self.shift.round_off(near)
-        if self.off_axis is not None:
-            shifted = shifted * self.off_axis[..., None]
+        shifted = shifted * self.off_axis[..., None]
         return self.at_mean_pressure(allowed.project(shifted))
 
     def at_mean_pressure(self, values: np.ndarray) -> np.ndarray:
@@ -131,8 +127,7 @@ class Trial:
         added = (change**2).sum(axis=2).mean(axis=1)
         size = np.linalg.norm(values, axis=2).max(axis=1, initial=0.0)
         far = path > SLIDES * size
-        if self.off_axis is not None:
-            far &= self.off_axis.all(axis=1)
+        far &= self.off_axis.all(axis=1)
         return ~self.uniform & far & (saved > added)
 
     def lower(self, factor: np.ndarray, become: np.ndarray) -> Trial:
@@ -162,9 +157,7 @@ class Trial:
         trial.
         """
         weight, of_nodes = self._weights_and_motions(space, motions)
-        if self.off_axis is not None:
-            of_nodes = of_nodes * self.off_axis[..., None, None]
-        return weight, of_nodes
+        return weight, of_nodes * self.off_axis[..., None, None]
 
     def _weights_and_motions(
         self, space: Space, motions: list[fem.Function]
@@ -206,12 +199,12 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     average = averages(space.d - 1, degree, points, weights)
     since_last_step = contact.trace.since(solution.u.x.array)
     if contact.tangential_stiffness is not None:
-        # The slip is what the foundation does not give way.
+        # The slip is the displacement without the deflection of the foundation.
         places = space.facet_points
-        r = evaluate(solution.traction(contact), space.mesh, places, contact.facets)
+        r = space.evaluate(solution.traction(contact), places, contact.facets)
         since_last_step = since_last_step - spring_displacement(space, contact, r, places)
     shift = shift_by_slip(space, contact, since_last_step, turning)
-    sampled = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    sampled = space.evaluate(solution.traction(contact), points, contact.facets)
     if turning is None:
         values = np.matmul(project, sampled)
         means = np.matmul(average, sampled)
@@ -221,16 +214,13 @@ def trial_of(space: Space, contact: ContactOnMesh, solution: Any, *, turned: boo
     opens = shift_of_far_open(space, contact, shift, since_last_step, values, turning)
     count = len(contact.facets)
     best, mean = values + opens, means + opens
-    off = None
-    if space.axisymmetric:
-        off = off_axis(vertices_off_axis(space, contact.trace.here.corners), degree)
-        if turning is None:
-            means_of_best = np.matmul(mass(1, degree, degree), best)
-            best = without_axis(means_of_best, off)
-        best, mean = best * off[..., None], mean * off[..., None]
+    section = space.section
+    off = section.off_axis(contact.trace.here.corners, degree)
+    if turning is None:
+        best = section.vanishing(best, off)
     return Trial(
-        best=best,
-        mean=mean,
+        best=best * off[..., None],
+        mean=mean * off[..., None],
         shift=shift,
         allowed=Allowed(space, contact, np.ones(count), degree),
         uniform=np.zeros(count, dtype=bool),

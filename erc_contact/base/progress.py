@@ -22,7 +22,7 @@ SELDOM = 10.0
 """Time without a line after which the log tells where a run is [s]."""
 
 
-class _Line:
+class _StageLine:
     """Represent the line of a terminal, or the last line of the log.
 
     It is state of the process, as the terminal is.
@@ -93,7 +93,7 @@ class _Line:
             self.stages[:] = stages
 
 
-_line = _Line()
+_line = _StageLine()
 """The line of this process."""
 
 

@@ -24,16 +24,16 @@ resultant ``int r.a``. The phi of least energy, which takes one elastic solve, g
 best bounds. A rigid motion that no support holds has no energy; the resultant then
 follows from the loads alone.
 
-Without friction or with given friction, u minimises the potential energy J, and ``J(u^)
-- J(u) <= e^2/2``: this bound is of second order in e. The bounds (b) are of first
-order. For bounds of second order one would need a dual problem whose contact set is
-certain.
+Without friction or with Tresca friction, u minimises the potential energy J, and
+``J(u^) - J(u) <= e^2/2``: this bound is of second order in e. The bounds (b) are of
+first order. For bounds of second order one would need a dual problem whose contact set
+is certain.
 
 ``guaranteed`` means that the interval is proved, up to round-off and to integrals that
 are resolved at the points of quadrature (:mod:`erc_contact.model.data.quadrature`).
 This needs
 
-- no friction, or given friction: if the bound depends on the pressure, (a) has a
+- no friction, or Tresca friction: if the bound depends on the pressure, (a) has a
   further term of no sign;
 - no oscillation (:mod:`erc_contact.error.oscillation`): sigma^ balances the loads
   themselves, and u^ and r^ satisfy supports, gaps, normals and friction bounds at every
@@ -50,10 +50,10 @@ of this change is then added to e^2. If a body is known only as a mesh, the boun
 for the body with flat facets.
 
 Symbols: V continuous P_k displacements, J(v) = a(v, v)/2 - f(v) - F(v) + int b |v_t -
-s| with the given friction bound b; s is the tangential displacement at the end of the
+s| with Tresca's friction bound b; s is the tangential displacement at the end of the
 last step of a history, which is zero without history. The energies of springs and of
-compliant foundations are part of J; where these give way tangentially, b acts on the
-slip alone.
+compliant foundations are part of J; where these are tangentially compliant, b acts on
+the slip alone.
 
 Source: Prager, Synge, Quart. Appl. Math. 5 (1947), for (a) without contact; Coorevits,
 Hild, Hjiaj, (16), for e.
@@ -120,7 +120,6 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     refuse_potential(error.solution.scene.material, "resultant()", BY_FORCE)
     pair = error.admissible
     model = pair.model
-    space = model.space
     bound = model.contact(contact)
     if bound in model.ties:
         raise InputError(
@@ -129,8 +128,8 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
         )
     which = model.contacts.index(bound)
     a = np.asarray(direction, dtype=float)
-    if a.shape != (space.d,) or not np.isfinite(a).all():
-        raise InputError(f"The direction is {direction!r}; give {space.d} finite numbers.")
+    if a.shape != (model.space.d,) or not np.isfinite(a).all():
+        raise InputError(f"The direction is {direction!r}; give {model.space.d} finite numbers.")
     if contact != bound.side_names[0]:
         # Action and reaction: the traction on the other body is the opposite one.
         a = -a
@@ -142,7 +141,7 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     size = float(np.sqrt(max(square.value + square.bound, 0.0)))
     # If phi is a rigid motion, (b) is the balance of forces, which needs no friction
     # law.
-    stiffest = model.stiffest() * model.domain.extent ** (space.d - 2)
+    stiffest = model.stiffest() * model.domain.extent ** (model.space.d - 2)
     is_rigid = bool(size <= RIGID_ENERGY * np.linalg.norm(a) * np.sqrt(stiffest))
     from_loads = is_rigid and error.geometry_error <= ROUND_OFF * error.scale
     proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)

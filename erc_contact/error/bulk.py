@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.elastic import CellStrains, elastic_coefficients, macro_moduli
 from erc_contact.admissible.kernels import kernels
-from erc_contact.admissible.macro import macro_points, macro_values
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.error.laws import LawError
@@ -68,15 +68,12 @@ def _adapted_squares(admissible: Admissible) -> LawError:
     model = admissible.model
     space = model.space
     cells = admissible.cell_geometry
-    k = space.degree
     owned = model.domain.owned_cells
     of_cells = space.owned_cells
     strain = CellStrains.of(space, cells, admissible.displacement)
 
     def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        sigma = macro_values(admissible.stress, k, cell, places)
-        if model.hoop_load is not None:
-            sigma[..., -1] += model.hoop_load(x, of_cells[cell])
+        sigma = admissible.stress_at(cell, places, x)
         return model.constitution.squares(strain.at(cell, places, x), sigma, x, of_cells[cell])
 
     corners = cells.corners[:owned]

@@ -23,11 +23,10 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import elastic_stress, macro_moduli, macro_places
+from erc_contact.admissible.elastic import elastic_stress, macro_moduli
 from erc_contact.admissible.equilibrate import equilibrate, equilibrated
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
-from erc_contact.admissible.reference import mandel
 from erc_contact.admissible.springs import spring_squares
 from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.exceptions import NotBalanced
@@ -42,7 +41,6 @@ from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.base.percent import percent
 from namedmesh.files.displacements import FileField, from_file
-from namedmesh.simplex import bernstein, from_means
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,28 +215,15 @@ def _distance_to_equilibrium(pair: Admissible) -> float:
     The stress of u_r is the rebalanced one of the pair.
     """
     model = pair.model
-    space = model.space
     cells = pair.cell_geometry
     owned = model.domain.owned_cells
-    _, points, weights = macro_points(space.d, space.degree)
-    balanced = np.matmul(
-        bernstein(space.d, space.degree - 1, points), mandel(pair.fe_stress[:owned])
-    )
+    _, _, weights = macro_points(model.space.d, model.space.degree)
     elastic = elastic_stress(model, cells, pair.displacement, owned)
-    if pair.balanced.hoop is not None:
-        # Of the hoop force, its projection on degree k is in equilibrium.
-        places = macro_places(space, cells, owned)
-        means = pair.balanced.hoop[:owned, :, None] / cells.volume[:owned, None, None]
-        force = from_means(space.d, space.degree, means)
-        hoop = places[..., :1] * np.matmul(bernstein(space.d, space.degree, points), force)
-        if model.hoop_load is not None:
-            hoop[..., 0] += model.hoop_load(places, space.owned_cells)
-        balanced = np.concatenate([balanced, hoop], axis=-1)
-    difference = balanced - elastic
+    difference = pair.balanced.at_macro_points(model, cells) - elastic
     compliance = macro_moduli(model, cells, owned, inverse=True)
     squares = (act(compliance, difference) * difference).sum(axis=2) @ weights
     local = float(squares @ cells.volume[:owned])
     # Springs pull at u_r, so that all of the error in their law is this distance.
     of_springs, _ = spring_squares(model, pair.displacement, pair.spring_tractions)
     local += float(of_springs.sum())
-    return float(space.comm.allreduce(local, MPI.SUM))
+    return float(model.space.comm.allreduce(local, MPI.SUM))

@@ -10,7 +10,7 @@ in energy norms ``|sigma|^2 = int C^-1 sigma : sigma``, with ``p^ = -r^_n`` and 
 friction bound of the law: mu p for Coulomb, given for Tresca. In a step of a history, s
 is the tangential displacement at the end of the last step, and e bounds the error of
 this step given its history; without history s is zero. Both terms are never negative,
-and e = 0 only for the solution. For frictionless contact and given friction (Tresca) e
+and e = 0 only for the solution. For frictionless contact and Tresca friction e
 bounds the errors of u^ and of sigma^ with constant 1:
 
     |u - u^|^2 + |sigma - sigma^|^2
@@ -140,7 +140,7 @@ class ConstitutiveError:
             "bulk part": self.bulk_error,
             "contact part": self.contact_error,
             "geometry, an estimate beside eps": self.geometry_error,
-            "data the mesh does not carry, an estimate beside eps": self.oscillation,
+            "data the mesh does not represent, an estimate beside eps": self.oscillation,
         }
         rows: list[tuple[str, object]] = []
         for name, part in parts.items():
@@ -325,8 +325,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     """
     began = perf_counter()
     model = admissible.model
-    space = model.space
-    comm = space.comm
+    comm = model.space.comm
     measure = body_error if model.linearised is None else fenchel_error
     body = measure(admissible)
     springs = spring_error(admissible)
@@ -336,7 +335,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     geometry_cells_2 = geometry_squares(admissible, body.of_sum)
     bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
     floor = UNKNOWN_SHARE * float(bulk_2)
-    contacts = contact_law_error(space, admissible.displacement, admissible.tractions, floor)
+    contacts = contact_law_error(model.space, admissible.displacement, admissible.tractions, floor)
     cells_2 = bulk_cells_2 + contacts.gap
     sums_2 = body.of_sum + springs.of_sum + contacts.of_sum
     # In the order of the attributes of Oscillations.
@@ -361,7 +360,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0
     scale = float(np.sqrt(scale_2))
-    tell_tiny_edges(space, cells_2, float(bulk_2 + contact_2), float(scale_2))
+    tell_tiny_edges(model.space, cells_2, float(bulk_2 + contact_2), float(scale_2))
     seconds = comm.allreduce(perf_counter() - began, MPI.MAX)
     return ConstitutiveError(
         admissible=admissible,

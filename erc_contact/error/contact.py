@@ -32,8 +32,7 @@ from erc_contact.model.contact.contact_values import ContactData, friction_param
 from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONCAVE
 from erc_contact.model.contact.jumps import kinks_on_facets
-from erc_contact.model.contact.trace import Trace, split
-from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.contact.trace import split
 from erc_contact.model.data.over_ranks import sums_of_cells
 from erc_contact.model.data.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
@@ -42,7 +41,7 @@ from erc_contact.model.space import Space
 CONTACT_DEGREE = 21
 """Quadrature degree where the integrand is smooth, but no polynomial.
 
-That is so in space where the slip is far from zero, and where normals turn.
+That is so in 3D where the slip is far from zero, and where normals turn.
 """
 
 
@@ -95,7 +94,7 @@ def contact_squares(
     The integrals are exact where the integrand is a polynomial or, in the plane, one on
     each side of the points where the slip is zero. Else they are adapted: where the
     data of the contact vary, the friction bound is nonlinear in the pressure, the
-    foundation is compliant, or, in space and where normals turn, the slip may vanish.
+    foundation is compliant, or, in 3D and where normals turn, the slip may vanish.
     Adapted integrals may leave ``floor`` or the share UNKNOWN_SHARE of their values
     unknown, and contain what they leave unknown.
 
@@ -147,26 +146,20 @@ def contact_law_error(
         tractions: r^ on each contact.
         floor: What the integral over each contact may leave unknown [force length].
     """
-    gap, of_sum = np.zeros((2, space.domain.owned_cells))
+    gap, of_sum = np.zeros((2, len(space.nodes)))
     gaps = 0.0
     friction = 0.0
     for traction in tractions:
         squares = contact_squares(space, u_hat, traction, floor)
         trace = traction.contact.trace
         # below 0 by round-off only
-        gap += _in_cells(space, trace, np.maximum(squares.parts, 0.0))
-        of_sum += _in_cells(space, trace, squares.of_sum)
+        gap += trace.share(np.maximum(squares.parts, 0.0))
+        of_sum += trace.share(squares.of_sum)
         gaps += squares.gaps
         friction += squares.friction
-    return LawError(gap, of_sum, gaps=gaps, friction=friction)
-
-
-def _in_cells(space: Space, trace: Trace, of_facets: np.ndarray) -> np.ndarray:
-    """Add up values of facets (f,) in the cells that this rank owns; collective."""
-    of_cells = trace.share(of_facets)
-    if trace.there is None:
-        return of_cells[: space.domain.owned_cells]
-    return sums_of_cells(space, of_cells)
+    # The other body of a facet may be on another rank.
+    of_owners = sums_of_cells(space, gap), sums_of_cells(space, of_sum)
+    return LawError(*of_owners, gaps=gaps, friction=friction)
 
 
 def _means(
@@ -202,7 +195,7 @@ def _means(
     w = np.matmul(shape, of_w)
     s = np.matmul(shape, of_s)
     n = contact.trace.normals_at_places(points)
-    gap = 0.0 if contact.gap is None else evaluate(contact.gap, space.mesh, middle, contact.facets)
+    gap = 0.0 if contact.gap is None else space.evaluate(contact.gap, middle, contact.facets)
     parameters = friction_parameters(space, contact, middle)
     bound = contact.friction_bound(pressures(r, n), parameters)
     density = contact_density(contact, AtPoints(n, r, w, s, gap, bound), cancelling)
@@ -285,7 +278,7 @@ def _adapted_squares(
 def _beyond_gap(contact: ContactOnMesh, at: AtPoints, normal: np.ndarray) -> np.ndarray:
     """Return how far w is beyond the gap along a normal [length], shape (n, q).
 
-    A compliant foundation gives way, so that it is zero.
+    It is zero on a compliant foundation, which may be entered.
     """
     opening = (at.w * normal).sum(axis=-1) - at.gap
     if at.stiffness is not None:

@@ -196,8 +196,8 @@ def bound_cancellation(trace: Trace, u: np.ndarray) -> np.ndarray:
         trace: The trace of a contact.
         u: Displacement at all nodes of this rank [length], shape (nodes d,).
     """
-    if trace.there is None:
-        return np.zeros((len(trace.here.nodes), 1))
     nodal = u.reshape(-1, trace.here.d)[trace.partners]
     # Both sides together are no larger than w and twice the other side.
-    return 2 * np.linalg.norm(nodal, axis=2).max(axis=1, keepdims=True, initial=0.0)
+    cancelling = np.zeros((len(trace.here.nodes), 1))
+    cancelling[trace.facing, 0] = 2 * np.linalg.norm(nodal, axis=2).max(axis=1, initial=0.0)
+    return cancelling

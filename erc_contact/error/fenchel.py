@@ -18,14 +18,13 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.elastic import CellStrains
-from erc_contact.admissible.macro import macro_points, macro_values
+from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.laws import LawError
 from erc_contact.model.data.quadrature import INSET, cell_pieces, integrate
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution
-from erc_contact.model.space import circumferences
 from namedmesh.simplex import barycentric, nodes
 
 UNKNOWN_SHARE = 1e-3
@@ -60,7 +59,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
     assert model.linearised is not None
     assert isinstance(constitution, ConvexConstitution)
     law = model.linearised.law
-    is_constant = k == 1 and not space.axisymmetric and not law.varies_in_cells
+    is_constant = k == 1 and not space.section.varies and not law.varies_in_cells
 
     def beyond(
         law: PointLaw, cell: np.ndarray, sigma: np.ndarray, places: np.ndarray, x: np.ndarray
@@ -72,10 +71,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
         return of_law - near.squares(cell, eps, sigma) if near.taken else of_law
 
     def of_law(law: PointLaw, cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        sigma = macro_values(admissible.stress, k, cell, places)
-        if model.hoop_load is not None:
-            sigma[..., -1] += model.hoop_load(x, of_cells[cell])
-        return beyond(law, cell, sigma, places, x)
+        return beyond(law, cell, admissible.stress_at(cell, places, x), places, x)
 
     def difference(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return of_law(law, cell, places, x)
@@ -194,7 +190,7 @@ class _LinearLaws:
         middles = np.full((len(owned), 1, space.d + 1), 1 / (space.d + 1))
         self._pair = admissible
         self._of_displacement = strain
-        self.taken = not space.axisymmetric
+        self.taken = not space.section.varies
         self._strain = strain.at(owned, middles, x)
         whole_stress = law.whole_stress(self._strain, x, owned)
         whole_tangent = law.whole_tangent(self._strain, x, owned)[:, 0]
@@ -251,16 +247,10 @@ class _LinearLaws:
         """Integrate :meth:`squares` by the rule of the sub-simplices, (owned, 2)."""
         pair = self._pair
         model = pair.model
-        space = model.space
-        shape, points, weights = macro_points(space.d, space.degree)
+        _, points, weights = macro_points(model.space.d, model.space.degree)
         owned = len(volume)
-        sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[-1])
         x = np.matmul(barycentric(points), pair.cell_geometry.corners[:owned])
         eps = self._of_displacement.at_points(slice(owned), points, x)
-        around: np.ndarray | float = 1.0
-        if space.axisymmetric:
-            around = circumferences(x)[..., None]
-        if model.hoop_load is not None:
-            sigma[..., -1] += model.hoop_load(x, space.owned_cells)
-        squares = self.squares(np.arange(owned), eps, sigma, around)
+        sigma = pair.stress_at_macro_points(x)
+        squares = self.squares(np.arange(owned), eps, sigma, model.space.section.weight(x))
         return np.asarray(volume[:, None] * np.einsum("nqi,q->ni", squares, weights))

@@ -1,8 +1,8 @@
 """Compliant foundations: the error in their law, their energy, and the slip on them.
 
-A foundation that gives way is a spring in a row with a stop along the normal, and
+A compliant foundation is a spring in a row with a stop along the normal, and
 tangentially with a slider whose friction bound is b. The displacement of both, ``d =
-w_n - g`` or ``d = w_t - s``, is t/k, by which the spring gives way under the traction
+w_n - g`` or ``d = w_t - s``, is t/k, the deflection of the spring under the traction
 t, and what stop or slider take. A stop, and a slider, is a convex set K of tractions:
 ``p >= 0``, and ``|t| <= b``. Its potential is the support function h of K: zero for ``d
 <= 0`` and infinite beyond, and ``b |d|``. So the potential of both in a row is the
@@ -114,7 +114,7 @@ class Sliding:
     def give_way(
         self, facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray | float:
-        """Return by how much the foundation gives way tangentially, v [length].
+        """Return the tangential deflection of the foundation, v [length].
 
         Shape (f, q, d); 0 on a rigid one.
         """

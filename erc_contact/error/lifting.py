@@ -84,7 +84,8 @@ class _ContactNodes:
         contact: The contact.
 
     Attributes:
-        nodes: The nodes, without those where more than two bodies meet, shape (n,).
+        nodes: The nodes, without those where more than two bodies meet, shape (n,). The
+            first ones face another body, and not a foundation.
         has_joint: Whether there are such nodes.
     """
 
@@ -97,40 +98,38 @@ class _ContactNodes:
         # Where more than two bodies meet, phi is zero: the jumps are not independent.
         is_joint = model.connections.is_joint[nodes]
         self.has_joint = bool(is_joint.any())
-        self.nodes = nodes[~is_joint]
-        self._partners = np.zeros(0, dtype=np.int64)
-        self._free = ~model.fixed
-        if contact.against is not None:
-            number = model.contacts.index(contact)
-            pairs = model.connections.pairs[number]
-            pairs = space.local_nodes(pairs.ravel()).reshape(-1, 2)
-            # The owners of both nodes of a pair have both of them.
-            pairs = pairs[np.isin(pairs[:, 0], self.nodes) & (pairs[:, 1] >= 0)]
-            self.nodes, self._partners = pairs.T
+        nodes = nodes[~is_joint]
+        pairs = model.connections.pairs[model.contacts.index(contact)]
+        pairs = space.local_nodes(pairs.ravel()).reshape(-1, 2)
+        on_foundation = np.setdiff1d(nodes, pairs[:, 0])
+        # The owners of both nodes of a pair have both of them.
+        pairs = pairs[np.isin(pairs[:, 0], nodes) & (pairs[:, 1] >= 0)]
+        self.nodes = np.concatenate([pairs[:, 0], on_foundation])
+        self._partners = pairs[:, 1]
+        self._facing = slice(len(pairs))
+        # Components that a pair does not move here, but on the other side.
+        self._moves_there = model.fixed[self.nodes]
+        self._moves_there[len(pairs) :] = False
 
     def jump(self, values: np.ndarray) -> np.ndarray:
         """Return phi, or its jump, of values (all nodes, d), shape (n, d)."""
-        if self.contact.against is None:
-            return values[self.nodes]
-        return values[self.nodes] - values[self._partners]
+        jump = values[self.nodes]
+        jump[self._facing] -= values[self._partners]
+        return jump
 
     def add(self, values: np.ndarray, change: np.ndarray) -> None:
         """Add a change (n, d) to phi, or to its jump, in place.
 
         This body moves, and where a support holds it the other one.
         """
-        if self.contact.against is None:
-            values[self.nodes] += change
-            return
-        here = self._free[self.nodes]
-        values[self.nodes] += np.where(here, change, 0.0)
-        values[self._partners] -= np.where(here, 0.0, change)
+        there = np.where(self._moves_there, change, 0.0)
+        values[self.nodes] += np.where(self._moves_there, 0.0, change)
+        values[self._partners] -= there[self._facing]
 
     def set_to_zero(self, values: np.ndarray, which: np.ndarray) -> None:
         """Set phi to zero at some of the nodes (n,), in place."""
         values[self.nodes[which]] = 0.0
-        if self.contact.against is not None:
-            values[self._partners[which]] = 0.0
+        values[self._partners[which[self._facing]]] = 0.0
 
 
 def _least_energy(model: Model, elastic: ElasticSolver, which: int, a: np.ndarray) -> fem.Function:

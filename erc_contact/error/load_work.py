@@ -15,7 +15,7 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.error.numbers import BoundedNumber
-from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.quadrature import (
     Integrand,
     cell_pieces,
@@ -114,7 +114,7 @@ def load_size(space: Space, load: Load) -> tuple[float, bool]:
         entities = space.domain.owned_facets(on_surface[0].facets)
         sizes = space.facet_areas(entities)
         points = space.facet_points
-    values = evaluate(density, space.mesh, points, entities)
+    values = space.evaluate(density, points, entities)
     local = float(sizes @ np.linalg.norm(values, axis=2).mean(axis=1))
     return float(space.comm.allreduce(local, MPI.SUM)), varies_in_cells(density)
 
@@ -127,7 +127,7 @@ def _surface_work(space: Space, part: str, density: Ufl, v: fem.Function) -> Bou
     # Every facet counts on one rank.
     area = np.where(space.owned(facets), space.facet_areas(facets), 0.0)
     on_facets = np.matmul(coefficients(d - 1, k), nodal[space.facet_nodes(facets)])
-    work = _products(Everywhere(density, space.mesh), facets, on_facets, k)
+    work = _products(space.everywhere(density), facets, on_facets, k)
     corners = space.facet_corners(facets)
     integral = integrate(space.comm, work, corners, area, facet_pieces(d - 1))
     return BoundedNumber.summed(space.comm, integral)
@@ -140,7 +140,7 @@ def _body_work(space: Space, force: Ufl, v: fem.Function) -> BoundedNumber:
     owned = space.domain.owned_cells
     cells = cell_geometry(space)
     in_cells = np.matmul(coefficients(d, k), nodal[cells.nodes])
-    work = _products(Everywhere(force, space.mesh), space.owned_cells, in_cells, k)
+    work = _products(space.everywhere(force), space.owned_cells, in_cells, k)
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     integral = integrate(space.comm, work, corners, volume, cell_pieces(d))

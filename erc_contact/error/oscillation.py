@@ -21,13 +21,11 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.loads import traction_moments
 from erc_contact.base.traced import field_of
-from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.quadrature import (
     Integrand,
@@ -103,7 +101,8 @@ def of_loads(
     space = model.space
     d, k = space.d, space.degree
     total = 0.0
-    if model.body_force is not None and varies_in_cells(_force_in_cells(model)):
+    carried = model.space.section.carried_density(model.body_force)
+    if carried is not None and varies_in_cells(carried):
         total += _of_body_force(model, cells, force, relief)
     if relief is not None:
         total += _of_relief(model, cells, relief)
@@ -115,7 +114,7 @@ def of_loads(
             moments = traction_moments(space, facets, load.density)
             means = moments / space.facet_areas(facets)[:, None, None]
             projected = from_means(d - 1, k, means)
-            square = _on_facets(space, Everywhere(load.density, space.mesh), facets, projected)
+            square = _on_facets(space, space.everywhere(load.density), facets, projected)
             modulus = space.at_middles(model.modulus, facets[:, 0])
             total += float(np.sum(square * facet_sizes(space, facets) / modulus))
     return total
@@ -147,7 +146,7 @@ def _of_body_force(
     projected = force[:owned] / volume[:, None, None]
     if relief is not None:
         projected = projected - relief[:owned, None]
-    data = Everywhere(_force_in_cells(model), space.mesh)
+    data = space.everywhere(space.section.carried_density(model.body_force))
     difference = _squares(space, data, space.owned_cells, projected, k - 1)
     integral = integrate(
         space.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
@@ -155,17 +154,6 @@ def _of_body_force(
     square = integral.value[:, 0]
     modulus = space.at_middles(model.modulus, space.owned_cells)
     return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
-
-
-def _force_in_cells(model: Model) -> Ufl:
-    """Return the body force that cells have to carry [force/volume], UFL.
-
-    The radial one of an axisymmetric body is a hoop stress.
-    """
-    force: Ufl = model.body_force
-    if not model.space.axisymmetric:
-        return force
-    return ufl.as_vector([0.0, force[1]])
 
 
 def of_supports(model: Model) -> float:
@@ -185,7 +173,7 @@ def of_supports(model: Model) -> float:
             # u^ interpolates the support at the nodes.
             nodal = prescribed[space.facet_nodes(facets), i]
             interpolated = (nodal @ coefficients(d - 1, k).T)[..., None]
-            data = Everywhere(field_of(component, space.x), space.mesh)
+            data = space.everywhere(field_of(component, space.x))
             square = _on_facets(space, data, facets, interpolated)
             modulus = space.at_middles(model.modulus, facets[:, 0])
             total += float(np.sum(square * modulus / facet_sizes(space, facets)))

@@ -132,11 +132,10 @@ def _nearest_motion(model: Model, u: np.ndarray) -> np.ndarray:
         model: The scene on a mesh.
         u: Nodal values of a displacement [length].
     """
-    space = model.space
-    motions = rigid_motions(space).reshape(len(u), -1)
+    motions = rigid_motions(model.space).reshape(len(u), -1)
     columns = [motion.x.array for motion in model.free_motions]
     free = np.column_stack(columns or [np.zeros((len(u), 0))])
     fixed = model.held.ravel()
     held = motions * fixed[:, None]
-    prescribed = motions @ nearest_motion(space, held, model.prescribed.x.array * fixed)
-    return prescribed + free @ nearest_motion(space, free, u - prescribed)
+    prescribed = motions @ nearest_motion(model.space, held, model.prescribed.x.array * fixed)
+    return prescribed + free @ nearest_motion(model.space, free, u - prescribed)

@@ -12,7 +12,7 @@ import numpy as np
 from erc_contact.admissible.axisymmetric.elements import law_of_cells, strides
 from erc_contact.admissible.axisymmetric.kernels import ring_kernels
 from erc_contact.admissible.cells import CellGeometry
-from erc_contact.admissible.elastic import CellStrains
+from erc_contact.admissible.elastic import CellStrains, RingStrains
 from erc_contact.error.oscillation import UNKNOWN_SHARE
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.meridian import ON_AXIS
@@ -28,7 +28,7 @@ SERIES_SHARE = 0.1
 def is_rational(model: Model) -> bool:
     """Tell whether the squares of rings are polynomials of degree 2k over r."""
     of_material = any(varies_in_cells(value) for value in model.parameters.values())
-    nothing_given = model.strains is None and model.hoop_load is None
+    nothing_given = model.strains is None and model.hoop_load.hoop is None
     return model.space.axisymmetric and nothing_given and not of_material
 
 
@@ -64,7 +64,7 @@ def squares_of_rings(
         law_of_cells(matrix, corners, middle_point)
         for matrix in (model.constitution.stiffness, model.constitution.metric)
     )
-    assert strain.radial is not None
+    assert isinstance(strain, RingStrains)
     fields = (stress, strain.in_plane, np.ascontiguousarray(strain.radial))
     material = (strides(stiffness)[0], stiffness, compliance)
     geometry = (corners, cells.volume)

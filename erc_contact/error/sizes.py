@@ -2,22 +2,22 @@
 
 The sizes of its elements follow from
 
-    minimise  N* = sum_E r_E^-d   subject to   sum_E r_E^(2 q_E) eps_E^2 = eps_0^2,
+    minimise  N* = sum_E r_E^-d   subject to   sum_E r_E^(2 q_E) eps_E^2 = accuracy^2,
     r_E = h*_E / h_E,
 
 so ``r_E^(2 q_E + d) = d / (2 q_E m eps_E^2)`` with one multiplier m for all elements;
-for q = 1, d = 2 it is ``r_E = eps_0 / sqrt(eps_E sum eps_E)`` and ``N* = (sum eps_E)^2
-/ eps_0^2``. The rate q_E is the degree k where the solution is smooth, and less in
-elements that touch a singular point. The error by the flat facets of a curved body has
-the rate 1, because its square is proportional to their offset, h^2.
+for q = 1, d = 2 it is ``r_E = accuracy / sqrt(eps_E sum eps_E)`` and ``N* = (sum
+eps_E)^2 / accuracy^2``. The rate q_E is the degree k where the solution is smooth, and
+less in elements that touch a singular point. The error by the flat facets of a curved
+body has the rate 1, because its square is proportional to their offset, h^2.
 
 Symbols: r_E ratio of new to old size; h_E size of an element, the edge of regular
-simplices of the same volume; eps_E its share of the relative error; eps_0 the
-prescribed error; d dimension; k degree; lambda exponent of a singularity, where the
-displacement is like the distance to the power lambda.
+simplices of the same volume; eps_E its share of the relative error; accuracy the
+prescribed relative error; d dimension; k degree; lambda exponent of a singularity,
+where the displacement is like the distance to the power lambda.
 
-Source: Coorevits, Hild, Hjiaj, the section on adaptivity (N* minimal, eps* = eps_0);
-the rates, the smoothing and the prediction are ours.
+Source: Coorevits, Hild, Hjiaj, the section on adaptivity (N* minimal, its error the
+prescribed one); the rates, the smoothing and the prediction are ours.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def size_map(error: ConstitutiveError | Run, accuracy: float) -> Sizes:
     Args:
         error: The error of the last mesh, of any dimension and degree, or a history,
             whose error is taken.
-        accuracy: Prescribed relative error eps_0, > 0.
+        accuracy: Prescribed relative error, > 0.
 
     Returns:
         The sizes, with the number of elements and the error that they predict.
@@ -166,7 +166,7 @@ def _optimal_ratio(
         mesh: The mesh.
         square: eps_E^2 of the owned cells.
         q: Their rates.
-        accuracy: Prescribed relative error eps_0.
+        accuracy: Prescribed relative error.
     """
     d = mesh.domain.dim
 

@@ -1,7 +1,7 @@
 """Quadrature on the facets of a contact, where the length of the slip may have a kink.
 
 The length is a polynomial in the plane between the zeros of the slip, and smooth in
-space where the slip is far from zero.
+3D where the slip is far from zero.
 
 Symbols: w admissible displacement on the contact, s tangential displacement at the end
 of the last step of a history, f facets, m coefficients of a facet, q points, d

@@ -28,8 +28,8 @@ from erc_contact.model.data.quadrature import Hidden, Integral, Integrand, cell_
 from erc_contact.model.law.constitution import act
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.model import Model
-from erc_contact.model.space import Space, circumferences
-from namedmesh.simplex import bernstein, mass
+from erc_contact.model.space import Space
+from namedmesh.simplex import mass
 
 
 def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
@@ -118,7 +118,7 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
         ) -> np.ndarray:
             eps = strain.at(entity, places, x)
             energy = law.energy(eps, x, of_cells[entity])[..., None]
-            return energy * circumferences(x)[..., None] if model.space.axisymmetric else energy
+            return model.space.section.times(energy, x)
 
         def energy_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
             return of_law(law, entity, places, x)
@@ -181,26 +181,22 @@ def stress_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     With the work of the springs it is the work of r^ and of the projected loads.
     """
     model = pair.model
-    space = model.space
     cells = pair.cell_geometry
     k = cells.degree
     owned = model.domain.owned_cells
-    shape, points, weights = macro_points(space.d, k)
+    shape, points, weights = macro_points(model.space.d, k)
     sigma = np.matmul(shape, pair.stress).reshape(owned, len(points), pair.stress.shape[3])
-    if space.axisymmetric:
-        strain = strains_at(space, cells, v, points, owned)
-    else:
-        strain = np.matmul(bernstein(space.d, k - 1, points), strains(cells, v)[:owned])
+    strain = strains_at(model.space, cells, v, points, owned)
     # sigma^ is a polynomial on each sub-simplex, so the rule is exact.
     means = np.einsum("nqs,nqs,q->n", sigma, strain, weights)
     local = float(np.sum(cells.volume[:owned] * means))
     local += spring_work(model, v, pair.spring_tractions)
-    return BoundedNumber(float(space.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
+    return BoundedNumber(float(model.space.comm.allreduce(local, MPI.SUM))) + _hoop_work(pair, v)
 
 
 def _hoop_work(pair: Admissible, v: fem.Function) -> BoundedNumber:
     """Compute the work of the radial body force of rings, a hoop stress; collective."""
-    load = pair.model.hoop_load
+    load = pair.model.hoop_load.hoop
     if load is None:
         return BoundedNumber(0.0)
     of_cells = pair.model.space.owned_cells
@@ -246,17 +242,17 @@ def friction_works(
 ) -> Integral:
     """Compute ``int b(p^) support(slip)`` on each facet [force length]; collective.
 
-    The slip is ``u_t - s``, s of the last step, less what a foundation gives way. It is
-    0 for ghosts and never below zero. The integrals may leave their share or ``floor``
-    unknown.
+    The slip is ``u_t - s``, s of the last step, less the deflection of a compliant
+    foundation. It is 0 for ghosts and never below zero. The integrals may leave their
+    share or ``floor`` unknown.
 
     Args:
         space: The mesh.
         traction: r^ on the contact, with its friction bound.
         u: u^ [length].
         floor: What the integrals may leave unknown.
-        end: The traction whose friction bound limits what a foundation gives way; by
-            default the same one.
+        end: The traction whose friction bound limits the deflection of a compliant
+            foundation; by default the same one.
     """
     sliding = Sliding(space, traction)
     at_end = sliding if end is None else Sliding(space, end)

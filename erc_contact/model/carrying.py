@@ -17,7 +17,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.law.law_entries import StateField
 from erc_contact.model.law.law_state import LawState, polynomials_in_cells
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes
@@ -43,7 +42,7 @@ def carry_state(state: StateField, space: Space) -> StateField:
     new = polynomials_in_cells(space, state.size)
     if old.mesh is space.mesh and old.ufl_element() == new.function_space.ufl_element():
         return state
-    # A degree more tells what the new mesh does not carry.
+    # A degree more tells what the new mesh does not represent.
     finer = polynomials_in_cells(space, state.size, more=1)
     with _side_by_side([space, state.space]):
         covers = [_interpolate(state.values, function, space) for function in (new, finer)]
@@ -55,7 +54,7 @@ def carry_state(state: StateField, space: Space) -> StateField:
     cells = space.owned_cells
     of_old = LawState(space, finer).in_cells(cells)
     points = finer.function_space.element.interpolation_points
-    of_new = Everywhere(new, space.mesh)(space.cell_points(points, cells), cells)
+    of_new = space.everywhere(new)(space.cell_points(points, cells), cells)
     volume = measures(space.cell_corners()[cells])
     sums = []
     for field in (of_new - of_old, of_old):

@@ -43,7 +43,7 @@ def check_dimension(scene: Scene, d: int) -> None:
     if d == 3 and hypothesis != PLANE_STRAIN:
         raise InputError(
             f"{type(scene.material).__name__}: hypothesis is {hypothesis!r}, and the mesh is"
-            " 3D: leave it out, a body in space has none."
+            " 3D: leave it out, a body in 3D has none."
         )
 
 

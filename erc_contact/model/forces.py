@@ -13,7 +13,7 @@ nodes of a facet.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import ufl
@@ -24,8 +24,6 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.ties import Claim, tie_forces
-from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
@@ -104,10 +102,7 @@ def by_cause(
     if model.body_force is not None:
         result[BODY_FORCE] = body_force()
     balance = _sum(list(result.values()))
-    if model.space.axisymmetric:
-        # Hoop stresses balance the radial forces.
-        balance.force[0] = 0.0
-    result[BALANCE] = balance
+    result[BALANCE] = replace(balance, force=model.space.section.carried(balance.force))
     return result
 
 
@@ -163,13 +158,13 @@ def nodal_reactions(
             of_multiplier = _of_multiplier(space, contact, traction(contact))
             of_facets = np.where(is_known[..., None], of_multiplier, of_facets)
         residual -= trace.back(of_facets)
-        this_side, other_side = contact.side_names
-        forces[this_side] = trace.back_here(of_facets)
         nodes = space.nodes[contact.facets[:, 0]] if in_layer else trace.here.nodes
-        claims[this_side] = _claim(model, nodes)
-        if other_side is not None:
-            forces[other_side] = trace.back_there(of_facets)
-            claims[other_side] = _claim(model, trace.partners)
+        here = trace.back_here(of_facets), nodes
+        there = trace.back_there(of_facets), trace.partners
+        # A foundation has no name.
+        for side, (of_side, claimed) in zip(contact.side_names, (here, there), strict=False):
+            forces[side] = of_side
+            claims[side] = _claim(model, claimed)
     for support, (facets, components) in zip(model.scene.supports, model.fixed_facets, strict=True):
         claim = claims.setdefault(support.facets, np.zeros(residual.shape, dtype=bool))
         claim[space.facet_nodes(facets)] |= components
@@ -182,9 +177,9 @@ def nodal_reactions(
     for name, claim in claims.items():
         reactions[name] = forces.get(name, 0.0) + np.where(claim, share, 0.0)
     for tie in model.ties:
-        assert tie.against is not None
-        reactions[tie.name] = tie_forces(space, tie, residual_of, _list_claims(model, in_layer))
-        reactions[tie.against] = -reactions[tie.name]
+        first, second = tie.side_names
+        reactions[first] = tie_forces(space, tie, residual_of, _list_claims(model, in_layer))
+        reactions[second] = -reactions[first]
     return reactions
 
 
@@ -196,8 +191,7 @@ def _list_claims(model: Model, in_layer: bool) -> list[Claim]:
     for contact in model.contacts:
         cells = contact.facets[:, 0]
         result.append((cells, model.space.nodes[cells] if in_layer else contact.trace.here.nodes))
-        if contact.trace.there is not None:
-            result.append((contact.trace.there.facets[:, 0], contact.trace.partners))
+        result.append((contact.trace.there.facets[:, 0], contact.trace.partners))
     return result
 
 
@@ -230,9 +224,8 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
 
 def body_force(model: Model) -> Force:
     """Compute resultant and moment of the loads in the body; collective."""
-    space = model.space
-    loads = model.loads(ufl.TestFunction(space.V), on=[None])
-    return _of_nodes(space, _assemble(space, loads))
+    loads = model.loads(ufl.TestFunction(model.space.V), on=[None])
+    return _of_nodes(model.space, _assemble(model.space, loads))
 
 
 def _of_nodes(space: Space, forces: np.ndarray) -> Force:
@@ -264,7 +257,7 @@ def _of_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.ndar
     """
     points, weights = rule(space.d - 1, space.contact_degree)
     weighted = weights[:, None] * lagrange(space.d - 1, space.degree, points)
-    values = evaluate(traction, space.mesh, points, contact.facets)
+    values = space.evaluate(traction, points, contact.facets)
     areas = contact.trace.here.areas[:, None, None]
     return np.einsum("qm,fqi->fmi", weighted, values) * areas
 
@@ -279,15 +272,12 @@ def _of_multiplier(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.nd
         Forces at the nodes of the facets [force], shape (f, m, d).
     """
     trace = contact.trace
-    values = evaluate(traction, space.mesh, space.facet_points, contact.facets)
+    values = space.evaluate(traction, space.facet_points, contact.facets)
     m = values.shape[1]
     shares = trace.here.areas[:, None, None] / m
     to_coefficients = coefficients(space.d - 1, space.degree)
-    of_nodes = trace.coefficients(values)
-    if space.axisymmetric:
-        of_contact = nodal_shares(space, contact.facets)
-        factors = of_contact[trace.here.nodes][..., None]
-        of_nodes = np.divide(of_nodes, factors, out=of_nodes, where=factors > 0)
+    x = space.V.tabulate_dof_coordinates()
+    of_nodes = space.section.from_tractions(trace.coefficients(values), trace.here, x)
     return np.einsum("cn,fci->fni", to_coefficients, shares * of_nodes)
 
 

@@ -83,8 +83,8 @@ class LastStep:
 
         Returns:
             The displacement [length], zero off the contact, and what the mesh does not
-            carry of its tangential part s, ``int_F |s - I s|^2`` for each facet
-            [length^(d+1)], shape (f,), or None where it carries all.
+            represent of its tangential part s, ``int_F |s - I s|^2`` for each facet
+            [length^(d+1)], shape (f,), or None where it represents all.
 
         Raises:
             InputError: If the contact was elsewhere in the last step.

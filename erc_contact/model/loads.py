@@ -9,7 +9,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import sum_of, varies_in_cells
 from erc_contact.model.data.users import IN_UFL, call_of_user, vector
 from erc_contact.model.data.values import DATA_DEGREE, parameter, value_of, without_plain_numbers
@@ -92,10 +92,54 @@ def _density(space: Space, load: Load) -> Ufl:
         if load.facets is not None:
             entities = space.domain.facets(load.facets)
         points, _ = rule(space.d - 1 if on_boundary else space.d, DATA_DEGREE)
-        values = evaluate(density, space.mesh, points, entities)
+        values = space.evaluate(density, points, entities)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what} is not finite everywhere; look at its callables.")
     region = getattr(load, "region", None)
     if region is not None:
         density = space.indicator(space.domain.region(region)) * density
     return space.on_meridian(density)
+
+
+class HoopLoad:
+    """Hold the body force that is the hoop component of a stress.
+
+    Args:
+        hoop: This component at points of cells, None without any.
+    """
+
+    def __init__(self, hoop: Everywhere | None) -> None:
+        self.hoop = hoop
+
+    def plus(
+        self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray, *, sign: float = 1.0
+    ) -> np.ndarray:
+        """Add the hoop component to stresses at points, in place.
+
+        Args:
+            stress: Mandel components, the hoop component last, shape (n, q, s).
+            x: The points [length], shape (n, q, d).
+            cells: Their cells, shape (n,).
+            sign: Factor of the component.
+
+        Returns:
+            The stresses.
+        """
+        if self.hoop is not None:
+            stress[..., -1] += sign * self.hoop(x, cells.astype(np.int32))
+        return stress
+
+    def minus(self, stress: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Subtract the hoop component from stresses at points, see :meth:`plus`."""
+        return self.plus(stress, x, cells, sign=-1.0)
+
+
+def bind_hoop_load(space: Space, body_force: Ufl | None) -> HoopLoad:
+    """Put the part of a body force that is a hoop stress on a mesh; collective.
+
+    Args:
+        space: The mesh.
+        body_force: The body force [force/volume], UFL, shape (d,), or None.
+    """
+    hoop = space.section.hoop_density(body_force)
+    return HoopLoad(None if hoop is None else space.everywhere(hoop))

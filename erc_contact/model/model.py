@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
@@ -23,7 +23,6 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.jumps import gap_by_coefficients
 from erc_contact.model.contact.ties import bind_tie
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import has_arguments, sum_of, varies_in_cells
 from erc_contact.model.data.users import try_material, try_potential
 from erc_contact.model.data.values import DATA_DEGREE, moduli
@@ -33,13 +32,14 @@ from erc_contact.model.law.constitution import Constitution
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution, Linearised
 from erc_contact.model.law.strains import Strains, bind_strains
-from erc_contact.model.loads import bind_loads
-from erc_contact.model.meridian import in_half_plane, in_space, strain_of
+from erc_contact.model.loads import bind_hoop_load, bind_loads
+from erc_contact.model.meridian import Meridian
 from erc_contact.model.motions.held_motions import held_products, loose_motions, resisted_by_all
 from erc_contact.model.motions.rigid_faces import face_forces
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes, body_motions, motions_not_held
 from erc_contact.model.motions.unheld import Relief, find_unheld, relief_of
 from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
+from erc_contact.model.section import Section
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
@@ -78,8 +78,7 @@ class Model:
         body_force: Sum of the loads in the body [force/volume], UFL of shape (d,), or
             None.
         hoop_load: The radial body force f_r of an axisymmetric body as the hoop
-            component ``c r f_r`` of a stress (``erc_contact.model.meridian``), a
-            function of points and cells; None without any.
+            component ``c r f_r`` of a stress (``erc_contact.model.meridian``).
         fixed: Which components are prescribed, or anchored, at each node, shape (nodes,
             d).
         prescribed: Prescribed displacement, a Function of V, zero elsewhere [length].
@@ -120,9 +119,9 @@ class Model:
     def __init__(
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
-        of_rings = is_axisymmetric(scene.material)
+        section = Meridian if is_axisymmetric(scene.material) else Section
         self.domain = domain.tied([tie.sides for tie in scene.ties])
-        space = Space(self.domain, degree, axisymmetric=of_rings)
+        space = Space(self.domain, degree, section)
         self.space = space
         self.scene = scene
         self.is_later_step = last is not None
@@ -143,7 +142,7 @@ class Model:
             self.strains = self.linearised
             self.constitution = ConvexConstitution(self.linearised)
         elif type(scene.material) is not Elastic:
-            try_material(space.V, self.material, self.parameters, partial(strain_of, space))
+            try_material(space.V, self.material, self.parameters, space.section.strain)
         self.ties = [bind_tie(space, tie, self.modulus) for tie in scene.ties]
         self.preloads = bind_preloads(space, scene.ties, self.ties)
         self.bind_strains(scene)
@@ -196,13 +195,7 @@ class Model:
         self.face_forces = face_forces(self.space, self.loose_faces)
         self.surface_loads, self.body_force = bind_loads(self.space, scene.loads)
         self.relief: Relief | None = None
-        self._bind_hoop_load()
-
-    def _bind_hoop_load(self) -> None:
-        """Put the radial force in axisymmetric bodies on the mesh."""
-        self.hoop_load = None
-        if self.space.axisymmetric and self.body_force is not None:
-            self.hoop_load = Everywhere(self.space.x[0] * self.body_force[0], self.space.mesh)
+        self.hoop_load = bind_hoop_load(self.space, self.body_force)
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
@@ -214,8 +207,7 @@ class Model:
         of_preloads = []
         for preload in self.preloads:
             strain = preload.strain(shifts[preload.name])
-            # Along the axis of rings a shift has no hoop strain.
-            of_preloads.append(in_space(strain, 0) if self.space.axisymmetric else strain)
+            of_preloads.append(self.space.section.in_body(strain))
         self.strains = bind_strains(
             self.space, scene.strains, self.material, self.parameters, of_preloads
         )
@@ -247,7 +239,7 @@ class Model:
         if self.relief is not None:
             force = self.relief.density
             self.body_force = force if self.body_force is None else self.body_force + force
-            self._bind_hoop_load()
+            self.hoop_load = bind_hoop_load(self.space, self.body_force)
         self.fixed = self.fixed | self.unheld.anchors
         self.bcs = dirichlet_conditions(self.space, self.prescribed, self.fixed)
 
@@ -298,14 +290,14 @@ class Model:
         function v. Of an axisymmetric body it is the part in the half plane, times the
         circumference [force/length].
         """
-        elastic_strain = strain_of(self.space, u)
+        elastic_strain = self.space.section.strain(u)
         given = None if has_arguments(u) else self.strains
         if isinstance(given, Strains):
             elastic_strain -= given.tensor
         stress = self._stress_of(elastic_strain)
         if isinstance(given, Linearised):
             stress -= self.space.on_meridian(given.given_stress)
-        return in_half_plane(stress) if self.space.axisymmetric else stress
+        return self.space.section.in_mesh(stress)
 
     def _stress_of(self, elastic_strain: Ufl) -> Ufl:
         """Return ``C eps`` [force/area], on rings times the circumference, UFL."""
@@ -322,9 +314,9 @@ class Model:
 
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
-        stress = self._stress_of(strain_of(self.space, u))
+        stress = self._stress_of(self.space.section.strain(u))
         measure = self._measure(self.constitution.stiffness.varies_in_cells)
-        form = ufl.inner(stress, strain_of(self.space, v)) * measure
+        form = ufl.inner(stress, self.space.section.strain(v)) * measure
         for spring in self.springs:
             form += spring.work(u, v)
         return form
@@ -342,7 +334,7 @@ class Model:
         else:
             stress = self._stress_of(self.strains.tensor)
         measure = self._measure(self.constitution.varies_in_cells)
-        return ufl.inner(stress, strain_of(self.space, v)) * measure
+        return ufl.inner(stress, self.space.section.strain(v)) * measure
 
     def right_side(self, v: Ufl) -> Ufl | None:
         """Return the UFL form of loads and given strains, or None without any."""
@@ -448,7 +440,7 @@ class Model:
         """
         contacts: dict[str, ContactOnMesh] = {}
         for contact in (*self.contacts, *self.ties):
-            contacts |= {side: contact for side in contact.side_names if side is not None}
+            contacts |= dict.fromkeys(contact.side_names, contact)
         if name not in contacts:
             names = ", ".join(sorted(contacts)) or "none"
             raise InputError(f"No contact is called {name!r}; this scene has {names}.")

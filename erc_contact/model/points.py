@@ -14,10 +14,9 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
-from erc_contact.model.meridian import BESIDE_AXIS, ON_AXIS
 from erc_contact.model.model import Model
-from erc_contact.model.space import Space, circumferences
-from erc_contact.scene.material import mandel_basis, strain, tensor_basis
+from erc_contact.model.space import Space
+from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import barycentric
@@ -136,31 +135,19 @@ def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.nda
         strains = eps.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d, d)
     basis = mandel_basis(d)
     mandel_strains = np.einsum("bij,nij->nb", basis, strains)
-    if space.axisymmetric:
-        x, hoop = _hoop_strains(space, u, cell, x, strains)
-        mandel_strains = np.column_stack([mandel_strains, hoop])
-    stress = model.constitution.stress(mandel_strains[:, None], x[:, None], cell)[:, 0]
-    if space.axisymmetric:
-        stress = stress / circumferences(x)[:, None]
-    return stress
+
+    def displacement() -> np.ndarray:
+        if not len(x):
+            return np.zeros((0, d))
+        return u.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), d)
+
+    section = space.section
+    mandel_strains = section.strain_at(mandel_strains, displacement, x)
+    x_beside = section.beside_axis(x, space.domain.extent)
+    stress = model.constitution.stress(mandel_strains[:, None], x_beside[:, None], cell)[:, 0]
+    return section.over(stress, x_beside)
 
 
 def tensors_of_points(model: Model, stress: np.ndarray) -> np.ndarray:
     """Return Mandel components (n, s) as tensors (n, d, d), or (n, 3, 3) of rings."""
-    basis = tensor_basis(model.scene.material, model.space.d)
-    return np.tensordot(stress, basis, axes=1)
-
-
-def _hoop_strains(
-    space: Space, u: fem.Function, cell: np.ndarray, x: np.ndarray, strains: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return points off the axis, and ``u_r/r`` there; on the axis it is ``u_r,r``."""
-    r = x[:, 0]
-    is_on_axis = abs(r) <= ON_AXIS * space.domain.extent
-    moved = np.zeros(len(x))
-    if len(x):
-        moved = u.eval(in_space(x), cell.astype(np.int32)).reshape(len(x), -1)[:, 0]
-    hoop = np.where(is_on_axis, strains[:, 0, 0], moved / np.where(is_on_axis, 1.0, r))
-    beside = x.copy()
-    beside[is_on_axis, 0] = BESIDE_AXIS * space.domain.extent
-    return beside, hoop
+    return np.tensordot(stress, model.space.section.basis, axes=1)

@@ -160,8 +160,6 @@ def check_beside_cuts(
                 holding.add(name)
         for contact in contacts:
             for side in (contact.trace.here, contact.trace.there):
-                if side is None:
-                    continue
                 reads = abs(space.outward_normals(side.facets) @ preload.axis) > ACROSS
                 reads |= contact.friction is not None
                 if (reads & _touches(preload, side.facets)).any():
@@ -186,14 +184,13 @@ def _touches(preload: PreloadOnMesh, facets: np.ndarray) -> np.ndarray:
 
 def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
     """Put a preload on a mesh, given its cut as a tied joint; collective."""
-    assert joint.against is not None
     axis = _axis(space, joint)
     if space.axisymmetric and axis[0] != 0.0:
         raise InputError(
             f"Preload({joint.name!r}): the axis of the cut is {tuple(axis.tolist())}; the cut"
             " through an axisymmetric bolt is level, with the axis (0, 1)."
         )
-    first, _ = space.sides_of_joint((joint.name, joint.against))
+    first, _ = space.sides_of_joint(joint.side_names)
     is_first = first.x.array > 0.5
     marks = space.function()
     marks.x.array.reshape(-1, space.d)[joint.trace.here.nodes] = 1.0
@@ -209,7 +206,8 @@ def _bind_preload(space: Space, joint: ContactOnMesh) -> PreloadOnMesh:
     slopes = np.linalg.inv(corners[:, 1:] - corners[:, :1])
     rises = weights[touching, 1:] - weights[touching, :1]
     of_cells[touching] = np.einsum("nji,ni->nj", slopes, rises)
-    return PreloadOnMesh(joint.name, joint.against, axis, on_cut, weights, gradient)
+    name, against = joint.side_names
+    return PreloadOnMesh(name, against, axis, on_cut, weights, gradient)
 
 
 def _axis(space: Space, joint: ContactOnMesh) -> np.ndarray:

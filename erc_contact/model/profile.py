@@ -9,7 +9,7 @@ facet.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import factorial, pi
+from math import factorial
 
 import numpy as np
 from dolfinx import fem
@@ -20,9 +20,7 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import facet_status
 from erc_contact.model.contact.trace import split, tangents
 from erc_contact.model.contact.turning import turning_of
-from erc_contact.model.data.expressions import evaluate
-from erc_contact.model.meridian import area_ratio
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
 from namedmesh.simplex import (
@@ -82,9 +80,8 @@ def profile_traction(space: Space, contact: ContactOnMesh, traction: Ufl) -> np.
     :mod:`erc_contact.model.contact.turning`.
     """
     samples, weights = rule(space.d - 1, space.contact_degree)
-    sampled = evaluate(traction, space.mesh, samples, contact.facets)
-    if space.axisymmetric:
-        sampled = sampled / circumferences(contact.trace.here.points_at(samples))[..., None]
+    sampled = space.evaluate(traction, samples, contact.facets)
+    sampled = space.section.over(sampled, contact.trace.here.points_at(samples))
     turning = turning_of(contact.trace)
     degree = space.degree if turning is None else turning.degree
     project = projection(space.d - 1, degree, samples, weights)
@@ -117,7 +114,7 @@ def profile_table(
         - ``x``, ``y`` and in 3D ``z``: position [length],
         - ``gap``: the gap that is left, g - w_n [length],
         - ``slip``: length of w_t, or of its change since the last step of a history
-          [length], without what a foundation gives way tangentially,
+              [length], without the tangential deflection of a compliant foundation,
         - ``pressure``: -r_n, ``shear``: length of r_t, and ``friction_bound``: the
           greatest length in its direction [force/area],
         - ``status``: status of the facet, 0 open, 1 slip, 2 stick, 3 closed without
@@ -127,7 +124,7 @@ def profile_table(
           round-off, because the tractions of an admissible pair are polynomials of
           degree k on facets.
 
-        Of bodies that are drawn apart, places, tractions and weights are on the side
+        Of bodies that are modelled apart, places, tractions and weights are on the side
         that the scene names first.
 
         A contact between two bodies has more columns, which come last: the displacement
@@ -144,7 +141,7 @@ def profile_table(
     points = profile_points(space)
     facets = contact.facets
     named = contact.named_corners
-    share = area_ratio(space, contact.trace.here.corners, named, points)
+    share = space.section.area_ratio(contact.trace.here.corners, named, points)
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(space.d - 1, space.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
@@ -156,7 +153,7 @@ def profile_table(
     along_shear = np.divide(shear, needed, out=np.ones_like(needed), where=needed > 0)
     gap = np.zeros(1)
     if contact.gap is not None:
-        gap = evaluate(contact.gap, space.mesh, points, facets)
+        gap = space.evaluate(contact.gap, points, facets)
     if space.d == 2:
         # In the plane slip and shear have a sign.
         (tangent,) = tangents(n)
@@ -170,9 +167,8 @@ def profile_table(
     columns["shear"] = shear
     columns["friction_bound"] = share * along_shear * bound
     columns["status"] = status[:, None]
-    columns["weight"] = measures(named)[:, None] * profile_weights(space)
-    if space.axisymmetric:
-        columns["weight"] = columns["weight"] * 2 * pi * columns["x"]
+    weight = measures(named)[:, None] * profile_weights(space)
+    columns["weight"] = space.section.times(weight, np.matmul(barycentric(points), named))
     if contact.against is not None:
         nodal = u.x.array.reshape(-1, space.d)
         sides = [contact.trace.here.nodes, contact.trace.partners]
@@ -239,7 +235,7 @@ def _in_order(space: Space, contact: ContactOnMesh, columns: dict[str, np.ndarra
 def _places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
     points = profile_points(space)
-    x = evaluate(space.x, space.mesh, points, contact.facets)
+    x = space.evaluate(space.x, points, contact.facets)
     if contact.is_exchanged and contact.between is not None:
         x = x + np.matmul(barycentric(points), contact.between)
     return {name: x[..., axis] for axis, name in enumerate("xyz"[: space.d])}

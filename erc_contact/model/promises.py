@@ -24,9 +24,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact.contact_values import friction_parameters, gap_at_nodes
 from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.last_step import LastStep
-from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.model import Model
 from erc_contact.model.potential_check import check_potential
 from erc_contact.model.space import Space
@@ -138,7 +136,7 @@ def _check_material(model: Model) -> None:
     size = law.stiffness.size
     C = law.stiffness(x, cells).reshape(-1, size, size)
     S = law.metric(x, cells).reshape(-1, size, size)
-    modulus = evaluate(model.modulus, space.mesh, points, cells)
+    modulus = space.evaluate(model.modulus, points, cells)
     finite = np.isfinite(C).all() and np.isfinite(S).all() and np.isfinite(modulus).all()
     least, skew, misfit = np.inf, 0.0, 0.0
     if finite and len(C):
@@ -210,7 +208,7 @@ def _check_data(space: Space, contact: ContactOnMesh) -> None:
     x = contact.trace.here.points_at(space.facet_samples)
     parameters = contact.friction.parameters if contact.friction else {}
     for name, value in parameters.items():
-        values = Everywhere(value, space.mesh)(x, contact.facets)
+        values = space.everywhere(value)(x, contact.facets)
         # An infinite or undefined value counts as negative: both are refused.
         local = float(np.where(values < np.inf, values, -np.inf).min(initial=np.inf))
         low = space.comm.allreduce(local, MPI.MIN)
@@ -220,10 +218,9 @@ def _check_data(space: Space, contact: ContactOnMesh) -> None:
     for name, of_foundation in stiffnesses.items():
         if of_foundation is None:
             continue
-        stiffness = Everywhere(of_foundation, space.mesh)(x, contact.facets)
-        if space.axisymmetric:
-            # Per length of the meridian it is zero on the axis.
-            stiffness = stiffness[x[..., 0] > ON_AXIS * space.domain.extent]
+        stiffness = space.everywhere(of_foundation)(x, contact.facets)
+        # Per length of a meridian it is zero on the axis.
+        stiffness = stiffness[~space.section.on_axis(x)]
         local = float(np.where(stiffness < np.inf, stiffness, -np.inf).min(initial=np.inf))
         low = space.comm.allreduce(local, MPI.MIN)
         if not low > 0.0:
@@ -232,7 +229,7 @@ def _check_data(space: Space, contact: ContactOnMesh) -> None:
                 " > 0 and finite [force/length^3]."
             )
     if contact.gap is not None:
-        gap = Everywhere(contact.gap, space.mesh)(x, contact.facets)
+        gap = space.everywhere(contact.gap)(x, contact.facets)
         finite = bool(np.isfinite(gap).all())
         if not space.comm.allreduce(finite, MPI.LAND):
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
@@ -287,7 +284,7 @@ def _check_supports_in_gap(model: Model) -> None:
     values = model.prescribed.x.array
     for contact in model.contacts:
         if contact.stiffness is not None:
-            continue  # the foundation gives way
+            continue  # the foundation is compliant
         trace = contact.trace
         gap = gap_at_nodes(space, contact)
         n = contact.trace.normals
@@ -321,9 +318,7 @@ def _check_ends(space: Space, contact: ContactOnMesh, gap: np.ndarray) -> None:
         gap: Its gap at the nodes [length], shape (f, m).
     """
     trace = contact.trace
-    if trace.there is None:
-        return
-    at_end = gap[trace.here.nodes == trace.partners]
+    at_end = gap[trace.here.nodes == trace.nodes_there]
     overlap = abs(at_end) if contact.bilateral else -at_end
     worst = space.comm.allreduce(float(overlap.max(initial=-np.inf)), MPI.MAX)
     if worst > 1e-12 * space.domain.extent:

@@ -9,7 +9,7 @@ facet, x position [length].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import factorial, pi
+from math import factorial
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,7 +19,8 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
-from erc_contact.model.data.expressions import evaluate
+from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.section import Section
 from namedmesh.base.ranks import global_numbers
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import Bodies, check_shape
@@ -41,15 +42,6 @@ FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
 
-def circumferences(x: np.ndarray) -> np.ndarray:
-    """Return the circumferences of the rings through points [length], shape (...).
-
-    Args:
-        x: The points [length], shape (..., 2).
-    """
-    return 2 * pi * x[..., 0]
-
-
 class OnFacets(Protocol):
     """Describe anything that lives on facets, as a contact does."""
 
@@ -64,14 +56,14 @@ class Space:
     Args:
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
-        axisymmetric: Whether the mesh is the half plane (r, z) of bodies of revolution.
+        section: The kind of section that the mesh is of its bodies.
 
     Attributes:
-        axisymmetric: As given.
-        circumference: ``2 pi r`` of the ring through each point of an axisymmetric body
-            [length], UFL; None of any other body. Stresses, tractions, loads and
-            stiffnesses of axisymmetric bodies are times it, forces per length and per
-            area of the half plane (``erc_contact.model.meridian``).
+        section: What the bodies are of which the mesh is a section. Stresses,
+            tractions, loads and stiffnesses of axisymmetric bodies are times the
+            circumference, forces per length and per area of the half plane
+            (``erc_contact.model.meridian``).
+        axisymmetric: Whether the mesh is the half plane (r, z) of bodies of revolution.
         V: Continuous vector P_k space.
         nodes: Block degrees of freedom of each cell, vertices first, ghosts included,
             shape (cells, N).
@@ -85,7 +77,7 @@ class Space:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
-    def __init__(self, domain: Bodies, degree: int, *, axisymmetric: bool = False) -> None:
+    def __init__(self, domain: Bodies, degree: int, section: type[Section] = Section) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
         self.domain = domain
@@ -95,8 +87,8 @@ class Space:
         self.comm = domain.comm
         check_shape(self.mesh)
         self.x = ufl.SpatialCoordinate(self.mesh)
-        self.axisymmetric = axisymmetric
-        self.circumference: Ufl | None = 2 * pi * self.x[0] if axisymmetric else None
+        self.section = section(self.x, self.d, degree, domain.extent)
+        self.axisymmetric = self.section.axisymmetric
         self.n = ufl.FacetNormal(self.mesh)
         self.V = self.function().function_space
         self.nodes = self.V.dofmap.list
@@ -112,7 +104,7 @@ class Space:
 
     def on_meridian(self, density: Ufl) -> Ufl:
         """Return a density per area or volume, on rings times the circumference."""
-        return density if self.circumference is None else self.circumference * density
+        return self.section.on_mesh(density)
 
     @property
     def owned_cells(self) -> np.ndarray:
@@ -240,10 +232,8 @@ class Space:
             points: Reference points of the rule, shape (q, d-1).
             weights: Its weights, with the sum 1, shape (q,).
         """
-        result = self.facet_areas(facets)[:, None] * weights
-        if not self.axisymmetric:
-            return result
-        return result * circumferences(np.matmul(barycentric(points), self.facet_corners(facets)))
+        x = np.matmul(barycentric(points), self.facet_corners(facets))
+        return self.section.times(self.facet_areas(facets)[:, None] * weights, x)
 
     def side(self, facets: np.ndarray, modulus: Ufl) -> Side:
         """Make the side of a contact; collective.
@@ -290,7 +280,7 @@ class Space:
         """
         if self.domain.offset is None:
             return self.V.tabulate_dof_coordinates()[self.facet_nodes(facets), : self.d]
-        return evaluate(self.x + self.domain.offset, self.mesh, self.facet_points, facets)
+        return self.evaluate(self.x + self.domain.offset, self.facet_points, facets)
 
     def cell_corners(self) -> np.ndarray:
         """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
@@ -313,7 +303,7 @@ class Space:
         points, weights = rule(self.d, degree)
         x = self.cell_points(points, self.owned_cells)
         volumes = measures(self.cell_corners()[self.owned_cells])[:, None] * weights
-        return x, volumes * circumferences(x) if self.axisymmetric else volumes
+        return x, self.section.times(volumes, x)
 
     def indicator(self, cells: np.ndarray) -> fem.Function:
         """Return the function that is 1 in some cells and 0 in all others."""
@@ -321,7 +311,7 @@ class Space:
         indicator.x.array[cells] = 1.0
         return indicator
 
-    def sides_of_joint(self, names: tuple[str, str]) -> list[fem.Function]:
+    def sides_of_joint(self, names: tuple[str, ...]) -> list[fem.Function]:
         """Return the indicators of the regions on both sides of a joint.
 
         Args:
@@ -343,10 +333,18 @@ class Space:
         """Compute the outward unit normals of facets (cell, local facet), (n, d)."""
         return outward_normals(self.cell_corners()[facets[:, 0]], facets[:, 1])
 
+    def evaluate(self, expression: Ufl, points: np.ndarray, entities: np.ndarray) -> np.ndarray:
+        """Evaluate a UFL expression on its mesh, see :func:`.expressions.evaluate`."""
+        return evaluate(expression, self.mesh, points, entities)
+
+    def everywhere(self, expression: Ufl) -> Everywhere:
+        """Make a function of points and cells of a UFL expression."""
+        return Everywhere(expression, self.mesh)
+
     def at_middles(self, expression: Ufl, cells: np.ndarray) -> np.ndarray:
         """Evaluate a UFL expression at the middle of cells, shape (n, *s)."""
         middle = np.full((1, self.d), 1 / (self.d + 1))
-        return evaluate(expression, self.mesh, middle, cells)[:, 0]
+        return self.evaluate(expression, middle, cells)[:, 0]
 
     def extremes(self, values: np.ndarray) -> tuple[float, float]:
         """Return the least and the greatest value of all ranks, or nan; collective."""
@@ -389,7 +387,7 @@ class Space:
         local = np.take_along_axis(cell_nodes(self.mesh.geometry)[facets[:, 0]], vertices, axis=1)
         places = self.mesh.geometry.x[local][:, None, :, : self.d]
         # The position at a vertex of the reference facet tells which vertex it is.
-        reference_places = evaluate(self.x, self.mesh, nodes(self.d - 1, 1), facets)
+        reference_places = self.evaluate(self.x, nodes(self.d - 1, 1), facets)
         distance = np.linalg.norm(reference_places[:, :, None, :] - places, axis=-1)
         order = distance.argmin(axis=2)
         of_cells = np.tile(self._local_facets.astype(np.int8), (len(self.nodes), 1, 1))

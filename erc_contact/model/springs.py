@@ -17,9 +17,9 @@ import ufl
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side, split
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from erc_contact.scene.support import Spring
-from namedmesh.simplex import bernstein, coefficients, projection, rule
+from namedmesh.simplex import bernstein, coefficients
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +65,12 @@ class BoundSpring:
         Returns:
             Bernstein coefficients.
         """
-        pulled = self._of_straight(u)
-        if not self.space.axisymmetric:
-            return pulled
-        d, k = self.side.d, self.side.degree
-        points, weights = rule(d - 1, 2 * k + 1)
-        at_points = self._on_rings(points) * np.matmul(bernstein(d - 1, k, points), pulled)
-        return np.matmul(projection(d - 1, k, points, weights), at_points)
+        return self.space.section.weighted(self._of_straight(u), self.side)
 
     def pull_at(self, u: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return ``K u`` at reference points of the facets [force/area], (f, q, d)."""
         shape = bernstein(self.side.d - 1, self.side.degree, points)
-        return self._on_rings(points) * np.matmul(shape, self._of_straight(u))
+        return self._weights(points) * np.matmul(shape, self._of_straight(u))
 
     def _of_straight(self, u: np.ndarray) -> np.ndarray:
         """Return the coefficients of ``K u`` without a circumference, (f, m, d)."""
@@ -87,16 +81,14 @@ class BoundSpring:
         along = u_n[..., None] * self.direction[:, None, :]
         return self.normal * along + self.tangential * u_t
 
-    def _on_rings(self, points: np.ndarray) -> np.ndarray:
-        """Return the circumferences at points of the facets, or 1, shape (f, q, 1)."""
-        if not self.space.axisymmetric:
-            return np.ones((1, 1, 1))
-        return circumferences(self.side.points_at(points))[..., None]
+    def _weights(self, points: np.ndarray) -> np.ndarray:
+        """Return the weights of points of the facets, see :meth:`.Section.weight`."""
+        return self.space.section.weight(self.side.points_at(points))
 
     def is_stiffer(self, stiffness: float, than: np.ndarray) -> np.ndarray:
         """Tell where k is more than a stiffness of each facet, shape (f,)."""
         middle = np.full((1, self.side.d - 1), 1 / self.side.d)
-        return stiffness * self._on_rings(middle)[:, 0, 0] > than
+        return stiffness * self._weights(middle)[:, 0, 0] > than
 
     def resist(self, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the parts of motions that the springs resist, of any stiffness.
@@ -132,7 +124,7 @@ class BoundSpring:
         for part, k in ((t_n, self.normal), (size, self.tangential)):
             if k > 0:
                 result += part**2 / k
-        return result / self._on_rings(points)[..., 0]
+        return result / self._weights(points)[..., 0]
 
 
 def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[BoundSpring]:

@@ -1,4 +1,4 @@
-"""Complete stresses of cells to tensors in space, with their von Mises stress."""
+"""Complete stresses of cells to tensors in 3D, with their von Mises stress."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from typing import Any
 import numpy as np
 import ufl
 
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.law.point_law import Search
 from erc_contact.model.law.strains import Strains
 from erc_contact.model.model import Model
-from erc_contact.scene.material import mandel_basis
 from namedmesh.simplex import nodes
 
 
 def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Complete stresses of owned cells to tensors in space [force/area].
+    """Complete stresses of owned cells to tensors in 3D [force/area].
 
     In 2D the material gives the stress out of plane, at the middle of each cell; nan
     stands for one that is not known. A potential has the one of least psi*.
@@ -31,12 +29,12 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
     """
     space = model.space
     d = space.d
-    basis = mandel_basis(d)
+    basis, rows = space.section.basis, space.section.rows
     full = np.zeros((len(stress), 3, 3))
-    full[:, :d, :d] = np.tensordot(stress[:, : len(basis)], basis, axes=1)
-    if space.axisymmetric:
-        full[:, 2, 2] = stress[:, -1]
-    elif d == 2 and model.linearised is not None:
+    full[:, :rows, :rows] = np.tensordot(stress, basis, axes=1)
+    if rows == 3:
+        return full
+    if model.linearised is not None:
         middles = space.cell_corners()[space.owned_cells].mean(axis=1, keepdims=True)
         near = 0.5 * (stress[:, None, 0] + stress[:, None, 1])
         at_middles = (middles, space.owned_cells)
@@ -44,7 +42,7 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
         full[:, 2, 2] = out[:, 0]
     elif not tells_out_of_plane(model):
         full[:, 2, 2] = np.nan
-    elif d == 2:
+    else:
         material: Any = model.scene.material
         # The stress out of plane is linear in the stress: its values for a basis are
         # enough.
@@ -53,13 +51,13 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
             tensor = ufl.as_matrix(matrix.tolist())
             images.append(material.out_of_plane(tensor, **model.parameters))
         cells = np.arange(len(stress), dtype=np.int32)
-        row = evaluate(ufl.as_vector(images), space.mesh, nodes(d, 0), cells)[:, 0]
+        row = space.evaluate(ufl.as_vector(images), nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
         if isinstance(model.strains, Strains):
             # A strain out of plane that cannot take place presses on the plane.
             modulus = material.out_of_plane_modulus(**model.parameters)
             pressed = -modulus * model.strains.normal
-            full[:, 2, 2] += evaluate(pressed, space.mesh, nodes(d, 0), cells)[:, 0]
+            full[:, 2, 2] += space.evaluate(pressed, nodes(d, 0), cells)[:, 0]
     return full
 
 
@@ -84,10 +82,10 @@ def tells_out_of_plane(model: Model) -> bool:
     It is in 3D, and where the material has a method ``out_of_plane``, with given
     strains ``out_of_plane_modulus``, too.
     """
-    if model.space.axisymmetric or model.linearised is not None:
+    if model.space.section.rows == 3 or model.linearised is not None:
         return True
     material = model.scene.material
     needed = ["out_of_plane"]
     if model.strains is not None:
         needed.append("out_of_plane_modulus")
-    return model.space.d == 3 or all(hasattr(material, name) for name in needed)
+    return all(hasattr(material, name) for name in needed)

@@ -16,10 +16,8 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError, raise_together
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import marks_of_owners
 from erc_contact.model.data.values import number
-from erc_contact.model.meridian import nodes_on_axis
 from erc_contact.model.motions.rigid_faces import RigidFace, bind_rigid
 from erc_contact.model.space import Space
 from erc_contact.scene.support import Displacement, Rigid
@@ -62,12 +60,11 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
     values = prescribed.x.array.reshape(-1, space.d)
     fixed = np.zeros(values.shape, dtype=bool)
     # An axisymmetric body stays on its axis.
-    fixed[:, 0] = nodes_on_axis(space)
+    fixed[:, 0] = space.section.on_axis(space.V.tabulate_dof_coordinates())
     held = fixed.copy()
     error = None
     on_facets = []
     loose_faces = []
-    or_axis = " or the axis, where u_r = 0," if space.axisymmetric else ""
     for support in supports:
         facets = space.domain.facets(support.facets)
         what = f"{type(support).__name__}({support.facets!r})"
@@ -85,7 +82,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
                 at_nodes = _rigid_values(space, support, face, nodes)[..., i]
             elif callable(value):
                 expression = number(space, value, what)
-                at_nodes = evaluate(expression, space.mesh, space.facet_points, facets)
+                at_nodes = space.evaluate(expression, space.facet_points, facets)
                 if _jumps(space, nodes, at_nodes):
                     error = InputError(
                         f"{what} jumps between facets in component {i}, which no displacement of"
@@ -97,7 +94,7 @@ def bind_supports(space: Space, supports: Sequence[Displacement | Rigid]) -> Sup
             differs = abs(values[nodes, i] - at_nodes) > tolerance
             if (fixed[nodes, i] & differs).any():
                 error = InputError(
-                    f"{what} contradicts another support{or_axis} at a common node in"
+                    f"{what} contradicts another support{space.section.holds} at a common node in"
                     f" component {i}; make the values agree there, or free a component (None)."
                 )
             values[nodes, i] = at_nodes
@@ -178,11 +175,9 @@ def check_neighbours(
 def _check_contact(space: Space, face: RigidFace, contact: ContactOnMesh, words: str) -> None:
     """Check a contact beside a loose face; collective."""
     common = np.isin(contact.trace.here.nodes, face.nodes)
-    common_there = False
-    if contact.trace.there is not None:
-        common_there = bool(np.isin(contact.trace.partners, face.nodes).any())
+    facing = np.isin(contact.trace.partners, face.nodes)
     error = None
-    if common_there or (common.any() and contact.trace.there is not None):
+    if common[contact.trace.facing].any() or facing.any():
         error = InputError(
             f"{words} have nodes in common: beside a contact between bodies all motions of the"
             " face must be given, or leave a facet between them."

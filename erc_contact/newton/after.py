@@ -3,8 +3,8 @@
 Friction acts on the tangential displacement since the last step. Points in slip go on
 from where they are. Points in stick go on from where they stuck: Nitsche's method and
 penalties keep them there up to the discretisation error only, and in many steps they
-would creep. A multiplier keeps them there to round-off. On a foundation that gives way
-tangentially the slip alone is kept: it gives way again in the next step.
+would creep. A multiplier keeps them there to round-off. On a tangentially compliant
+foundation the slip alone is kept: the deflection is found anew in the next step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact.contact_values import spring_displacement
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import STICK
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.over_ranks import sum_over_ranks
 from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.newton.rest import load_size
@@ -85,7 +84,6 @@ def last_step(solution: Solution) -> LastStep:
     traction sticks on all its facets.
     """
     model = solution.model
-    space = model.space
     contacts = {}
     for contact in model.contacts:
         trace = contact.trace
@@ -104,23 +102,23 @@ def last_step(solution: Solution) -> LastStep:
         contacts[contact.name] = contact.facets, contact.sign * w
     before = model.greatest_before
     sizes = Greatest(
-        max(greatest(space.comm, solution.u.x.array), before.displacement),
-        max(load_size(space, solution.stiffness.load_vector()), before.load),
+        max(greatest(model.space.comm, solution.u.x.array), before.displacement),
+        max(load_size(model.space, solution.stiffness.load_vector()), before.load),
     )
     state = None
     if model.linearised is not None:
         state = model.linearised.state_at_end(solution.u)
-    return LastStep(space, contacts, sizes, state)
+    return LastStep(model.space, contacts, sizes, state)
 
 
 def _give_way(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
-    """Compute by how much the foundation gives way tangentially [length]; collective.
+    """Compute the tangential deflection of the foundation [length]; collective.
 
     A node has one value on all its facets, shape (f, m, d).
     """
     space = solution.model.space
     points = space.facet_points
-    r = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    r = space.evaluate(solution.traction(contact), points, contact.facets)
     of_facets = spring_displacement(space, contact, r, points)
     here = contact.trace.here
     of_nodes = [here.values_of_nodes(of_facets[..., axis]) for axis in range(space.d)]
@@ -132,7 +130,7 @@ def _stuck(solution: Solution, contact: ContactOnMesh) -> np.ndarray:
     model = solution.model
     space = model.space
     trial = solution.method.projected(model, contact, solution.u)
-    status = evaluate(contact.status(trial), space.mesh, space.facet_points, contact.facets)
+    status = space.evaluate(contact.status(trial), space.facet_points, contact.facets)
     side = contact.trace.here
     moves = np.where(status[side.owned] < STICK, 1.0, 0.0)
     # A node sticks if no facet of any rank lets it slip.

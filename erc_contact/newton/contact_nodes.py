@@ -13,8 +13,7 @@ from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.sparse import local_matrix
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.groups import NOBODY
-from erc_contact.model.contact.trace import dofs_of, places_of
+from erc_contact.model.contact.trace import NOBODY, dofs_of, places_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
@@ -118,11 +117,10 @@ def contact_nodes(space: Space, contact: ContactOnMesh) -> ContactNodes:
     m = nodes.shape[1]
     shares = np.repeat(side.areas[side.owned][:, None] / m, m, axis=1)
     springs = shares * trace.stiffness[side.owned][:, None]
-    there = np.full(nodes.shape, NOBODY)
-    if trace.there is not None:
-        there = space.global_numbers(trace.partners[side.owned])
+    there = np.full(side.nodes.shape, NOBODY)
+    there[trace.facing] = space.global_numbers(trace.partners)
     all_here, all_there, all_shares, all_springs = of_all(
-        space.comm, space.global_numbers(nodes), there, shares, springs
+        space.comm, space.global_numbers(nodes), there[side.owned], shares, springs
     )
     here, first, place = np.unique(all_here.ravel(), return_index=True, return_inverse=True)
     area = np.bincount(place.ravel(), all_shares.ravel())

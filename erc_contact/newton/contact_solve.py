@@ -82,7 +82,7 @@ class Solver(Protocol):
     def warm(self, old: Model, u: fem.Function) -> Any:
         """Return the state of a displacement u of a model on another mesh."""
 
-    def attempt(self, step: Attempt, state: Any, tolerance: float | None) -> Attempted:
+    def attempt(self, step: Attempt, state: Any) -> Attempted:
         """Make one attempt from a state."""
 
     def destroy(self) -> None:
@@ -96,16 +96,13 @@ class ContactSolve:
         solver: What makes an attempt.
         method: The method whose solution is wanted; with None it is :data:`DEFAULT`,
             or the augmented Lagrangian where only that one converges.
-        tolerance: Distance to the solution that is enough [sqrt(force length)]; None
-            for round-off.
     """
 
-    def __init__(self, solver: Solver, method: Method | None, tolerance: float | None) -> None:
+    def __init__(self, solver: Solver, method: Method | None) -> None:
         self.solver = solver
         self.model = solver.model
         self.method = method_beside_faces(self.model, method)
         self.fallback = method is None
-        self.tolerance = tolerance
         self.log = log_of(self.model.space.comm)
         self.rungs: list[str] = []
         self.outcomes: list[Outcome] = []
@@ -143,9 +140,7 @@ class ContactSolve:
             if attempt.start not in states:
                 continue
             check_interrupts(self.model.space.comm)
-            outcome, state, solution = self.solver.attempt(
-                attempt, states[attempt.start], self.tolerance
-            )
+            outcome, state, solution = self.solver.attempt(attempt, states[attempt.start])
             self.steps += outcome.steps
             self.rungs.append(f"{attempt}: {outcome}")
             self.outcomes.append(outcome)
@@ -291,19 +286,16 @@ def method_beside_faces(model: Model, method: Method | None) -> Method:
         InputError: If the user names a method that reads the stress, and a cell
             touches both.
     """
-    space = model.space
     if not model.loose_faces:
         return method or DEFAULT
-    on_faces = np.zeros(space.node_count, dtype=bool)
+    on_faces = np.zeros(model.space.node_count, dtype=bool)
     for face in model.loose_faces:
         on_faces[face.nodes] = True
     touching = False
     for contact in model.contacts:
-        cells = [contact.facets[:, 0]]
-        if contact.trace.there is not None:
-            cells.append(contact.trace.there.facets[:, 0])
-        touching = touching or bool(on_faces[space.nodes[np.concatenate(cells)]].any())
-    if not space.comm.allreduce(touching, MPI.LOR):
+        facets = np.concatenate([contact.trace.here.facets, contact.trace.there.facets])
+        touching = touching or bool(on_faces[model.space.nodes[facets[:, 0]]].any())
+    if not model.space.comm.allreduce(touching, MPI.LOR):
         return method or DEFAULT
     if method is None:
         return NODAL
@@ -321,7 +313,6 @@ def solution_of(
     model: Model,
     method: Method | None,
     start: Solution | None,
-    tolerance: float | None,
 ) -> Solution:
     """Solve a model with one kind of solver.
 
@@ -329,7 +320,7 @@ def solution_of(
     """
     solver = kind(model)
     try:
-        solution = _solution_by(solver, method, start, tolerance)
+        solution = _solution_by(solver, method, start)
     finally:
         solver.destroy()
         track_communicator(model.domain, model.space.mesh.comm)
@@ -337,9 +328,7 @@ def solution_of(
     return replace(solution, u=model.without_unheld(solution.u))
 
 
-def _solution_by(
-    solver: Solver, method: Method | None, start: Solution | None, tolerance: float | None
-) -> Solution:
+def _solution_by(solver: Solver, method: Method | None, start: Solution | None) -> Solution:
     """Solve the model of a solver, with its anchors at rest."""
     model = solver.model
     elastic = solver.elastic
@@ -351,7 +340,7 @@ def _solution_by(
     if not elastic.contact_size:
         return Solution(model, method or DEFAULT, solver.guess, (), "linear solve", elastic)
     _check_statics(model, loads)
-    solution = ContactSolve(solver, method, tolerance).solve(start)
+    solution = ContactSolve(solver, method).solve(start)
     at_rest = displacement_back_at_rest(model, loads, solution.u)
     if at_rest is None:
         return solution

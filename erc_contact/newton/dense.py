@@ -12,10 +12,10 @@ from petsc4py import PETSc
 
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.contact_nodes import PRESSING
-from erc_contact.newton.interior_point import Path, follow
+from erc_contact.newton.interior_point import follow
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.mumps import dense_factor
-from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, Status, attempt
+from erc_contact.newton.snes import IMBALANCE, ZERO_PIVOT, Outcome, PathEnd, Status, attempt
 
 SOLVED_DENSE = 1e-12
 """Residual at which Newton's method stops, over the forces that cancel in it [-]."""
@@ -42,7 +42,7 @@ class CondensedSolution(NamedTuple):
     least_singular_value: float
 
 
-def follow_path(problem: Condensed, start: np.ndarray) -> Path:
+def follow_path(problem: Condensed, start: np.ndarray) -> PathEnd:
     """Make interior point steps on rank 0, within :meth:`Condensed.run`.
 
     Args:

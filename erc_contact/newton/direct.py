@@ -15,10 +15,10 @@ from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
 from erc_contact.newton.condensed import Condensed
 from erc_contact.newton.dense import CondensedSolution, Dense, follow_path
-from erc_contact.newton.first_guess import Carried
+from erc_contact.newton.first_guess import CarriedBodies
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import CentralPath, Path
+from erc_contact.newton.interior_point import CentralPath
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.linear.stiffness import Stiffness
@@ -27,7 +27,6 @@ from erc_contact.newton.snes import (
     Attempted,
     DiscreteSolution,
     Outcome,
-    outcome_of_path,
     solve_in_turn,
 )
 
@@ -41,6 +40,8 @@ class Direct:
         model: The scene on a mesh.
         elastic: Its elastic equations if there are any yet.
         forms: Equations of methods at its contacts that there are; others are added.
+        tolerance: Distance to the solution that is enough [sqrt(force length)]; None
+            for round-off.
 
     Attributes:
         elastic: Its elastic equations.
@@ -56,11 +57,13 @@ class Direct:
         model: Model,
         elastic: Stiffness | None = None,
         forms: dict[Method, ContactForms] | None = None,
+        tolerance: float | None = None,
     ) -> None:
         self.model = model
+        self._tolerance = tolerance
         self.elastic = stiffness_of(model) if elastic is None else elastic
         loads = self.elastic.load_vector()
-        self.carried = Carried(model, loads)
+        self.carried = CarriedBodies(model, loads)
         self.guess = self.elastic.solve_glued(loads)
         self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, Condensed] = {}
@@ -81,7 +84,7 @@ class Direct:
         state = self.elastic.gather(field)[: self.elastic.contact_size]
         return None if self.elastic.schur is None else state
 
-    def attempt(self, step: Attempt, state: Any, tolerance: float | None) -> Attempted:
+    def attempt(self, step: Attempt, state: Any) -> Attempted:
         """Make one attempt from a state."""
         method = step.method
         if step.interior:
@@ -93,7 +96,7 @@ class Direct:
         problem = self._problems[method]
 
         def work() -> tuple[Any, Outcome, CondensedSolution | None]:
-            dense = Dense(problem, tolerance)
+            dense = Dense(problem, self._tolerance)
             start = problem.from_contact(state)
             u_A, outcome = solve_in_turn(problem, dense.solve, step, start, MPI.COMM_SELF)
             is_solved = step.final and outcome.converged
@@ -123,13 +126,8 @@ class Direct:
         """Make interior point steps."""
         forms = InteriorForms(self.carried.model, step.method)
         problem = self._condense(forms, CentralPath(forms, step.friction_shares[0]))
-
-        def work() -> Path:
-            path = follow_path(problem, problem.from_contact(state))
-            return path._replace(unknowns=path.unknowns[: self.elastic.contact_size])
-
-        path = problem.run(work)
-        return Attempted(outcome_of_path(path), path.unknowns)
+        path = problem.run(lambda: follow_path(problem, problem.from_contact(state)))
+        return Attempted(path.outcome, path.unknowns[: self.elastic.contact_size])
 
     def destroy(self) -> None:
         """Free nothing: the factor belongs to the solution."""

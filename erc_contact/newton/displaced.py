@@ -22,7 +22,7 @@ other bodies, as in a pyramid of cylinders, where it would hide all that is miss
 M over ``C + TURNED V`` tells whether the model can say that a body stands. In
 ``benchmarks/standing.py 0 25``, runs to eps = 10%, it was at most 0.0066 in 200
 ordinary scenes: blocks under eccentric loads, discs between plates and in grooves,
-stacks, press fits, columns between plates, boxes in space, tables. In 100 others it was
+stacks, press fits, columns between plates, boxes in 3D, tables. In 100 others it was
 at least 0.13: soft blocks near the load that tips them, discs that roll, rockers, soft
 columns under their load. In a pyramid of cylinders it is 0.007 with enough friction,
 0.08 with 2% and 0.49 with 10% too little.
@@ -39,7 +39,6 @@ from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_shapes import translations_and_rotations
 from erc_contact.newton.distortion import gradients_of
@@ -120,7 +119,7 @@ def missing_moments(
     """
     space = model.space
     turning = [number for number, amounts in enumerate(model.loose) if _turns(amounts, space.d)]
-    if space.axisymmetric or not turning:
+    if not turning:
         return []
     moments, sizes = _moments(model, u)
     pressures = _pressures(model, traction)
@@ -180,14 +179,13 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
 
     V is infinite of a body without strain.
     """
-    space = model.space
-    d = space.d
+    d = model.space.d
     _, count = model.bodies
     found = gradients_of(model, u)
     basis = mandel_basis(d)
     strain = np.einsum("bij,nij->nb", basis, found.elastic)
     x = found.corners.mean(axis=1)
-    stress = model.constitution.stress(strain[:, None], x[:, None], space.owned_cells)[:, 0]
+    stress = model.constitution.stress(strain[:, None], x[:, None], model.space.owned_cells)[:, 0]
     volume = measures(found.corners)
     forces = np.einsum("nb,bij->nij", stress, basis) * volume[:, None, None]
     product = np.einsum("nji,njk->nik", found.whole, forces)
@@ -197,7 +195,7 @@ def _moments(model: Model, u: fem.Function) -> tuple[np.ndarray, np.ndarray]:
     sizes = [np.sqrt((tensor**2).sum(axis=tuple(range(1, tensor.ndim)))) for tensor in tensors]
     total = np.zeros((count, len(first) + 3))
     np.add.at(total, found.bodies, np.column_stack([moments, *sizes]))
-    total = space.comm.allreduce(total, MPI.SUM)
+    total = model.space.comm.allreduce(total, MPI.SUM)
     whole, gradient, strains = total[:, len(first) :].T
     # A body that nothing touches turns without strain, and its forces are round-off.
     return total[:, : len(first)], np.where(strains > NO_STRAIN * gradient, whole, np.inf)
@@ -214,7 +212,7 @@ def _pressures(model: Model, traction: Callable[[ContactOnMesh], Ufl]) -> _Press
         trace = contact.trace
         owned = trace.here.owned
         facets = contact.facets[owned]
-        r = evaluate(traction(contact), space.mesh, points, facets)
+        r = space.evaluate(traction(contact), points, facets)
         normals = np.broadcast_to(trace.normals_at(points)[owned], r.shape)
         pressure = np.maximum(-(r * normals).sum(axis=-1), 0.0)
         forces = pressure * space.facet_weights(facets, points, weights)
@@ -222,12 +220,10 @@ def _pressures(model: Model, traction: Callable[[ContactOnMesh], Ufl]) -> _Press
         widths = trace.here.areas[owned, None] ** (1 / (d - 1))
         of_points = np.stack([forces, np.broadcast_to(widths, forces.shape)], axis=-1)
         table = np.concatenate([x, normals, of_points], axis=-1)
-        sides = [trace.here.nodes]
-        if trace.there is not None:
-            sides.append(trace.partners)
-        for nodes in sides:
-            of_facets = np.broadcast_to(body[nodes[owned, :1], None], (*r.shape[:2], 1))
-            rows.append(np.concatenate([of_facets, table], axis=-1).reshape(-1, 2 * d + 3))
+        for nodes in (trace.here.nodes[owned], trace.partners[owned[trace.facing]]):
+            of_side = table[: len(nodes)]
+            of_facets = np.broadcast_to(body[nodes[:, :1], None], (*of_side.shape[:2], 1))
+            rows.append(np.concatenate([of_facets, of_side], axis=-1).reshape(-1, 2 * d + 3))
     (every,) = of_all(space.comm, np.concatenate(rows))
     return _Pressures(
         body=every[:, 0].astype(int),

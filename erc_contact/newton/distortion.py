@@ -79,9 +79,7 @@ def gradients_of(model: Model, u: fem.Function) -> Gradients:
     corners = space.cell_corners()[cells]
     nodes = space.nodes[cells]
     nodal = u.x.array.reshape(-1, d)
-    hoop = np.zeros(len(nodes))
-    if space.axisymmetric:
-        hoop = nodal[nodes[:, : d + 1], 0].mean(axis=1) / corners[..., 0].mean(axis=1)
+    hoop = space.section.hoop_strains(nodal, nodes[:, : d + 1], corners)
     jumps = _gradients_of_jumps(model)
     # The gradient of degree 2 is linear in a cell: its vertices have the extremes.
     samples = 1 if space.degree == 1 else d + 1
@@ -178,13 +176,12 @@ def _above(strain: np.ndarray, hoop: np.ndarray) -> np.ndarray:
 
 def _gradients_of_jumps(model: Model) -> np.ndarray | None:
     """Return the gradients of the jumps of preloads, (cells, d, d), or None."""
-    space = model.space
     if not model.preloads:
         return None
     shifts = shifts_of(model.scene.ties)
     cells = slice(0, model.domain.owned_cells)
-    total = np.zeros((model.domain.owned_cells, space.d, space.d))
+    total = np.zeros((model.domain.owned_cells, model.space.d, model.space.d))
     for preload in model.preloads:
-        gradient = preload.gradient.x.array.reshape(-1, space.d)[cells]
+        gradient = preload.gradient.x.array.reshape(-1, model.space.d)[cells]
         total += shifts[preload.name] * gradient[:, :, None] * preload.axis
     return total

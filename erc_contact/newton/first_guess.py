@@ -6,7 +6,7 @@ Loads may bring a body to its contacts by a long way first. Its displacement is 
 v with a motion R that no support and no spring resists, so that R has no stress and no
 energy. The problem for v is the problem for u with the gaps and the slip that R leaves,
 ``g - R_n`` and ``s - R_t``. It has the same solution; but v is as small as the
-deformation, so that K v has no round-off of a long way (:class:`Carried`).
+deformation, so that K v has no round-off of a long way (:class:`CarriedBodies`).
 
 From a solution on another mesh, every contact node takes the interpolant on the nearest
 old contact facet. On a refined mesh this is its parent facet, where the interpolant is
@@ -105,7 +105,7 @@ def from_mesh(model: Model, u: fem.Function, new: Model) -> fem.Function:
     return field
 
 
-class Carried:
+class CarriedBodies:
     """Carry the bodies of a model to their contacts; members are collective.
 
     Args:

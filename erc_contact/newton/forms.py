@@ -16,7 +16,6 @@ from erc_contact.base.runtime.parts import renumber
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.data.users import linear
-from erc_contact.model.meridian import nodal_shares
 from erc_contact.model.model import Model
 from erc_contact.newton.methods import OURS, Method
 from namedmesh.base.checks import description
@@ -138,7 +137,7 @@ class ContactForms:
         varied.
         """
         of_solver = contact.with_shares(self.share, self.gap_share)
-        if contact.trace.there is None:
+        if contact.against is None:
             return of_solver
         jump = self.model.space.function()
         self.jumps[jump] = contact
@@ -214,10 +213,10 @@ class ContactForms:
         """
         model = self.model
         space = model.space
+        x = space.V.tabulate_dof_coordinates()
         for contact, multiplier in zip(model.contacts, multipliers, strict=True):
             nodal = multiplier.x.array.reshape(-1, space.d)
-            if space.axisymmetric:
-                nodal *= nodal_shares(space, contact.facets)[:, None]
+            space.section.to_tractions(nodal, contact.trace.here, x)
             space.to_coefficients(nodal, [contact], back=True)
         return tuple(multipliers)
 

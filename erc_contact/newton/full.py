@@ -31,13 +31,13 @@ from erc_contact.model.model import Model
 from erc_contact.newton.contact_nodes import PRESSING, contact_normals
 from erc_contact.newton.forms import ContactForms, Counts
 from erc_contact.newton.interior_forms import InteriorForms
-from erc_contact.newton.interior_point import CentralPath, Path, follow
+from erc_contact.newton.interior_point import CentralPath, follow
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.krylov import fgmres, set_up
 from erc_contact.newton.linear.multigrid import ROUGH, Multigrid
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.shared_laws import laws_of
-from erc_contact.newton.snes import IMBALANCE, Outcome, Status, attempt
+from erc_contact.newton.snes import IMBALANCE, Outcome, PathEnd, Status, attempt
 from erc_contact.newton.tangent import Tangent
 
 SOLVED = 1e-10
@@ -271,7 +271,7 @@ class FullSpace:
         x.destroy()
         return self.forms.counts()
 
-    def follow_path(self, x: np.ndarray, friction: float) -> Path:
+    def follow_path(self, x: np.ndarray, friction: float) -> PathEnd:
         """Make interior point steps from a state x.
 
         Args:

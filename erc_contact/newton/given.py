@@ -189,7 +189,6 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
     Raises:
         InputError: If no contact has a name, or values do not fit the nodes.
     """
-    space = model.space
     if not isinstance(traction, Mapping):
         raise InputError(
             f"certify: traction is {checks.description(traction)}; give a mapping from the names of"
@@ -202,10 +201,10 @@ def given_multipliers(model: Model, traction: Mapping[str, AnyField]) -> dict[st
             known = ", ".join(sorted(names)) or "none"
             raise InputError(f"certify: traction is for {name!r}; the contacts are {known}.")
         contact = model.contact(name)
-        multiplier = space.function()
-        nodal = multiplier.x.array.reshape(-1, space.d)
+        multiplier = model.space.function()
+        nodal = multiplier.x.array.reshape(-1, model.space.d)
         nodes = np.unique(contact.trace.here.nodes)
-        nodal[nodes] = contact.sign * _at_nodes(space, contact, nodes, values)
+        nodal[nodes] = contact.sign * _at_nodes(model.space, contact, nodes, values)
         if not np.isfinite(nodal).all():
             raise InputError(f"certify: the traction on {name!r} is not finite everywhere.")
         multipliers[name] = multiplier

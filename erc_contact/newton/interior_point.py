@@ -1,4 +1,4 @@
-"""Interior point steps for contact without friction, or with given friction.
+"""Interior point steps for contact without friction, or with Tresca friction.
 
 Such a contact problem is a quadratic programme. Newton's method for ``r = P(z)``, with
 z the trial traction and P the projection of the law, moves the edge of a contact by
@@ -6,7 +6,7 @@ about a node a step where bodies are slender. An interior point method takes 10 
 steps on any mesh.
 
 At a point, the law allows tractions r with ``D^T r <= h``: a pressure >= 0, and in the
-plane two bounds of friction, in space the sides of a polygon. The projection is
+plane two bounds of friction, in 3D the sides of a polygon. The projection is
 
     z = r + D v,    y = h - D^T r,    v >= 0,    y >= 0,    v_j y_j = t_j
 
@@ -29,21 +29,21 @@ Symbols: n points of this rank, d dimension, j bounds of a traction.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.contact.contact_values import friction_parameters
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
+from erc_contact.newton.snes import PathEnd
 
 STEPS = 40
 """Limit of interior point steps of one attempt."""
 SIDES = 8
-"""Sides of the polygon of friction in space."""
+"""Sides of the polygon of friction in 3D."""
 SOFT = 1e-4
 """Stiffness of the springs at the contact in the first solution, over gamma [-].
 
@@ -94,21 +94,9 @@ class LinearStep(Protocol):
         """
 
 
-class Path(NamedTuple):
-    """Tell how far the central path was followed.
-
-    Attributes:
-        unknowns: The last unknowns of this rank.
-        steps: Number of steps.
-        is_known: Whether the states of all points are known.
-    """
-
-    unknowns: np.ndarray
-    steps: int
-    is_known: bool
-
-
-def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool) -> Path:
+def follow(
+    call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corrects: bool
+) -> PathEnd:
     """Follow the central path until the states of all points are known; collective.
 
     Args:
@@ -125,6 +113,7 @@ def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corr
         u = solve(u, renew=True)
         call("begin")
         while not is_known and share > SHORT and count < STEPS:
+            # All solutions of a step have one tangent: a factor serves two or three.
             call("linearise")
             first = solve(u, renew=True)
             call("predict")
@@ -140,7 +129,7 @@ def follow(call: Callable[[str], Any], solve: LinearStep, u: np.ndarray, *, corr
         # Nothing holds a motion: the tangent is singular.
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
-    return Path(u, count, is_known)
+    return PathEnd(u, count, is_known)
 
 
 class CentralPath:
@@ -164,7 +153,7 @@ class CentralPath:
         opens = []
         for contact in model.contacts:
             owned = contact.trace.here.owned
-            normals = evaluate(contact.normal, space.mesh, forms.points, contact.facets)[owned]
+            normals = space.evaluate(contact.normal, forms.points, contact.facets)[owned]
             self._shapes.append((len(normals), len(forms.points)))
             allowed = contact.friction_set
             facets = np.flatnonzero(owned)
@@ -203,6 +192,8 @@ class CentralPath:
 
         self._r = springs
         of_opens = normal[opens]
+        # r^2 - SOFT z r = first: a spring's pressure where it is pressed, a small one
+        # where it is pulled.
         self._r[opens, 0] = 0.5 * (of_opens - np.sqrt(of_opens**2 + 4 * first))
         bound = self._friction_bound()
         slides = bound > 0
@@ -211,6 +202,7 @@ class CentralPath:
             [np.ones(len(bound), bool), *[slides] * (len(self._sides) - 1)]
         )
         size = np.linalg.norm(self._r[:, 1:], axis=1)
+        # The shear begins well inside its bound: near it the first steps are short.
         share = np.where(slides, INSIDE * bound / np.where(slides, bound + size, 1.0), 0.0)
         self._r[:, 1:] *= share[:, None]
         self._h = np.where(self._used, bound[:, None], 0.0)
@@ -223,6 +215,7 @@ class CentralPath:
         sides = self._sides
         compliance = np.einsum("nj,aj,bj->nab", self._v / self._y, sides, sides)
         weights = np.linalg.inv(compliance + np.eye(len(sides)))
+        # Without a friction bound the shear is zero, whatever the trial traction is.
         both_free = self._free[:, :, None] & self._free[:, None, :]
         self._weights = np.where(both_free, weights, 0.0)
         self._aim(np.zeros_like(self._y))
@@ -233,7 +226,8 @@ class CentralPath:
         _, dy, dv = self._add_directions()
         share = min(1.0, self._longest(dy, dv))
         mu = self._mean((self._y + share * dy) * (self._v + share * dv))
-        # Round-off may say that a solution has mu < 0.
+        # Mehrotra's rule: the further mu can fall the less the step is centred, and dy
+        # dv is what the linearisation of y v leaves out. Round-off may say mu < 0.
         centring = (max(mu, 0.0) / self._mu) ** 3
         self._next_mu = centring * self._mu
         self._aim(np.where(self._used, self._next_mu - dy * dv, 0.0))
@@ -265,6 +259,7 @@ class CentralPath:
         self._r = self._r + share * dr
         self._y = self._y + share * dy
         self._v = self._v + share * dv
+        # Equilibrium is linear: a step of length s leaves 1 - s of its residual.
         self._left *= 1.0 - share
         self._follow_pressure()
         self._mu = self._mean(self._y * self._v)
@@ -313,6 +308,7 @@ class CentralPath:
         """Scale tangential tractions by the change of the friction bound."""
         bound = self._h[:, 1]
         scale = np.divide(self._friction_bound(), bound, out=np.ones(len(bound)), where=bound > 0)
+        # In proportion: y = h - D^T r holds on, and no slack becomes negative.
         for of_friction in (self._r, self._y, self._h):
             of_friction[:, 1:] *= scale[:, None]
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from erc_contact.model.model import Model
 from erc_contact.newton import first_guess
-from erc_contact.newton.first_guess import Carried
+from erc_contact.newton.first_guess import CarriedBodies
 from erc_contact.newton.forms import ContactForms
 from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms
@@ -22,7 +22,7 @@ from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.multigrid import EXACT, Multigrid
 from erc_contact.newton.methods import Method
-from erc_contact.newton.snes import Attempted, DiscreteSolution, outcome_of_path, solve_in_turn
+from erc_contact.newton.snes import Attempted, DiscreteSolution, solve_in_turn
 from namedmesh.base.ranks import greatest
 
 
@@ -35,6 +35,8 @@ class Iterative:
         model: The scene on a mesh.
         elastic: Its elastic equations if there are any yet.
         forms: Equations of methods at its contacts that there are; others are added.
+        tolerance: Distance to the solution that is enough [sqrt(force length)]; None
+            for round-off.
         hurried: Whether the first guess gives up early where multigrid is slow.
 
     Attributes:
@@ -52,14 +54,16 @@ class Iterative:
         model: Model,
         elastic: Multigrid | None = None,
         forms: dict[Method, ContactForms] | None = None,
+        tolerance: float | None = None,
         *,
         hurried: bool = False,
     ) -> None:
         self.model = model
+        self._tolerance = tolerance
         self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
-        self.carried = Carried(model, self._forces)
+        self.carried = CarriedBodies(model, self._forces)
         if self.elastic.contact_size:
             self.guess = self._sprung(first_guess.across_gap(self.carried.model))
         else:
@@ -80,7 +84,7 @@ class Iterative:
         self.carried.take_from_contacts(jumps)
         return self._sprung(jumps)
 
-    def attempt(self, step: Attempt, state: fem.Function, tolerance: float | None) -> Attempted:
+    def attempt(self, step: Attempt, state: fem.Function) -> Attempted:
         """Make one attempt from a state."""
         method = step.method
         if step.interior:
@@ -91,7 +95,7 @@ class Iterative:
             self._problems[method] = self._full(self._forms[method])
         problem = self._problems[method]
         start = self.elastic.start(state) / problem.length
-        solve = partial(problem.solve, tolerance=tolerance)
+        solve = partial(problem.solve, tolerance=self._tolerance)
         unknowns, outcome = solve_in_turn(problem, solve, step, start, self.model.space.comm)
         x = problem.at(unknowns)
         v, multipliers = problem.fields(x)
@@ -119,7 +123,7 @@ class Iterative:
         last, _ = problem.fields(x)
         x.destroy()
         problem.free()
-        return Attempted(outcome_of_path(path), last)
+        return Attempted(path.outcome, last)
 
     def destroy(self) -> None:
         """Free the contact problems; the hierarchy belongs to the solution."""

@@ -7,7 +7,7 @@ glued, "interior" the state to which interior point steps lead, "warm" a solutio
 another mesh, "nodal" a solution of the augmented Lagrangian, and "stiffer" one of the
 same method with a larger gamma.
 
-Contact without friction, or with given friction, is a quadratic programme. Where many
+Contact without friction, or with Tresca friction, is a quadratic programme. Where many
 points change their status step by step, Newton's method is ended early, and interior
 point steps (``erc_contact.newton.interior_point``) find the states; from there it
 ends in one or two steps. With Coulomb friction they are a start where it failed.

@@ -11,8 +11,7 @@ stress sigma of the linear body, which is in equilibrium. It is measured in the 
 of the tangent, and needs no solve.
 
 Far away a full step may go too far. With the step d from u, the potential energy of
-body, loads, frictionless contact and given friction decreases along ``u + t d`` as long
-as
+body, loads, frictionless contact and Tresca friction decreases along ``u + t d`` while
 
     h(t) = int (psi'(eps(u + t d)) - sigma) : eps(d)  <=  0,
 
@@ -70,7 +69,7 @@ def solution_of_law(
 
     Args:
         kind: Makes a solver of a model; its argument ``forms`` are forms that there
-            are.
+            are, and ``tolerance`` is its part of the error.
         model: The scene on a mesh. A potential is linearised in place.
         method: The contact method, None for the default.
         start: A solution to start from, of any mesh of the body.
@@ -84,9 +83,8 @@ def solution_of_law(
         NotConverged: If the misfit does not become small, or a contact problem does not
             converge.
     """
-    space = model.space
     if model.linearised is None:
-        return solution_of(kind, model, method, start, tolerance)
+        return solution_of(partial(kind, tolerance=tolerance), model, method, start)
     if tolerance is not None:
         tolerance *= SHARE_OF_TOLERANCE
     steps = 0
@@ -95,20 +93,20 @@ def solution_of_law(
     about = model.linearised.u.copy()
     holds = not model.linearised.at_rest
     if start is not None and not holds:
-        before = carry_displacement(start.u, start.model.space, space)
+        before = carry_displacement(start.u, start.model.space, model.space)
         if before is not None:
             about = before
             model.linearised.move(about)
     # The forms of all steps are alike.
-    kind = partial(kind, forms={})
+    kind = partial(kind, forms={}, tolerance=tolerance)
     while len(misfits) < LAW_STEPS:
-        at(space.comm, f"law step {len(misfits) + 1}")
-        solution = solution_of(kind, model, method, start, tolerance)
+        at(model.space.comm, f"law step {len(misfits) + 1}")
+        solution = solution_of(kind, model, method, start)
         steps += solution.newton_steps
         change = _Change(model, about, solution.u)
         misfit, size = change.misfit()
         misfits.append(misfit / size if size > 0.0 else 0.0)
-        log_of(space.comm).debug(
+        log_of(model.space.comm).debug(
             "%d cells: law step %d, misfit %.1e", model.domain.cells, len(misfits), misfits[-1]
         )
         if _ends(misfits, misfit, tolerance):
@@ -172,7 +170,7 @@ class _Change:
     def misfit(self) -> tuple[float, float]:
         """Return the misfit and the size of the stress [sqrt(force length)].
 
-        A body that is let go has a stress that is round-off of stresses that cancel.
+        An unloaded body has a stress that is round-off of stresses that cancel.
         """
         cancelled = CANCELLED * self._norm(self._of_tangent(self._strain + self._step))
         return self._norm(self._beyond(1.0)), max(self._norm(self._stress), cancelled)

@@ -70,7 +70,6 @@ def what_can_be_carried(model: Model, loads: fem.Function) -> str:
 
 def _parts(model: Model, motions: np.ndarray, work: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Generate the names of loads and their work on the motions; collective."""
-    space = model.space
     names: list[str | None] = list(dict.fromkeys(load.facets for load in model.surface_loads))
     if model.body_force is not None:
         names.append(None)
@@ -78,11 +77,11 @@ def _parts(model: Model, motions: np.ndarray, work: np.ndarray) -> Iterator[tupl
         yield "the loads", work
         return
     for name in names:
-        form = model.loads(ufl.TestFunction(space.V), on=[name])
-        of_part = space.function()
+        form = model.loads(ufl.TestFunction(model.space.V), on=[name])
+        of_part = model.space.function()
         fem.assemble_vector(of_part.x.array, compiled.form(form))
         told = "the body force" if name is None else f"the load on {name!r}"
-        yield told, work_of_loads(space, of_part, motions)
+        yield told, work_of_loads(model.space, of_part, motions)
 
 
 def _least_friction(model: Model, loads: fem.Function) -> float | None:

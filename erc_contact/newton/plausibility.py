@@ -17,7 +17,6 @@ from erc_contact.base.logs import log_of
 from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import Trace
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.motions.body_words import boundary_parts, lying_words
 from erc_contact.newton.displaced import MISSING, missing_moments
@@ -363,10 +362,11 @@ def _of_pairs(model: Model, solution: Solution, moved: float) -> Doubts:
                 f"{there!r} lie against each other. {remedy} for a contact of both bodies."
             )
             continue
-        sides = [space.side(facets, model.modulus) for facets in model.domain.facing(here, there)]
-        n = space.outward_normals(sides[0].facets)
-        trace = Trace(sides[0], n, None, sides[1])
-        drawn = np.matmul(sides[0].shares_of_nodes, trace.to_partners)
+        first, second = space.domain.facing(here, there)
+        side = space.side(first, model.modulus)
+        n = space.outward_normals(first)
+        trace = Trace(side, space.side(second, model.modulus), n)
+        drawn = np.matmul(side.shares_of_nodes, trace.to_partners)
         jump = trace.of(solution.u.x.array) - drawn
         _, entry = space.extremes((jump * n[:, None, :]).sum(axis=-1))
         if entry > APART * moved:
@@ -392,7 +392,7 @@ def _presses(contact: ContactOnMesh, solution: Solution, lengths: np.ndarray) ->
     """
     space = solution.model.space
     points, _ = rule(space.d - 1, space.contact_degree)
-    r = evaluate(solution.traction(contact), space.mesh, points, contact.facets)
+    r = space.evaluate(solution.traction(contact), points, contact.facets)
     none = NO_TRACTION * contact.trace.here.stiffness * lengths
     _, beyond = space.extremes(np.linalg.norm(r, axis=-1) - none[:, None])
     return beyond > 0

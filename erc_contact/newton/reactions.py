@@ -37,8 +37,8 @@ from scipy.sparse import csr_array, diags_array, eye_array  # type: ignore[impor
 
 from erc_contact.base.sparse import local_matrix
 from erc_contact.model.contact.connections import gather_prescribed
-from erc_contact.model.contact.groups import NOBODY, Groups
-from erc_contact.model.contact.trace import dofs_of
+from erc_contact.model.contact.groups import Groups
+from erc_contact.model.contact.trace import NOBODY, dofs_of
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
 from namedmesh.simplex import at_nodes, coefficients

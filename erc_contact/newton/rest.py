@@ -17,7 +17,6 @@ from mpi4py import MPI
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
@@ -53,15 +52,14 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
         The same vector at all nodes, as a new Function; None if the body is not known
         to be at rest.
     """
-    space = model.space
     if _is_loaded(model, loads) or _is_moved(model):
         return None
     slides = any(contact.trace.slip_before.any() for contact in model.contacts)
-    displacement = space.function()
-    if space.comm.allreduce(bool(slides), MPI.LOR):
+    displacement = model.space.function()
+    if model.space.comm.allreduce(bool(slides), MPI.LOR):
         if not _is_loose_on_a_plane(model):
             return None
-        displacement.x.array.reshape(-1, space.d)[:] = _mean_slip(model)
+        displacement.x.array.reshape(-1, model.space.d)[:] = _mean_slip(model)
     return displacement
 
 
@@ -146,7 +144,7 @@ def _pushes(space: Space, contact: ContactOnMesh, allowed: float) -> bool:
         return False
     # The nodes are among these points.
     points = lattice(space.d - 1, DATA_DEGREE)
-    gap = evaluate(contact.gap, space.mesh, points, contact.facets)
+    gap = space.evaluate(contact.gap, points, contact.facets)
     if contact.bilateral:
         return bool((abs(gap) > allowed).any())
     return bool((gap < -allowed).any())

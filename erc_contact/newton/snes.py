@@ -20,7 +20,6 @@ from erc_contact.base.progress import at
 from erc_contact.base.runtime.interrupts import check_interrupts, interrupted
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.newton.forms import Counts
-from erc_contact.newton.interior_point import Path
 from erc_contact.newton.ladder import Attempt, Shares
 from erc_contact.newton.linear.mumps import LIBRARY, ZERO_PIVOT
 from namedmesh.base.communicators import lasting
@@ -36,7 +35,7 @@ CYCLE = 0.9
 STILL_STEPS = 7
 """Steps with one status after which Newton's method must have come nearer.
 
-With one status the equations are linear in the plane and smooth in space. Where the
+With one status the equations are linear in the plane and smooth in 3D. Where the
 tangent is singular, the line search cuts the steps to nothing and the status stays.
 """
 IMBALANCE = 1e-6
@@ -134,6 +133,26 @@ class Attempted(NamedTuple):
     solution: DiscreteSolution | None = None
 
 
+class PathEnd(NamedTuple):
+    """Tell how far the central path was followed.
+
+    Attributes:
+        unknowns: The last unknowns of this rank.
+        steps: Number of steps.
+        is_known: Whether the states of all points are known.
+    """
+
+    unknowns: np.ndarray
+    steps: int
+    is_known: bool
+
+    @property
+    def outcome(self) -> Outcome:
+        """Return how the attempt ended."""
+        reason = "states are known" if self.is_known else "states are not known"
+        return Outcome(self.is_known, reason, self.steps, np.inf, (0, 0, 0))
+
+
 class Status(NamedTuple):
     """Tell the contact status of all points.
 
@@ -199,6 +218,7 @@ def attempt(
     f = problem.vector()
     snes.setFunction(problem.function, f)
     snes.setType("newtonls")
+    # The test below decides, with an atol of a user: it knows the round-off of forces.
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=step.most_steps)
     problem.prepare(snes)
     snes.getLineSearch().setType(step.line_search)
@@ -214,6 +234,7 @@ def attempt(
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
+        # With the status of the last state nothing holds a motion; another start may.
         code = -1
         norm = np.inf
         reason = "singular tangent"
@@ -230,7 +251,7 @@ def attempt(
     return outcome
 
 
-class Variable(Protocol):
+class Adjustable(Protocol):
     """Represent a contact problem whose friction, gaps and springs may be changed.
 
     A state is an array of unknowns.
@@ -247,7 +268,7 @@ class Variable(Protocol):
 
 
 def solve_in_turn(
-    problem: Variable,
+    problem: Adjustable,
     solve: Callable[[np.ndarray, Attempt], tuple[np.ndarray, Outcome]],
     step: Attempt,
     state: np.ndarray,
@@ -292,12 +313,6 @@ def solve_in_turn(
     problem.set_shares(1.0, 1.0)
     problem.hold(0.0, state)
     return state, replace(outcome, steps=steps, friction=friction, contacts=contacts)
-
-
-def outcome_of_path(path: Path) -> Outcome:
-    """Tell how interior point steps ended."""
-    reason = "states are known" if path.is_known else "states are not known"
-    return Outcome(path.is_known, reason, path.steps, np.inf, (0, 0, 0))
 
 
 class _StoppingTest:
@@ -367,6 +382,7 @@ class _StoppingTest:
         if norm > ASTRAY * self._first:
             return ENDLESS
         status = self.problem.status(x)
+        # Other attempts wait for a hurried one alone: counting takes a reduction.
         if self._hurried:
             self._count_changes(status, lasting(x.comm.tompi4py()))
         return (
@@ -388,6 +404,7 @@ class _StoppingTest:
         if len(changes) < EARLIEST or changes[-1] == 0:
             return ""
         _, *closed = counts
+        # A short window sees many changes at once, a long window few that go on.
         for steps, fall, share, few in CRAWLING:
             last = sum(changes[-steps:])
             before = sum(changes[-2 * steps : -steps])
@@ -406,6 +423,8 @@ class _StoppingTest:
 
     def _repeats(self, key: bytes, step: int, norm: float) -> str:
         """Say that the status comes back and the residual did not fall, or ""."""
+        # A status that stays is no cycle, nor is a status that comes back nearer to the
+        # solution.
         last_step, least = self._before.get(key, (step, norm))
         if last_step < step - 1 and norm > CYCLE * least:
             return f"cycle of {step - last_step} steps"
@@ -417,6 +436,7 @@ class _StoppingTest:
         last_key, first_step, first_norm = self._stay
         if key == last_key and step - first_step < STILL_STEPS:
             return ""
+        # A new stay begins, also where the status is the same: it is asked again later.
         self._stay = key, step, norm
         if key == last_key and norm > NEARER * first_norm:
             return f"no progress in {STILL_STEPS} steps"

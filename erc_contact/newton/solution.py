@@ -26,7 +26,6 @@ from erc_contact.model.profile import (
     profile_traction,
     slip_before_table,
 )
-from erc_contact.model.space import circumferences
 from erc_contact.model.stress import stress_in_space, von_mises
 from erc_contact.newton.distortion import Distortion, measure
 from erc_contact.newton.linear.solver import ElasticSolver
@@ -262,16 +261,15 @@ class Solution:
             InputError: If no contact has this name.
         """
         model = self.model
-        space = model.space
         where = model.contact(contact)
-        points = profile_points(space)
-        r = profile_traction(space, where, self.traction(where))
+        points = profile_points(model.space)
+        r = profile_traction(model.space, where, self.traction(where))
         r_n = split(r, where.trace.normals_at(points)).normal
         pressure = -r_n
         bound = self._bound(where, np.maximum(pressure, 0.0), points)
         if where in model.ties:
             bound = np.full_like(pressure, np.inf)
-        return profile_table(space, where, self.u, r, bound)
+        return profile_table(model.space, where, self.u, r, bound)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.
@@ -353,14 +351,11 @@ class Solution:
         self, contact: ContactOnMesh, pressure: np.ndarray, points: np.ndarray
     ) -> np.ndarray:
         """Return the friction bound [force/area] of pressures at points of facets."""
-        model = self.model
-        parameters = friction_parameters(model.space, contact, points)
-        if not model.space.axisymmetric:
-            return contact.friction_bound(pressure, parameters)
-        places = contact.trace.here.points_at(points)
-        # Bounds on rings are limits at the axis: 0 over 0.
-        rings = np.maximum(circumferences(places), np.finfo(float).tiny)
-        return contact.friction_bound(rings * pressure, parameters) / rings
+        parameters = friction_parameters(self.model.space, contact, points)
+        weights = self.model.space.section.weight(contact.trace.here.points_at(points))[..., 0]
+        # On the axis the bound is a limit, 0 over 0.
+        weights = np.maximum(weights, np.finfo(float).tiny)
+        return contact.friction_bound(weights * pressure, parameters) / weights
 
     def _nodal_reactions(self) -> dict[str, np.ndarray]:
         """Return the nodal forces of each cause [force]; collective."""

@@ -96,7 +96,7 @@ def solve(
             the same contacts, on this mesh or on any other. Friction then acts on the
             tangential displacement since that solution (backward Euler). So does all
             that follows: r^, u^, e and its bounds, slip in profiles. A refined mesh
-            carries it without loss; what another mesh loses is
+            represents it exactly; what another mesh loses is
             ``error.oscillations.history``. Without it the body comes from rest, once.
         start: A solution on another mesh of the same body; Newton starts from its
             displacement on the contacts. By default it is ``after``.
@@ -106,7 +106,7 @@ def solve(
         solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense
             problem of the contact on one rank. "iterative" solves for the whole body in
             parallel, with algebraic multigrid, to 1e-10 of the contact forces. "auto"
-            takes multigrid for large bodies in space, and the direct solver where
+            takes multigrid for large bodies in 3D, and the direct solver where
             multigrid fails, or is slow in its first 20 cycles.
 
     Returns:
@@ -246,7 +246,7 @@ def large(model: Model) -> bool:
     """Tell whether multigrid is the faster solver for a model, as measured; collective.
 
     In the plane a factor and a dense matrix of the contact are faster up to some
-    million degrees of freedom. In space the factor grows like n^(4/3) and the matrix of
+    million degrees of freedom. In 3D the factor grows like n^(4/3) and the matrix of
     the contact like n^(4/3) or, on meshes that are fine there, n^2.
     """
     space = model.space
@@ -305,7 +305,7 @@ class Nearby:
         kind = self._kind(model)
         if kind is not None:
             try:
-                return solution_of(kind, model, near.method, near, None)
+                return solution_of(kind, model, near.method, near)
             except NotConverged:
                 # The direct solver takes over from multigrid where it may.
                 if self._solver != "auto" or not near.stiffness.iterative:

@@ -36,8 +36,7 @@ class Springs:
     """
 
     def __init__(self, model: Model, reader: Reader, reactions: Reactions, like: PETSc.Mat) -> None:
-        space = model.space
-        d = space.d
+        d = model.space.d
         self._d = d
         self._first_dof, last = like.getOwnershipRange()
         numbers = reactions.map.numbers_of(reader.contact)
@@ -48,7 +47,7 @@ class Springs:
         self._free = of_rows[used]
         self._area = area[owned][used]
         self._nodes = here[owned][used] - self._first_dof // d
-        glue = nodal_glue(space, [model.contacts[k] for k in numbers])
+        glue = nodal_glue(model.space, [model.contacts[k].trace.here for k in numbers])
         self._glue = glue.x.array.reshape(-1, d)[self._nodes].max(axis=1, initial=0.0)
 
         # A block of d x d entries for each node.
@@ -61,7 +60,7 @@ class Springs:
         self._product: PETSc.Mat | None = None
         self._forces: PETSc.Mat | None = None
         if model.connections.any:
-            self._forces = reactions.map.forces_on(numbers).of_all_ranks(space)
+            self._forces = reactions.map.forces_on(numbers).of_all_ranks(model.space)
         self._work = like.createVecs()
 
     def update(self, by_w: list[PETSc.Mat], by_multipliers: list[PETSc.Mat]) -> None:

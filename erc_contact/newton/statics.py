@@ -34,14 +34,13 @@ from erc_contact.base.exceptions import together
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import CONCAVE, CONSTANT
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import from_first, gathered
 
 DIRECTIONS = 8
-"""Number of sides of the polygon round the circle of friction in space."""
+"""Number of sides of the polygon round the circle of friction in 3D."""
 SLIDES = 1e-3
 """Rotation over the size of the body that is none, over its displacement [-]."""
 SAME_PLACE = 1e-9
@@ -190,7 +189,7 @@ def _forces(space: Space, contact: ContactOnMesh, motions: np.ndarray, friction:
     gap = np.zeros(w.shape[:2])
     if contact.gap is not None:
         points = space.facet_points[vertices]
-        gap = evaluate(contact.gap, space.mesh, points, contact.facets)[owned]
+        gap = space.evaluate(contact.gap, points, contact.facets)[owned]
     slip = trace.slip_before[owned, vertices]
     slope, offset, is_free = _friction(space, contact)
     slope = np.broadcast_to(friction * slope[owned, None], gap.shape)

@@ -8,7 +8,7 @@ raised on all ranks. No display is needed.
 Pictures and plots go to a file, whose suffix gives the format (png, pdf or svg), and
 whose folder is made if it is missing; or on axes of matplotlib that are given as
 ``ax``, in 2D; or without either in a new figure. They return the axes on rank 0. In pdf
-and svg files, bodies in the plane are lines and polygons, and bodies in space are
+and svg files, bodies in the plane are lines and polygons, and bodies in 3D are
 images.
 """
 
@@ -17,11 +17,11 @@ from erc_contact.output.curves import plot_history
 from erc_contact.output.deformed import draw_deformed, draw_near
 from erc_contact.output.mesh_pictures import draw_meshes
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.part_pictures import draw_parts
 from erc_contact.output.pictures import draw_error, draw_state
 from erc_contact.output.revolved import draw_revolved
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
+from namedmesh import draw_parts
 
 __all__ = [
     "draw_deformed",

@@ -39,7 +39,7 @@ Two normals with an angle of 0.2 between them have this share.
 
 def pairs_of(contacts: Sequence[WholeContact]) -> list[WholeContact]:
     """Return the contacts that are between two bodies."""
-    return [contact for contact in contacts if contact.partners is not None]
+    return [contact for contact in contacts if len(contact.partners) > 0]
 
 
 def bodies_of(body: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -72,7 +72,6 @@ def greatest_share(body: Mapping[str, np.ndarray], pairs: Sequence[WholeContact]
         deformed = _without_rigid_motion(points[here], body["u"][here])
         shares.append(float(np.linalg.norm(deformed, axis=1).max() / size[here].max()))
     for pair in pairs:
-        assert pair.partners is not None
         nodes = pair.traction.nodes
         jump = np.linalg.norm(body["u"][nodes] - body["u"][pair.partners], axis=-1)
         smaller = np.minimum(size[nodes], size[pair.partners])
@@ -105,7 +104,7 @@ def shifts(
             "still" which components supports hold at zero, shape (n, 3).
         pairs: Contacts between two bodies.
         motions: The rigid motion of each that makes room for its gap, see
-            :meth:`erc_contact.output.foundations.Foundation.motion`.
+            :meth:`erc_contact.output.foundations.MovingFoundation.motion`.
         factor: Magnification of the displacement and of gaps [-].
         pull: Distance by which the bodies of each pair are pulled apart beside, as
             rigid ones [length].
@@ -154,7 +153,7 @@ def _behind(
     """
     links = [_links(body["cells"])]
     for contact in pairs:
-        if contact is not pair and contact.partners is not None:
+        if contact is not pair:
             facing = [contact.traction.nodes.ravel(), contact.partners.ravel()]
             links.append(np.column_stack(facing))
     label = components(len(body["points"]), np.concatenate(links))

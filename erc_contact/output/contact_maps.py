@@ -16,14 +16,13 @@ from erc_contact.output.drawing import (
     STATUS_NAMES,
     bar_axes,
     coordinate,
-    new_figure,
     panels_of,
     tangents,
 )
-from erc_contact.output.files import subdivide
 from erc_contact.output.gathered import WholeContact, mean_normal
 from erc_contact.output.placing import place
 from namedmesh.base.names import in_picture
+from namedmesh.pictures import new_figure, subdivide
 from namedmesh.simplex import bernstein
 
 MAP_DIVISIONS = 4
@@ -81,8 +80,8 @@ def contact_maps(surface: WholeContact, ax: Any = None) -> Any:
     panels[0].set_ylabel(labels[1])
     contact = traction.contact
     seen = "seen from the foundation"
-    if surface.partners is not None:
-        seen = f"{in_picture(contact.name)} seen from {in_picture(contact.against or '')}"
+    if contact.against is not None:
+        seen = f"{in_picture(contact.name)} seen from {in_picture(contact.against)}"
     panels[count // 2].set_title(seen, fontsize=11)
     if ax is None:
         sizes = np.tile([MAP_WIDTH, MAP_WIDTH * ratio], (count, 1))

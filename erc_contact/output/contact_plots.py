@@ -19,15 +19,15 @@ from erc_contact.output.contact_maps import contact_maps
 from erc_contact.output.drawing import (
     STATUS_COLOURS,
     STATUS_NAMES,
-    draw_figure,
     log_ticks,
     weighted_level,
     words,
 )
-from erc_contact.output.files import PARTS, subdivide
+from erc_contact.output.files import PARTS
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
 from namedmesh.base.names import in_picture
+from namedmesh.pictures import draw_figure, subdivide
 from namedmesh.simplex import bernstein
 
 PRESSURE, SHEAR = "#0072B2", "#D55E00"
@@ -83,7 +83,6 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
     """
     admissible = pair_of(result)
     model = admissible.model
-    space = model.space
     names = [joint.name for joint in (*model.contacts, *model.ties)]
     if name not in names:
         raise InputError(
@@ -92,7 +91,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
         )
     surface = whole_contact(admissible, admissible.per_area(admissible.traction(name)))
     # Only rank 0 knows all facets, and all ranks raise.
-    has_facets = space.comm.bcast(surface is not None and len(surface.x))
+    has_facets = model.space.comm.bcast(surface is not None and len(surface.x))
     if not has_facets:
         raise InputError(
             f"plot_contact: {name!r} has no facet; contacts of this scene: {', '.join(names)}."
@@ -100,9 +99,9 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
 
     def draw(ax: Any) -> Any:
         assert surface is not None
-        return contact_curves(surface, ax) if space.d == 2 else contact_maps(surface, ax)
+        return contact_curves(surface, ax) if model.space.d == 2 else contact_maps(surface, ax)
 
-    return draw_figure(space.comm, path, ax, draw)
+    return draw_figure(model.space.comm, path, ax, draw)
 
 
 def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
@@ -111,7 +110,7 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     n = traction.contact.trace.normals
     status = surface.status
     abscissa, label = along(surface)
-    line = _Line(surface, abscissa)
+    line = _Samples(surface, abscissa)
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
         _draw_strips(axes, abscissa, status)
         # A tied joint has no bound, and without friction there is no shear.
@@ -133,12 +132,9 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
         # The closed part is shown with as much beside it, where the contact goes on.
         around = closed.min() - np.ptp(closed), closed.max() + np.ptp(closed)
         of_pair = ""
-        if surface.partners is not None:
-            over, under = (
-                in_picture(traction.contact.against or ""),
-                in_picture(traction.contact.name),
-            )
-            of_pair = f" of {over}\non {under}"
+        if traction.contact.against is not None:
+            over = in_picture(traction.contact.against)
+            of_pair = f" of {over}\non {in_picture(traction.contact.name)}"
         axes.set(xlabel=label, ylabel=f"traction{of_pair} [force/area]")
         axes.set_xlim(np.clip(around, abscissa.min(), abscissa.max()))
         greatest = np.maximum(pressure, traction.friction_bound if limited else abs(shear)).max(
@@ -149,7 +145,7 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     return axes
 
 
-class _Line:
+class _Samples:
     """Sample values on the facets along a contact in 2D.
 
     Attributes:
@@ -202,7 +198,7 @@ def _draw_strips(axes: Any, abscissa: np.ndarray, status: np.ndarray) -> None:
         axes.broken_barh(chosen, (0, 1), transform=transform, facecolors=colour, **look)
 
 
-def _draw_traction(axes: Any, line: _Line, values: np.ndarray, colour: str, name: str) -> None:
+def _draw_traction(axes: Any, line: _Samples, values: np.ndarray, colour: str, name: str) -> None:
     """Draw the curve of a component of r^, and for degree 1 r^ itself by thin lines."""
     axes.plot(line.abscissa, line.path(line.curve(values)), color=colour, lw=1.6, label=name)
     if line.degree == 1:

@@ -14,9 +14,10 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.runs import AdaptiveRun
-from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, log_ticks
+from erc_contact.output.drawing import log_ticks
 from erc_contact.output.placing import panels
 from namedmesh.base.percent import percent
+from namedmesh.pictures import COLOUR_CYCLE, draw_figure
 
 SPAN = 4.0
 """Factor by which unknowns must grow over the meshes of which a slope is told [-]."""

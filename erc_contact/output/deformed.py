@@ -1,8 +1,8 @@
-"""Draw pictures of deformed bodies: by matplotlib in the plane, by pyvista in space.
+"""Draw pictures of deformed bodies: by matplotlib in the plane, by pyvista in 3D.
 
 Bodies of degree 2 are drawn with curved edges. Where a contact is small beside its body
 in the plane, a picture of its surroundings shows it, with its gap magnified. A body in
-space is seen twice: from above with the foundation, and from the other side and below
+3D is seen twice: from above with the foundation, and from the other side and below
 without it, to show the contact. Between two bodies nothing else is drawn.
 
 Symbols: u^ and sigma^ admissible displacement and stress, X position before the
@@ -24,16 +24,14 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
-from erc_contact.output.bodies import DIVISIONS, Skin, outline, sample, skin_of, straight
-from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned, weighted_level
-from erc_contact.output.files import gather
+from erc_contact.output.drawing import only_turned, weighted_level
 from erc_contact.output.foundations import (
     CLOSED_COLOUR,
     DISPLACEMENT_SHARE,
     STILL_SHARE,
     SYMMETRY_COLOUR,
     UNSEEN,
-    Foundation,
+    MovingFoundation,
     closed_part,
     drawn_foundation,
     foundation_of,
@@ -44,21 +42,33 @@ from erc_contact.output.foundations import (
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import (
     WholeContact,
-    body_mesh,
     colours_in_words,
     is_symmetry,
     letters_of,
     mean_normal,
+    upward,
     whole_body,
 )
 from erc_contact.output.maps import Scale, draw_map
-from erc_contact.output.views import ShownPart, upward, views_of
 from erc_contact.output.windows import contact_zone, window_around
 from erc_contact.results.stresses import linear_mises
 from namedmesh.base.checks import positive
 from namedmesh.base.names import in_picture
-from namedmesh.base.ranks import greatest
+from namedmesh.base.ranks import gather_rows, greatest
 from namedmesh.for_solvers import in_space
+from namedmesh.pictures import (
+    DIVISIONS,
+    ShownPart,
+    Skin,
+    body_mesh,
+    draw_figure,
+    only_in_2d,
+    outline,
+    sample,
+    skin_of,
+    straight,
+    views_of,
+)
 
 STRAIN_ROUND_OFF = 1e-12
 """Strain that is round-off, over the displacement over the size of the body [-]."""
@@ -252,21 +262,20 @@ def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
         contact: Name of a contact.
 
     Returns:
-        Low and high corner [length], shape (2, 2); None in space, and where nothing is
+        Low and high corner [length], shape (2, 2); None in 3D, and where nothing is
         closed or has yielded, or no small part of the body.
 
     Raises:
         InputError: If no contact has this name.
     """
     model = error.model
-    space = model.space
     name = model.contact(contact).name
-    if space.d == 3:
+    if model.space.d == 3:
         return None
     zone, whole = contact_zone(error.admissible, name)
-    body = gather(space.comm, **body_mesh(error.domain))
+    body = gather_rows(model.space.comm, **body_mesh(error.domain))
     window = window_around(zone, body["points"], whole) if body else None
-    return space.comm.bcast(window)
+    return model.space.comm.bcast(window)
 
 
 def add_near(gallery: Gallery, error: ConstitutiveError, contact: str, code: str) -> None:
@@ -314,7 +323,7 @@ def gather_mises(admissible: Admissible, stress: str = "admissible") -> dict[str
     """
     model = admissible.model
     owned = model.domain.owned_cells
-    return gather(
+    return gather_rows(
         model.space.comm,
         stress=linear_mises(admissible, stress),
         volume=admissible.cell_geometry.volume[:owned],
@@ -368,14 +377,14 @@ def greatest_magnification(
     return factor
 
 
-def _foundations(contacts: Sequence[WholeContact]) -> list[Foundation]:
+def _foundations(contacts: Sequence[WholeContact]) -> list[MovingFoundation]:
     """Fit the foundations of contacts with a foundation; on rank 0."""
     return [foundation_of(contact) for contact in _on_foundations(contacts)]
 
 
 def _on_foundations(contacts: Sequence[WholeContact]) -> list[WholeContact]:
     """Return the contacts with a foundation, without planes of symmetry."""
-    alone = [contact for contact in contacts if contact.partners is None]
+    alone = [contact for contact in contacts if len(contact.partners) == 0]
     return [contact for contact in alone if not is_symmetry(contact)]
 
 
@@ -412,7 +421,7 @@ def mises_on_skin(skin: Skin, cells: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _grounds(
-    foundations: Sequence[Foundation], factor: float, size: float, drawn_size: float
+    foundations: Sequence[MovingFoundation], factor: float, size: float, drawn_size: float
 ) -> list[ShownPart]:
     """Draw the foundations.
 
@@ -433,7 +442,7 @@ def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[Shown
     closed: list[ShownPart] = []
     for contact in contacts:
         for nodes in (contact.traction.nodes, contact.partners):
-            lines = None if nodes is None else closed_part(contact, nodes, x)
+            lines = closed_part(contact, nodes, x)
             if lines is not None:
                 colour = SYMMETRY_COLOUR if is_symmetry(contact) else CLOSED_COLOUR
                 closed.append((lines, {"color": colour, "line_width": 8.0}))
@@ -442,7 +451,7 @@ def _closed_lines(contacts: Sequence[WholeContact], x: np.ndarray) -> list[Shown
 
 def _title(
     contacts: Sequence[WholeContact],
-    foundations: Sequence[Foundation],
+    foundations: Sequence[MovingFoundation],
     factor: float,
     size: float,
     pull: float | None,
@@ -459,7 +468,7 @@ def _title(
     if factor != 1.0 and any(foundation.moves for foundation in foundations):
         title += ", foundation moved with it"
     if any(each.surface.traction.contact.stiffness is not None for each in foundations):
-        title += "\nthe foundation is drawn without giving way"
+        title += "\nthe foundation is drawn without its deflection"
     entry = max((foundation.entry(factor) for foundation in foundations), default=0.0)
     if entry > 1.1 * UNSEEN * size:  # more than rounding of the magnification makes of it
         title += f"\nand so the contact looks open or entered by up to {entry:.2g} [length]"

@@ -1,32 +1,18 @@
-"""Make figures, directions and labels that plots and pictures share.
+"""Make axes, directions and labels that plots and pictures share.
 
 Symbols: n normal of the foundation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import nullcontext
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.space import Space
-from erc_contact.output.files import STYLE, on_root
 from namedmesh.base.percent import place_words
 
-COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-"""Colours of curves that the colour-blind can tell apart.
-
-Source: Okabe, Ito, Color Universal Design (2008).
-"""
-DPI = 150
-"""Pixels of a picture [1/inch]; a picture is then as wide as a page on a screen."""
-PNG_LEVEL = 4
-"""Level of compression of a png file: half the time of the default, 5% more bytes."""
 STATUS_NAMES = ("open", "slip", "stick", "closed")
 """Names of the codes OPEN, SLIP, STICK and CLOSED."""
 STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2", "#d9e6c8")
@@ -34,62 +20,6 @@ STATUS_COLOURS = ("#f0f0f0", "#fbdcb4", "#c9e0f2", "#d9e6c8")
 
 They are grey, orange, blue and green; green is alone or beside grey.
 """
-
-
-def draw_figure(
-    comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable[[Any], Any]
-) -> Any:
-    """Draw on axes of the user's or in a new figure, and save it; collective.
-
-    It is saved if there is a path.
-
-    Args:
-        comm: Communicator.
-        path: Picture file, or None. Its suffix gives the format.
-        ax: Axes of the user's on rank 0, whose style stays as it is; None makes a
-            figure.
-        draw: Gets ``ax``, draws, and returns the axes; it is called on rank 0.
-
-    Returns:
-        The axes on rank 0, None on the other ranks.
-    """
-    drawn = []
-
-    def make() -> None:
-        from matplotlib import rc_context  # noqa: PLC0415
-
-        with rc_context(STYLE) if ax is None else nullcontext():
-            axes = draw(ax)
-            figure = np.ravel(axes)[0].figure
-            if path is not None:
-                # Where all has its place nothing must be measured again.
-                is_placed = ax is None and figure.get_layout_engine() is None
-                bounds = None if is_placed else "tight"
-                figure.savefig(path, dpi=DPI, bbox_inches=bounds, **_compression(path))
-            elif ax is None:
-                figure.draw_without_rendering()  # words get their font now
-        drawn.append(axes)
-
-    on_root(comm, path, make)
-    return drawn[0] if drawn else None
-
-
-def _compression(path: str | Path) -> dict[str, Any]:
-    """Return how a file is compressed, as matplotlib takes it; only png files are."""
-    if Path(path).suffix.lower() != ".png":
-        return {}
-    return {"pil_kwargs": {"compress_level": PNG_LEVEL}}
-
-
-def new_figure(width: float, height: float, layout: str | None = None) -> Any:
-    """Make an empty figure of this width and height [inches].
-
-    Without one of matplotlib's layouts its axes are placed by
-    :func:`erc_contact.output.placing.place`.
-    """
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    return Figure(figsize=(width, height), layout=layout)
 
 
 def bar_axes(figure: Any) -> Any:
@@ -108,15 +38,6 @@ def panels_of(ax: Any, count: int, what: str) -> np.ndarray:
     if len(axes) != count:
         raise InputError(f"{what}: ax has {len(axes)} axes; it needs {count}.")
     return axes
-
-
-def only_in_2d(what: str, ax: Any, d: int) -> None:
-    """Refuse axes for a body in space, whose pictures have several."""
-    if ax is not None and d == 3:
-        raise InputError(
-            f"{what} in 3D makes a figure of its own; leave ax out, and take the axes that are "
-            "returned."
-        )
 
 
 def only_turned(what: str, space: Space) -> None:

@@ -15,17 +15,11 @@ from erc_contact.error.runs import LoadingHistory
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.status import OPEN
 from erc_contact.output.deformed import draw_deformed, magnification
-from erc_contact.output.drawing import (
-    COLOUR_CYCLE,
-    STATUS_COLOURS,
-    STATUS_NAMES,
-    draw_figure,
-    tangents,
-)
-from erc_contact.output.files import on_root
+from erc_contact.output.drawing import STATUS_COLOURS, STATUS_NAMES, tangents
 from erc_contact.output.foundations import round_factor
 from erc_contact.output.placing import panels
 from namedmesh.base.names import in_picture
+from namedmesh.pictures import COLOUR_CYCLE, draw_figure, on_root
 from namedmesh.simplex import lagrange, rule
 
 ZONE_POINTS = 400
@@ -58,7 +52,7 @@ def plot_energies(
 ) -> Any:
     """Draw work, strain energy, dissipation and plastic work in time; collective.
 
-    Beside them is what is left of their balance.
+    Beside them is the energy residual, what is left of their balance.
 
     Args:
         history: The history.
@@ -86,7 +80,7 @@ def plot_energies(
             in_time = history.column("in_time")
             right.plot(time, in_time, "s-", label="of the steps in time", **LINE)
             left.set(xlabel="t", ylabel="energy [force length]")
-            right.set(xlabel="t", ylabel="what the balance leaves [force length]")
+            right.set(xlabel="t", ylabel="energy residual [force length]")
             for panel in row:
                 # above the axes, where it hides no curve
                 panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.04), frameon=False)
@@ -261,9 +255,8 @@ def moving_side(history: LoadingHistory, contact: ContactOnMesh) -> str:
     """
     ways = {}
     for side in contact.side_names:
-        if side is not None:
-            means = [_mean_displacement(error, side) for error in history.errors]
-            ways[side] = np.linalg.norm(np.ptp(means, axis=0))
+        means = [_mean_displacement(error, side) for error in history.errors]
+        ways[side] = np.linalg.norm(np.ptp(means, axis=0))
     # round-off must not choose between sides that move alike
     least = (1 - STILL) * max(ways.values())
     return next(side for side, way in ways.items() if way >= least)

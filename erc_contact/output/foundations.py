@@ -7,8 +7,8 @@ that is nearest to the gap g where the contact is closed. So a plane below a fla
 with a gap that is constant or linear, is met exactly where the contact is closed.
 Elsewhere closed parts look open or entered by (s - 1) (u^_n - rho_n), and parts beside
 them, too. The magnification that is chosen by default is so small that this is hardly
-seen, and a coloured line shows what is closed. A foundation that gives way is drawn
-without it.
+seen, and a coloured line shows what is closed. A compliant foundation is drawn without
+its deflection.
 
 Symbols: X position before the deformation, g gap, n normal of the foundation, u^
 admissible displacement, v_n = v . n, d dimension.
@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from erc_contact.model.contact.status import OPEN
-from erc_contact.output.bodies import DIVISIONS, sample, straight
 from erc_contact.output.drawing import tangents
 from erc_contact.output.gathered import WholeContact, mean_normal
 from namedmesh.for_solvers import in_space
+from namedmesh.pictures import DIVISIONS, sample, straight
 from namedmesh.simplex import edges
 
 FOUNDATION_REACH = 0.15
@@ -59,7 +59,7 @@ share of the contact [-]. A narrow part knows only the slope of what is below it
 
 
 @dataclass(frozen=True, eq=False)
-class Foundation:
+class MovingFoundation:
     """Hold a foundation and its rigid motion rho.
 
     Attributes:
@@ -139,11 +139,11 @@ def nearest_nodes(surface: WholeContact) -> np.ndarray:
     return np.broadcast_to(closed[:, None], surface.gap.shape)
 
 
-def foundation_of(surface: WholeContact) -> Foundation:
+def foundation_of(surface: WholeContact) -> MovingFoundation:
     """Fit the rigid motion of a foundation to the gap where its contact is closed.
 
     The fit is by least squares. Of all motions with the same normal part it is the
-    smallest. A foundation that gives way is entered there, and moves with the body.
+    smallest. A compliant foundation is entered there, and moves with the body.
     """
     d = surface.d
     target = surface.gap
@@ -167,10 +167,10 @@ def foundation_of(surface: WholeContact) -> Foundation:
     normal_parts = weight[:, None] * np.column_stack([n, turned])
     # The cut-off keeps a narrow closed part from turning the whole foundation.
     parts = np.linalg.lstsq(normal_parts, weight * gap, rcond=TURNING_WIDTH)[0]
-    return Foundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
+    return MovingFoundation(surface, centre, parts[:d], np.tensordot(parts[d:], turns, axes=1))
 
 
-def greatest_factor(foundations: Sequence[Foundation], largest: float, size: float) -> float:
+def greatest_factor(foundations: Sequence[MovingFoundation], largest: float, size: float) -> float:
     """Find the greatest magnification of a picture by default [-].
 
     It is infinite if nothing moves.
@@ -191,7 +191,7 @@ def round_factor(factor: float) -> float:
     return float(f"{factor:.2g}") if LEAST_MAGNIFICATION < factor < np.inf else 1.0
 
 
-def drawn_foundation(foundation: Foundation, factor: float, size: float) -> Any:
+def drawn_foundation(foundation: MovingFoundation, factor: float, size: float) -> Any:
     """Draw the part of a foundation that is near the body, moved with the body.
 
     A plane is drawn somewhat larger than the contact. Other foundations end with the
@@ -248,7 +248,8 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
 
     Args:
         surface: The contact.
-        nodes: Numbers of the nodes of its facets, on one of its sides, shape (f, m).
+        nodes: Numbers of the nodes of its facets, on one of its sides, shape (f, m);
+            (0, m) on the side of a foundation.
         x: Positions at which the nodes of the body are drawn [length], shape (n, 3).
 
     Returns:
@@ -258,7 +259,7 @@ def closed_part(surface: WholeContact, nodes: np.ndarray, x: np.ndarray) -> Any:
     closed = surface.status != OPEN
     if not closed.any():
         return None
-    nodes = nodes[closed]
+    nodes = nodes[closed[: len(nodes)]]
     if surface.d == 3:
         nodes = _border(nodes)
     if len(nodes) == 0:

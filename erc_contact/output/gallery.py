@@ -14,8 +14,8 @@ from time import perf_counter
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
-from erc_contact.output.files import on_root
 from namedmesh import Domain
+from namedmesh.pictures import on_root
 
 IMPORT_SECONDS = 1.0
 """Time that saving may take after a run of no time [s]."""
@@ -28,7 +28,7 @@ CELL_SECONDS = 8e-6
 LIBRARY_SECONDS = {"matplotlib.figure": 0.8, "pyvista.plotting": 0.6}
 """Time of the first picture of a process for each library that it loads [s].
 
-The second one draws bodies in space.
+The second one draws bodies in 3D.
 """
 
 

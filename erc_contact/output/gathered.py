@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -18,16 +17,14 @@ from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.contact.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.contact.trace import split
 from erc_contact.model.space import Space
-from erc_contact.output.files import degree_of, gather
-from namedmesh import Domain
-from namedmesh.base.ranks import global_numbers
-from namedmesh.base.releases import cell_nodes
+from namedmesh.base.ranks import gather_rows
 from namedmesh.for_solvers import in_space
-from namedmesh.simplex import at_nodes, determinants, node_between, node_vertices
+from namedmesh.pictures import number_cells
+from namedmesh.simplex import at_nodes
 
 SAME_GAP = 1e-12
 """Difference of a gap from its drawn part that is round-off, over the greatest [-]."""
-OF_FACETS = ("x", "gap", "gap_left", "slip", "place", "drawn", "status")
+OF_FACETS = ("x", "gap", "gap_left", "slip", "place", "drawn", "status", "partners")
 """Fields of a contact that are gathered as they are."""
 AXIS = 1e-6
 """Difference from 1 of the cosine with a coordinate axis that counts as none [-]."""
@@ -45,15 +42,15 @@ class WholeContact:
         gap: The gap g at the nodes of each facet before the deformation [length], shape
             (n, m).
         gap_left: The gap that is left there, g - w^_n [length], shape (n, m).
-        slip: Tangential part of w^ there, less what a foundation gives way
-            tangentially, or of its change since the last step of a history [length],
+        slip: Tangential part of w^ there, less the tangential deflection of a compliant
+            foundation, or of its change since the last step of a history [length],
             shape (n, m, d).
         place: Positions of the nodes on the true surface, where it is known [length],
             shape (n, m, d).
         status: OPEN, SLIP, STICK or CLOSED of each facet, shape (n,), see
             :func:`erc_contact.results.contact_status`.
         partners: Global numbers of the facing nodes of the other body, shape (n, m);
-            None on a foundation.
+            (0, m) on a foundation.
         drawn: The part of the gap with which both bodies are drawn [length], shape (n,
             m).
         letters: Names of the coordinates.
@@ -68,7 +65,7 @@ class WholeContact:
     place: np.ndarray
     drawn: np.ndarray
     status: np.ndarray
-    partners: np.ndarray | None = None
+    partners: np.ndarray
     letters: str = "xyz"
 
     def missing(self, factor: float) -> WholeContact:
@@ -93,7 +90,7 @@ class WholeContact:
 
 def letters_of(space: Space) -> str:
     """Return the names of the coordinates of a scene."""
-    return "rz" if space.axisymmetric else "xyz"
+    return space.section.letters
 
 
 def mean_normal(surface: WholeContact) -> np.ndarray:
@@ -111,6 +108,29 @@ def mean_normal(surface: WholeContact) -> np.ndarray:
     return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
+def upward(admissible: Admissible) -> np.ndarray:
+    """Find the upward direction of a picture, shape (3,); collective.
+
+    It is the coordinate axis, with its sign, that points away from the first
+    foundation. Between two bodies neither is the lower one: without a foundation it is
+    the axis across the first contact.
+    """
+    model = admissible.model
+    total = np.zeros(3)
+    on_foundations = [
+        traction for traction in admissible.tractions if traction.contact.against is None
+    ]
+    for traction in (on_foundations or admissible.tractions)[:1]:
+        owned = traction.contact.trace.here.owned
+        total[: model.space.d] = traction.area[owned] @ traction.contact.direction[owned]
+    total = np.array(model.space.comm.allgather(total)).sum(axis=0)
+    # Without a contact, y is upward.
+    axis = int(abs(total).argmax()) if total.any() else 1
+    # The normal points from the body to the foundation, which is below.
+    sign = -1.0 if on_foundations and total[axis] > 0 else 1.0
+    return np.eye(3)[axis] * sign
+
+
 def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeContact | None:
     """Gather the facets of a contact on rank 0; None on other ranks; collective.
 
@@ -125,13 +145,12 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     r = np.matmul(at_nodes(space.d - 1, space.degree), traction.values)
     slip = slip_at(space, contact, u, r, space.facet_points)
     nodes = traction.nodes
-    # On a foundation this side stands for the other one, which is left out below.
-    partners = nodes if contact.against is None else contact.trace.partners
+    partners = contact.trace.partners
     place = space.true_places(contact.facets)
     if contact.is_exchanged:
         place = place + contact.to_partners
         nodes, partners = partners, nodes
-    parts = gather(
+    parts = gather_rows(
         space.comm,
         area=traction.area[owned],
         values=contact.sign * traction.values[owned],
@@ -146,7 +165,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         slip=contact.sign * slip[owned],
         place=place[owned],
         drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
-        partners=space.global_numbers(partners[owned]),
+        partners=space.global_numbers(partners[owned[: len(partners)]]),
     )
     if not parts:
         return None
@@ -165,7 +184,6 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     return WholeContact(
         whole_traction,
         vertices=parts["nodes"][:, : space.d],
-        partners=None if contact.against is None else parts["partners"],
         letters=letters_of(space),
         **fields,
     )
@@ -187,7 +205,7 @@ def whole_contacts(admissible: Admissible) -> list[WholeContact]:
 def is_symmetry(contact: WholeContact) -> bool:
     """Tell whether a contact is a plane of symmetry, which has no foundation."""
     data = contact.traction.contact
-    plain = data.friction is None and data.gap is None and contact.partners is None
+    plain = data.friction is None and data.gap is None and len(contact.partners) == 0
     return data.bilateral and plain
 
 
@@ -198,28 +216,16 @@ def colours_in_words(contacts: Sequence[WholeContact]) -> str:
     return words + ("\nblue: plane of symmetry" if any(symmetries) else "")
 
 
-def body_mesh(domain: Domain) -> dict[str, np.ndarray]:
-    """Return the part of a mesh that this rank owns.
-
-    Returns:
-        Arguments of :func:`erc_contact.output.bodies.skin_of`: "points", the vertices
-        [length], shape (n, 3), and "cells", the global numbers of the vertices of each
-        cell, shape (m, d+1). All cells are positively oriented.
-    """
-    geometry = domain.mesh.geometry
-    cells = cell_nodes(geometry)[: domain.owned_cells]
-    return _number_cells(geometry.x, cells, geometry.index_map(), domain.dim)
-
-
 def body_nodes(space: Space) -> dict[str, np.ndarray]:
-    """Return the same as :func:`body_mesh`, with all nodes of the displacement.
+    """Return the owned part of a mesh, with all nodes of the displacement.
 
     Returns:
+        The same as :func:`namedmesh.pictures.grids.body_mesh`:
         "points", shape (n, 3), and "cells", shape (m, N).
     """
     cells = space.nodes[: space.domain.owned_cells]
     x = space.V.tabulate_dof_coordinates()
-    return _number_cells(x, cells, space.V.dofmap.index_map, space.d)
+    return number_cells(x, cells, space.V.dofmap.index_map, space.d)
 
 
 def nodal_displacement(admissible: Admissible) -> np.ndarray:
@@ -245,24 +251,5 @@ def whole_body(
     prescribed = model.prescribed.x.array.reshape(-1, space.d)[: len(u)]
     still = np.zeros(u.shape, dtype=bool)
     still[:, : space.d] = model.held[: len(u)] & (prescribed == 0.0)
-    body = gather(space.comm, **body_nodes(space), u=u, still=still)
+    body = gather_rows(space.comm, **body_nodes(space), u=u, still=still)
     return body, whole_contacts(admissible)
-
-
-def _number_cells(x: np.ndarray, cells: np.ndarray, nodes: Any, d: int) -> dict[str, np.ndarray]:
-    """Return owned nodes, and cells by global numbers, positively oriented.
-
-    Args:
-        x: Positions of the nodes of this rank [length], shape (n, 3).
-        cells: Local numbers of the nodes of each cell, shape (m, N).
-        nodes: Index map of the nodes.
-        d: Dimension.
-    """
-    k = degree_of(cells, d)
-    negative = determinants(x[cells[:, : d + 1], :d]) < 0
-    # Two swapped vertices turn the orientation; the nodes on the edges go with them.
-    swapped_vertices = np.array([*range(d - 1), d, d - 1])
-    first, second = swapped_vertices[node_vertices(d, k)].T
-    swapped_nodes = node_between(d, k)[first, second]
-    cells = np.where(negative[:, None], cells[:, swapped_nodes], cells)
-    return {"points": x[: nodes.size_local].copy(), "cells": global_numbers(nodes, cells)}

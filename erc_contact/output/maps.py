@@ -8,10 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.output.bodies import Skin
-from erc_contact.output.drawing import bar_axes, log_ticks, new_figure
+from erc_contact.output.drawing import bar_axes, log_ticks
 from erc_contact.output.placing import place
-from erc_contact.output.views import SPACE, ShownPart, corners_seen, limits, mirror_images, show
+from namedmesh.pictures import (
+    SPACE,
+    ShownPart,
+    Skin,
+    corners_seen,
+    limits,
+    mirror_images,
+    new_figure,
+    show,
+)
 
 WIDE_BODY = 1.6
 """Width over height of a body above which its colour bar is below [-]."""

@@ -11,13 +11,23 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.runs import AdaptiveRun, MeshErrors
-from erc_contact.output.bodies import skin_of
-from erc_contact.output.drawing import draw_figure, new_figure, only_in_2d
-from erc_contact.output.files import gather
-from erc_contact.output.gathered import body_mesh, letters_of
-from erc_contact.output.views import SPACE, WORDS, ShownPart, corners_seen, show, views_of
+from erc_contact.output.gathered import letters_of
 from namedmesh import Domain
 from namedmesh.base.percent import percent
+from namedmesh.base.ranks import gather_rows
+from namedmesh.pictures import (
+    SPACE,
+    WORDS,
+    ShownPart,
+    body_mesh,
+    corners_seen,
+    draw_figure,
+    new_figure,
+    only_in_2d,
+    show,
+    skin_of,
+    views_of,
+)
 
 MOST_MESHES = {2: 6, 3: 3}
 """Greatest number of meshes in a new figure, for each dimension."""
@@ -57,7 +67,7 @@ def draw_meshes(
     bodies = []
     titles = []
     for domain, eps in chosen:
-        bodies.append(gather(comm, **body_mesh(domain)))
+        bodies.append(gather_rows(comm, **body_mesh(domain)))
         square = comm.allreduce(float(np.sum(eps**2)), MPI.SUM)
         titles.append((f"{domain.cells} cells", f"eps = {percent(float(np.sqrt(square)), 3)}"))
 

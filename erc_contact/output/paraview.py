@@ -18,12 +18,14 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.output.files import PARTS, gather, grid_of, on_root, save_grid, subdivide
+from erc_contact.output.files import PARTS, save_grid
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.states import state, states_of
 from erc_contact.results.stresses import cell_stresses
 from namedmesh.base.names import file_stem
+from namedmesh.base.ranks import gather_rows
 from namedmesh.for_solvers import in_space
+from namedmesh.pictures import grid_of, on_root, subdivide
 from namedmesh.simplex import bernstein, lagrange, nodes
 
 
@@ -60,7 +62,7 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
       of orthotropic friction along its axis,
     - ``gap``: the gap that is left, g - w^_n [length],
     - ``slip``: w^_t, or its change since the last step of a history [length], without
-      what a foundation gives way tangentially,
+      the tangential deflection of a compliant foundation,
 
     and in the cells
 
@@ -83,12 +85,12 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     """
     admissible = error.admissible
     space = error.model.space
-    body = gather(space.comm, **body_nodes(space), displacement=nodal_displacement(admissible))
+    body = gather_rows(space.comm, **body_nodes(space), displacement=nodal_displacement(admissible))
     fields = cell_stresses(admissible)
     for name, shape in states_of(admissible).items():
         values = state(admissible, name)
         fields[name] = values.reshape(-1, 9) if shape else values
-    cells = gather(space.comm, **fields, eps_E=error.indicators)
+    cells = gather_rows(space.comm, **fields, eps_E=error.indicators)
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions_per_area]
 
     def write() -> None:

@@ -14,16 +14,15 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.output.bodies import skin_of
-from erc_contact.output.drawing import draw_figure, only_in_2d, only_turned
-from erc_contact.output.files import gather
+from erc_contact.output.drawing import only_turned
 from erc_contact.output.gallery import Gallery
-from erc_contact.output.gathered import body_mesh, letters_of
+from erc_contact.output.gathered import letters_of, upward
 from erc_contact.output.maps import Scale, draw_map
-from erc_contact.output.views import upward, views_of
 from erc_contact.output.windows import YIELDED, window_around
 from erc_contact.results.states import state, states_of
 from namedmesh.base.names import file_stem
+from namedmesh.base.ranks import gather_rows
+from namedmesh.pictures import body_mesh, draw_figure, only_in_2d, skin_of, views_of
 
 
 def draw_error(
@@ -152,8 +151,8 @@ def draw_cells(
     comm = domain.comm
     up = upward(admissible)
     letters = letters_of(admissible.model.space)
-    body = gather(comm, **body_mesh(domain))
-    cells = gather(comm, values=values)
+    body = gather_rows(comm, **body_mesh(domain))
+    cells = gather_rows(comm, values=values)
 
     def draw(ax: Any) -> Any:
         only_in_2d("A picture of a body", ax, domain.dim)

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.output.drawing import new_figure, panels_of
+from erc_contact.output.drawing import panels_of
+from namedmesh.pictures import new_figure
 
 GAP = 0.15
 """Distance between neighbours [inches]."""

@@ -12,16 +12,17 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from html import escape
+from itertools import permutations
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from erc_contact.base.code import code_of, definitions, without_paths
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.versions import machine, versions
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
 from erc_contact.model.forces import Force
-from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
@@ -29,6 +30,8 @@ from namedmesh import Domain
 from namedmesh.base.html import table
 from namedmesh.base.names import file_stem, printable
 from namedmesh.for_solvers import shape_in_words
+from namedmesh.keeping import rules_of, write_domain
+from namedmesh.pictures import on_root
 
 PAGE_STYLE = """
 body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: white;
@@ -48,6 +51,8 @@ th { font-weight: normal; } thead th { color: #555; }
 pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem;
   line-height: 1.35; }
 """
+DOMAIN_FILE = "domain.vtkhdf"
+"""Name of the file of the first mesh beside a report."""
 ERROR_NUMBERS = (
     "relative",
     "total",
@@ -179,16 +184,13 @@ def _facing(error: Any) -> dict[str, str]:
 
     An error that is read from a folder knows of none.
     """
-    facing = {}
+    facing: dict[str, str] = {}
     if isinstance(error, ConstitutiveError):
         scene = error.solution.scene
         for contact in scene.contacts:
-            if contact.against is not None:
-                facing[contact.facets] = contact.against
-                facing[contact.against] = contact.facets
+            facing.update(permutations(contact.sides, 2))
         for tie in scene.ties:
-            facing[tie.facets] = tie.against
-            facing[tie.against] = tie.facets
+            facing.update(permutations(tie.sides, 2))
     return facing
 
 
@@ -205,28 +207,27 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
         facing: The other side of each side of a pair.
         on_rings: Whether they act on axisymmetric bodies, which have no moments.
     """
-    first = next(iter(forces.values()))
     if on_rings:
         header = ["cause", "Fr", "Fz"]
-    else:
-        header = ["cause"]
-        header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
-        # In the plane the moment is that about z.
-        header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
-    rows = []
-    for cause, force in forces.items():
-        components = (*force.force, *force.moment)[: len(header) - 1]
-        words = f"{cause} (internal, from {facing[cause]})" if cause in facing else cause
-        rows.append([words, *(f"{component:.6g}" for component in components)])
-    words = (
-        "Resultants and moments about the origin of the admissible stress. The balance is zero "
-        "up to round-off."
-    )
-    if on_rings:
         words = (
             "Axial resultants Fz of the admissible stress on full rings, and sums Fr of radial "
             "forces around them. The balance is zero up to round-off."
         )
+    else:
+        first = next(iter(forces.values()))
+        header = ["cause"]
+        header += [f"F{axis}" for axis in "xyz"[: len(first.force)]]
+        # In the plane the moment is that about z.
+        header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
+        words = (
+            "Resultants and moments about the origin of the admissible stress. The balance is "
+            "zero up to round-off."
+        )
+    rows = []
+    for cause, force in forces.items():
+        components = (*force.force, *force.moment)[: len(header) - 1]
+        name = f"{cause} (internal, from {facing[cause]})" if cause in facing else cause
+        rows.append([name, *(f"{component:.6g}" for component in components)])
     if facing:
         words += " Two bodies exert internal forces on each other, which are opposite."
     return _paragraph(words) + _wide(table(rows, header), "numbers")
@@ -320,6 +321,25 @@ def evolution_as_code(
     """
     call = f"evolution = ec.evolve(\n    {code_of(scene_at)}"
     return _script(definitions([scene_at]), _domain_lines(domain, domain_code), call, arguments)
+
+
+def keep_domain(domain: Domain, folder: Path) -> str:
+    """Write the first mesh of a run beside its report; collective.
+
+    Returns:
+        The code that reads it, or a comment that says why there is none.
+    """
+    try:
+        write_domain(domain, folder / DOMAIN_FILE)
+    except InputError:
+        return "# domain = ...: its true shape is of a class of your own, make it as before"
+    needed = []
+    named = []
+    for rules in rules_of(domain.whole.geometry):
+        needed += definitions([rules.parts, rules.regions])
+        named.append(f"({code_of(rules.parts)}, {code_of(rules.regions)})")
+    more = f", rules=[{', '.join(named)}]" if named else ""
+    return "\n".join([*needed, f'domain = ec.read_domain("{DOMAIN_FILE}"{more})'])
 
 
 def _domain_lines(domain: Domain, code: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Draw an axisymmetric body in space: revolved about its axis, and cut open.
+"""Draw an axisymmetric body in 3D: revolved about its axis, and cut open.
 
 The elements of the half plane are seen on both faces of the cut. The edges of their
 boundary are swept around the axis in steps. Triangles of degree 2 are four straight
@@ -18,7 +18,6 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.meridian import ON_AXIS
-from erc_contact.output.bodies import Skin, skin_of
 from erc_contact.output.deformed import (
     gather_mises,
     greatest_magnification,
@@ -26,12 +25,12 @@ from erc_contact.output.deformed import (
     mises_scale,
     shift_of,
 )
-from erc_contact.output.drawing import draw_figure, only_turned
-from erc_contact.output.files import grid_of, on_root, save_grid
+from erc_contact.output.drawing import only_turned
+from erc_contact.output.files import save_grid
 from erc_contact.output.foundations import round_factor
 from erc_contact.output.gathered import whole_body
 from erc_contact.output.maps import draw_map
-from erc_contact.output.views import views_of
+from namedmesh.pictures import Skin, draw_figure, grid_of, on_root, skin_of, views_of
 from namedmesh.simplex import node_vertices
 
 STEP = 4.0
@@ -54,7 +53,7 @@ def draw_revolved(
     angle: float = 270.0,
     factor: float | None = None,
 ) -> Any:
-    """Draw a deformed axisymmetric body in space, cut open; collective.
+    """Draw a deformed axisymmetric body in 3D, cut open; collective.
 
     The axis is z, and the cut is open towards the eye. Colours are the von Mises stress
     of sigma^ with its hoop part, and displacements are magnified, as in

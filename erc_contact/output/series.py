@@ -13,10 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from erc_contact.error.runs import LoadingHistory
-from erc_contact.output.files import gather, new_vtkhdf, on_root, vtk_cells
-from erc_contact.output.gathered import body_mesh, body_nodes, nodal_displacement
+from erc_contact.output.files import new_vtkhdf
+from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 from namedmesh import Domain
+from namedmesh.base.ranks import gather_rows
+from namedmesh.pictures import body_mesh, on_root, vtk_cells
 
 
 def write_series(history: LoadingHistory, path: str | Path) -> None:
@@ -45,11 +47,11 @@ def write_series(history: LoadingHistory, path: str | Path) -> None:
         model = error.model
         # Steps on the same mesh share it in the file.
         if error.domain is not last:
-            meshes.append(gather(comm, **body_nodes(model.space)))
+            meshes.append(gather_rows(comm, **body_nodes(model.space)))
         last = error.domain
         mesh_numbers.append(len(meshes) - 1)
-        points.append(gather(comm, displacement=nodal_displacement(pair)))
-        cells.append(gather(comm, **cell_stresses(pair), eps_E=error.indicators))
+        points.append(gather_rows(comm, displacement=nodal_displacement(pair)))
+        cells.append(gather_rows(comm, **cell_stresses(pair), eps_E=error.indicators))
     dim = history.errors[0].domain.dim
 
     def write() -> None:
@@ -75,8 +77,8 @@ def write_meshes(meshes: Sequence[tuple[Domain, np.ndarray]], path: str | Path) 
     """
     first = meshes[0][0]
     comm = first.comm
-    bodies = [gather(comm, **body_mesh(domain)) for domain, _ in meshes]
-    cells = [gather(comm, eps_E=eps) for _, eps in meshes]
+    bodies = [gather_rows(comm, **body_mesh(domain)) for domain, _ in meshes]
+    cells = [gather_rows(comm, eps_E=eps) for _, eps in meshes]
     points: list[dict[str, np.ndarray]] = [{} for _ in meshes]
     mesh_numbers = list(range(len(meshes)))
 

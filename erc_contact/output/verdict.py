@@ -71,7 +71,7 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
             )
         else:
             proved = (
-                "This is proved for the problem on this mesh with the data that the mesh carries; "
+                "This is proved for the problem with the data that the mesh represents exactly; "
                 "what differs from your data is estimated below."
             )
         return [(BOUND, f"{size}. {bounds}. {proved}")]
@@ -90,7 +90,7 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
 
 
 def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
-    """Say what the mesh does not carry of shape and data."""
+    """Say what the mesh does not represent of shape and data."""
     statements = []
     scale = error.scale or 1.0
     if not error.domain.knows_shape:
@@ -106,7 +106,7 @@ def _of_the_data(error: ConstitutiveError) -> list[tuple[str, str]]:
     for name, part in asdict(error.oscillations).items():
         if part > ROUND_OFF * scale:
             words = (
-                f"What the mesh does not carry of the {MEANS[name]}: {percent(part / scale)} "
+                f"What the mesh does not represent of the {MEANS[name]}: {percent(part / scale)} "
                 "beside e, without constants of Korn and Poincare type."
             )
             statements.append((ESTIMATE, words))
@@ -167,11 +167,11 @@ def of_gaps(error: ConstitutiveError) -> list[tuple[str, str]]:
     """
     statements = []
     for contact in error.model.contacts:
-        if contact.between is None or contact.against is None:
+        if contact.between is None:
             continue
-        distance = error.domain.distance(contact.name, contact.against)
+        distance = error.domain.distance(*contact.side_names)
         deviation = error.gap_deviation(contact.name)
-        sides = (error.force(name) for name in (contact.name, contact.against))
+        sides = (error.force(name) for name in contact.side_names)
         moment = np.linalg.norm(sum(side.moment for side in sides))
         words = (
             f"The sides of {contact.title} are drawn up to {distance:.3g} apart. Displacements "

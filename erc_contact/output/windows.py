@@ -6,9 +6,8 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.model.contact.status import OPEN
-from erc_contact.output.files import gather
 from erc_contact.results.states import ACCUMULATED, state, states_of
-from namedmesh.base.ranks import greatest
+from namedmesh.base.ranks import gather_rows, greatest
 
 BESIDE = 0.75
 """What is shown beside a zone, over its longest side [-]."""
@@ -59,7 +58,7 @@ def contact_zone(admissible: Admissible, contact: str) -> tuple[np.ndarray, np.n
         strain[: len(owned)] = owned
         shown |= strain[here.facets[:, 0]] > YIELDED * greatest(space.comm, owned)
     owned_corners = here.corners[here.owned]
-    table = gather(space.comm, corners=owned_corners, shown=shown[here.owned])
+    table = gather_rows(space.comm, corners=owned_corners, shown=shown[here.owned])
     if not table:
         return np.zeros((0, space.d)), np.zeros((0, space.d))
     zone = table["corners"][table["shown"]]

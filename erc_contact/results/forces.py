@@ -141,13 +141,12 @@ def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
 
 def _reflection(model: Model, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the linear part and the shift of a reflection; collective."""
-    space = model.space
     trace = model.contact(name).trace
-    normals = space.comm.allgather(trace.direction[:1])
+    normals = model.space.comm.allgather(trace.direction[:1])
     n = np.concatenate(normals)[0]
-    points = space.comm.allgather(trace.here.corners[:1, 0] @ n)
+    points = model.space.comm.allgather(trace.here.corners[:1, 0] @ n)
     distance = np.concatenate(points)[0]
-    return np.eye(space.d) - 2 * np.outer(n, n), 2 * distance * n
+    return np.eye(model.space.d) - 2 * np.outer(n, n), 2 * distance * n
 
 
 def _same(space: Space, first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:

@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.model.meridian import BESIDE_AXIS
 from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
-from erc_contact.model.space import circumferences
 from namedmesh.simplex import barycentric, bernstein, lagrange
 
 BORDER = 1e-9
@@ -87,10 +85,7 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
     cells = pair.cell_geometry
     d = space.d
     k = space.degree
-    if space.axisymmetric:
-        # A stress on rings is a limit at the axis.
-        x = x.copy()
-        x[:, 0] = np.maximum(x[:, 0], BESIDE_AXIS * np.sqrt(cells.volume[cell]))
+    x = space.section.beside_axis(x, cells.volume[cell] ** (1 / d))
     corner = space.V.tabulate_dof_coordinates()[cells.vertices[cell, 0], :d]
     local = barycentric(np.einsum("nij,nj->ni", cells.inverse[cell], x - corner))
     nodal = pair.displacement.x.array.reshape(-1, d)[cells.nodes[cell]]
@@ -106,9 +101,7 @@ def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         polynomials = bernstein(d, k, sub_local[:, 1:])
         values = np.einsum("nm,nms->ns", polynomials, pair.stress[cell, sub])
         sigma += (inside[:, sub] / inside.sum(axis=1))[:, None] * values
-    if space.axisymmetric:
-        if model.hoop_load is not None:
-            sigma[:, -1] += model.hoop_load(x[:, None], cell)[:, 0]
-        sigma /= circumferences(x)[:, None]
+    sigma = model.hoop_load.plus(sigma[:, None], x[:, None], cell)[:, 0]
+    sigma = space.section.over(sigma, x)
     elastic = elastic_stress_at(model, pair.displacement, cell, x)
     return np.hstack([u, sigma, elastic])

@@ -10,7 +10,6 @@ from mpi4py import MPI
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.law.law_entries import place_of
-from erc_contact.model.space import circumferences
 from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.potential import Shapes
 
@@ -75,9 +74,8 @@ def plastic_share(result: Any) -> float:
     has_yielded = _values(pair)[..., place_of(shapes, ACCUMULATED)] > 0
     cells = pair.cell_geometry
     owned = len(has_yielded)
-    volume = cells.volume[:owned]
-    if pair.model.space.axisymmetric:
-        volume = volume * circumferences(cells.corners[:owned].mean(axis=1))
+    middles = cells.corners[:owned].mean(axis=1)
+    volume = pair.model.space.section.times(cells.volume[:owned], middles)
     shares = has_yielded.mean(axis=(1, 2))
     comm = pair.domain.comm
     yielded = comm.allreduce(float(volume @ shares), MPI.SUM)

@@ -42,7 +42,7 @@ def gap_deviation(result: Any, name: str) -> float:
     space = model.space
     contact = model.contact(name)
     trace = contact.trace
-    if trace.there is None or contact in model.ties:
+    if contact.against is None or contact in model.ties:
         raise InputError(f"gap_deviation: {name!r} is no contact between bodies; give one of them.")
     u = pair.displacement.x.array
     places = space.V.tabulate_dof_coordinates()[:, : space.d] + u.reshape(-1, space.d)

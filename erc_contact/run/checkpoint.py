@@ -22,12 +22,12 @@ from erc_contact.base.logs import log_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.newton.methods import Method
 from erc_contact.run.fingerprint import Fingerprint, differences
-from erc_contact.run.levels import Damaged, Folder, Level
+from erc_contact.run.levels import Folder
 from erc_contact.run.states import Restored, level_of
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.for_solvers import Geometry
-from namedmesh.tables import describe_shape
+from namedmesh.keeping import Contents, Damaged, describe_shape
 
 DIFFERENCES = 3
 """Greatest number of differences between two runs that a message names."""
@@ -103,7 +103,7 @@ class Checkpoint:
             InputError: If it has changed since, or is no level of a run.
         """
 
-        def read_level() -> Level:
+        def read_level() -> Contents:
             try:
                 return self.folder.read(number)
             except Damaged as reason:
@@ -113,7 +113,7 @@ class Checkpoint:
         level = on_rank(self.comm, 0, read_level)
         about = self.comm.bcast(level.about if level else None)
         try:
-            return Restored(self.comm, level or Level(about, {}), before, self.shape)
+            return Restored(self.comm, level or Contents(about, {}), before, self.shape)
         except (AttributeError, LookupError, TypeError, ValueError, RuntimeError) as reason:
             if isinstance(reason, InputError):
                 raise

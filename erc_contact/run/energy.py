@@ -28,8 +28,8 @@ traction at the begin. It estimates what the length of the step costs where a po
 begins to slide, or turns. It has the friction part of e^2/2 in it. It does not see how
 loads vary within a step in which all slides.
 
-On a foundation that gives way tangentially the slip is ``u^_t - s`` less what this
-gives way. What it stores is work of the contact on the body, and no work of friction.
+On a tangentially compliant foundation the slip is ``u^_t - s`` less its deflection.
+What it stores is work of the contact on the body, and no work of friction.
 
 The slip counts from s, the tangential displacement of the last solution. u^ of the last
 step may differ from it, where its traction made a node stick or slip that does not in

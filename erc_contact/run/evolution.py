@@ -15,15 +15,13 @@ from erc_contact.base.progress import at
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
-from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.pictures import add_states
-from erc_contact.output.report import evolution_as_code, write_record, write_report
+from erc_contact.output.report import evolution_as_code, keep_domain, write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
 from erc_contact.run.columns import header, line, page_rows
-from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
 from erc_contact.scene.scene import Scene
@@ -31,6 +29,7 @@ from namedmesh import Domain
 from namedmesh.base.html import table
 from namedmesh.base.names import file_stem
 from namedmesh.base.percent import percent
+from namedmesh.pictures import on_root
 
 NOTE = (
     "Error, scene, forces and body belong to the end of the last step. In the table of "
@@ -219,7 +218,7 @@ class Evolution(RunResult):
         The force of a contact that never slides with friction makes no loop, only
         round-off or a line.
         """
-        words = "Energies, and what their balance leaves."
+        words = "Energies, and their residual."
         code = 'erc_contact.output.evolutions.plot_energies(evolution, "energies.png")'
         gallery.add("energies.png", words, code, partial(plot_energies, self))
         for contact in self.error.model.contacts:

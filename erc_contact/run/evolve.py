@@ -51,7 +51,7 @@ def evolve(
 
     At the first time the body comes from rest, in one step. Each further step goes on
     with the mesh of the last one, which is refined or made anew as its error asks. A
-    refined mesh carries the slip so far, and what a law remembers, without loss. A step
+    refined mesh represents the slip so far, and the state of a law, exactly. A step
     that does not converge is halved, up to 8 times.
 
     Args:

@@ -20,24 +20,23 @@ from erc_contact.error.slip_share import small_slips
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.deformed import add_near, draw_deformed
-from erc_contact.output.files import on_root
 from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import add_states, draw_error
-from erc_contact.output.report import run_as_code, write_record, write_report
+from erc_contact.output.report import keep_domain, run_as_code, write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.columns import Column, header, line, page_rows
-from erc_contact.run.kept_mesh import keep_domain
 from erc_contact.run.result import RunResult
 from erc_contact.run.step import COLUMNS, Step, columns_of
 from namedmesh import Domain
 from namedmesh.base.html import table
 from namedmesh.base.names import file_stem
 from namedmesh.base.percent import percent
+from namedmesh.pictures import on_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +170,7 @@ class History(RunResult):
 
         See :func:`erc_contact.coulomb_certificate`. ``factor`` is what the bound of all
         solutions has over e. A run does not compute it: it costs up to a linear solve
-        in the plane, and three in space.
+        in the plane, and three in 3D.
         """
         return coulomb_certificate(self.best)
 

@@ -1,43 +1,22 @@
 """Keep one file for each mesh of a run in a folder; each is whole, or known as damaged.
 
-A file is HDF5, made in memory by h5py and written by rank 0. In front of HDF5's part is
-a block of 512 bytes, which HDF5 leaves to its users: format and SHA-256 of all the
-rest. It is written beside, flushed to the disk, and gets its name at the end. So a file
-with its name is whole unless the disk has failed, and any byte that changed is found.
-It is not compressed: that makes it a quarter smaller and takes twice the time.
-
-HDF5 through h5py and not adios4dolfinx or its successor io4dolfinx: these cannot be
-installed beside the wheel of DOLFINx (they ask for a package fenics-dolfinx, which has
-none), on several ranks they need an ADIOS2 or an h5py with MPI, which have no wheels
-either, and they keep no names, rows or geometry.
+A file is packed with a checksum by :mod:`namedmesh.keeping.packed`. It is written
+beside by rank 0, flushed to the disk, and gets its name at the end. So a file with its
+name is whole unless the disk has failed, and any byte that changed is found.
 """
 
 from __future__ import annotations
 
 import fcntl
-import hashlib
-import io
-import json
 import os
 import re
-from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.run.contents import check_contents
-from namedmesh.for_solvers import check_tables
+from namedmesh.keeping import Contents, Damaged, pack, unpack
 
-FORMAT = 2
-"""Number of the format of the files."""
-BLOCK = 512
-"""Length of the block in front [bytes]."""
-TITLE = "erc_contact level, format "
-"""Beginning of a file; the number of the format follows."""
 FILE_NAME = "level_{:04d}.vtkhdf"
 """Name of the file of a level by its number."""
 FILE_PATTERN = re.compile(r"level_(\d{4,})\.vtkhdf")
@@ -48,100 +27,14 @@ ASIDE = ".damaged"
 """Added to the name of a damaged file when a better one takes its place."""
 
 
-class Damaged(ValueError):
-    """Report that a file is not what was written."""
-
-
-Check = Callable[[Any, Mapping[str, np.ndarray]], None]
-"""A function of plain data and tables that raises an error if they make no sense."""
-
-
-@dataclass(frozen=True, eq=False)
-class Level:
-    """Hold the contents of a file.
-
-    Attributes:
-        about: Plain data, as JSON has them; "rows" are the rows of the run up to this
-            mesh.
-        tables: Arrays by their names in the file.
-    """
-
-    about: dict[str, Any]
-    tables: dict[str, np.ndarray]
-
-
-def pack(level: Level) -> tuple[bytes, memoryview]:
-    """Return the contents of a file: the block in front, and HDF5's part."""
-    import h5py  # noqa: PLC0415 - only runs that are kept need it
-
-    buffer = io.BytesIO()
-    with h5py.File(buffer, "w", userblock_size=BLOCK) as file:
-        for name, table in level.tables.items():
-            file.create_dataset(name, data=table)
-        vtk = file.require_group("VTKHDF")
-        vtk.attrs["Version"] = (2, 0)
-        vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")
-        file["about"] = json.dumps(level.about)
-    content = buffer.getbuffer()[BLOCK:]
-    return _block(FORMAT, content), content
-
-
-def unpack(whole: bytes, check: Check = check_contents) -> Level:
+def unpack_level(whole: bytes) -> Contents:
     """Read a level from the contents of a file.
-
-    Args:
-        whole: The contents.
-        check: Function that checks what was read.
 
     Raises:
         Damaged: If they are not what was written.
         InputError: If the format is newer than this version of the package.
     """
-    title = whole[: whole.find(b"\n")].decode(errors="replace")
-    number = title.removeprefix(TITLE)
-    titled = title.startswith(TITLE) and number.isdecimal()
-    # the checksum comes before the format: a changed byte may be in the number
-    if not titled or whole[:BLOCK] != _block(int(number), whole[BLOCK:]):
-        raise Damaged("it is damaged, or no level of a run")
-    if int(number) != FORMAT:
-        raise InputError(
-            f"it has format {number}, and this version of erc_contact knows format {FORMAT}: "
-            "take the version that wrote it, or another folder"
-        )
-    # What has a checksum may still be of anybody.
-    try:
-        level = _read_contents(whole)
-        check(level.about, level.tables)
-    except Exception as reason:
-        words = str(reason).rstrip(".")
-        raise Damaged(f"it is no level of a run ({words})") from reason
-    return level
-
-
-def _read_contents(whole: bytes) -> Level:
-    """Read plain data and tables from the contents of a file, unchecked."""
-    import h5py  # noqa: PLC0415
-
-    tables: dict[str, np.ndarray] = {}
-
-    def read_table(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset):
-            tables[name] = item[()]
-
-    with h5py.File(io.BytesIO(whole), "r") as file:
-        check_tables(file, len(whole))
-        about = json.loads(file["about"][()])
-        file.visititems(read_table)
-    del tables["about"]
-    return Level(about, tables)
-
-
-def _block(number: int, content: bytes | memoryview) -> bytes:
-    """Return the block in front of a content: title with the format, and SHA-256."""
-    title = f"{TITLE}{number}\n".encode()
-    digest = hashlib.sha256(title)
-    digest.update(content)
-    return (title + digest.hexdigest().encode() + b"\n").ljust(BLOCK, b"\0")
+    return unpack(whole, check_contents, "level of a run")
 
 
 class Folder:
@@ -169,7 +62,7 @@ class Folder:
         """Return the path of the file of a number."""
         return self.path / FILE_NAME.format(number)
 
-    def read(self, number: int) -> Level:
+    def read(self, number: int) -> Contents:
         """Read the level of a number.
 
         Raises:
@@ -177,16 +70,16 @@ class Folder:
             InputError: If its format is newer.
         """
         try:
-            level = unpack(self.file(number).read_bytes())
+            level = unpack_level(self.file(number).read_bytes())
             if len(level.about["rows"]) != number:
                 raise Damaged("it belongs to another mesh")
             return level
         except OSError as reason:
             raise Damaged(f"it cannot be read ({reason.strerror})") from reason
         except InputError as reason:
-            raise InputError(f"{self.file(number)}: {reason}.") from reason
+            raise InputError(f"{self.file(number)}: {reason}, or another folder.") from reason
 
-    def write(self, number: int, level: Level) -> None:
+    def write(self, number: int, level: Contents) -> None:
         """Write a file; one of the same number that is damaged gets another name.
 
         Raises:

@@ -12,12 +12,12 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.output.files import on_root
 from erc_contact.output.gallery import Gallery
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.history import History
 from namedmesh import Domain
 from namedmesh.base.percent import percent
+from namedmesh.pictures import on_root
 
 
 @dataclass(frozen=True, eq=False)

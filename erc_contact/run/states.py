@@ -30,18 +30,16 @@ from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
 from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
-from erc_contact.output.files import gather
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses
 from erc_contact.run.contents import ERROR_NUMBERS
-from erc_contact.run.kept_mesh import about_mesh, drawn_tables, mesh_of
-from erc_contact.run.levels import Level
 from erc_contact.run.step import Step
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
+from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import Geometry
-from namedmesh.tables import CellRows, tag_tables
+from namedmesh.keeping import CellRows, Contents, about_mesh, drawn_tables, mesh_of, tag_tables
 
 STATE = {
     "newton_steps": "newton_steps",
@@ -61,7 +59,7 @@ SAME_ERROR = 1e-8
 """Difference of eps that round-off explains, relative to eps, and absolute [-]."""
 
 
-def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
+def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Contents:
     """Pack an error and the rows of the run so far for a file; collective.
 
     The tables are on rank 0.
@@ -87,11 +85,11 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
     mesh = about_mesh(domain, tags)
     cells = space.global_numbers(space.nodes[: domain.owned_cells])
     u_hat = nodal_displacement(error.admissible)
-    points = gather(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
-    rows = gather(comm, cells=cells, drawn=body_nodes(space)["cells"], **tags)
+    points = gather_rows(comm, points=x[: len(u)], u=u, displacement=u_hat, **at_nodes)
+    rows = gather_rows(comm, cells=cells, drawn=body_nodes(space)["cells"], **tags)
     stresses = cell_stresses(error.admissible)
     single = {name: values.astype(np.float32) for name, values in stresses.items()}
-    in_cells = gather(comm, **single, eps_E=error.indicators)
+    in_cells = gather_rows(comm, **single, eps_E=error.indicators)
     about = {
         "rows": [asdict(step) for step in steps],
         "degree": space.degree,
@@ -105,12 +103,12 @@ def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Level:
         "error": {name: getattr(error, name) for name in ERROR_NUMBERS},
     }
     if not rows:  # not on rank 0
-        return Level(about, {})
+        return Contents(about, {})
     tables = drawn_tables(points.pop("points"), rows.pop("drawn"), domain.dim)
     tables["VTKHDF/PointData/displacement"] = points.pop("displacement")
     for name, values in in_cells.items():
         tables[f"VTKHDF/CellData/{name}"] = values
-    return Level(about, tables | points | rows)
+    return Contents(about, tables | points | rows)
 
 
 def _pick_owned(error: ConstitutiveError, function: fem.Function) -> np.ndarray:
@@ -137,7 +135,7 @@ class Restored:
     def __init__(
         self,
         comm: MPI.Comm,
-        level: Level,
+        level: Contents,
         before: Restored | None = None,
         shape: Geometry | None = None,
     ) -> None:
@@ -239,7 +237,7 @@ class Restored:
         return function
 
 
-def _same_mesh(level: Level, before: Restored) -> bool:
+def _same_mesh(level: Contents, before: Restored) -> bool:
     """Compare the meshes of two levels with their names; only rank 0 can tell."""
     if any(level.about.get(name) != before.about.get(name) for name in MESH):
         return False

@@ -103,11 +103,12 @@ class TimeStep:
 
     @property
     def imbalance(self) -> float:
-        """Compute ``work + contact_work - plastic_work - stored`` [force length].
+        """Compute the energy residual of the meshes [force length].
 
-        It is zero for the exact solution of all steps. Both fields of the pair are in
-        it, so it is of the order of their errors. The work of moduli and springs that
-        change in time is in it, too.
+        It is ``work + contact_work - plastic_work - stored``, zero for the exact
+        solution of all steps. Both fields of the pair are in it, so it is of the order
+        of their errors. The work of moduli and springs that change in time is in it,
+        too.
         """
         return self.work + self.contact_work - self.plastic_work - self.stored
 
@@ -124,7 +125,7 @@ class TimeStep:
 
 
 def _balance(row: TimeStep) -> str:
-    """Write the imbalance over the greatest energy so far."""
+    """Write the energy residual over the greatest energy so far."""
     if row.greatest_energy <= 0:
         return "-"
     return f"{row.imbalance / row.greatest_energy:.0e}"
@@ -154,7 +155,7 @@ SHOWN = (
 """Columns of the table.
 
 "cont" is the contact part of eps, "shear" the shear over the pressure of the first
-contact with friction, "balance" the imbalance over the greatest energy so far.
+contact with friction, "balance" the energy residual over the greatest energy so far.
 """
 
 

@@ -11,17 +11,18 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_value, check_vector
 from erc_contact.scene.law import Coulomb, Law
+from erc_contact.scene.words import names_of_sides
 
 
 @dataclass(frozen=True, init=False)
 class Foundation:
-    """Declare a compliant foundation under a contact (Winkler's).
+    """Declare a compliant (Winkler) foundation under a contact.
 
-    Where the pressure is p it gives way by p/k_n: the body may move by ``g + p/k_n``
-    along the normal. Where the shear is t its surface gives way by t/k_t, and slip is
-    what the body moves beyond. It is a mat, a soil, a thin soft layer on a stiff
-    ground, or the asperities of rough surfaces. Between two bodies it is a layer
-    without thickness that gives way.
+    Where the pressure is p its deflection is p/k_n: the body may move by ``g + p/k_n``
+    along the normal. Where the shear is t its surface moves by t/k_t, and slip is what
+    the body moves beyond. It is a mat, a soil, a thin soft layer on a stiff ground, or
+    the asperities of rough surfaces. Between two bodies it is a compliant layer without
+    thickness.
 
     Args:
         normal: k_n, pressure over settlement [force/length^3], number or callable of x
@@ -96,8 +97,8 @@ class Contact:
             is frictionless); or a law, e.g. :class:`Tresca`, or a class of the user's
             own.
         gap: Initial gap g to the foundation or the other body along the normal
-            [length], number or callable of x. Of bodies that are drawn apart, it adds
-            to their distance.
+            [length], number or callable of x. Of bodies that are modelled apart, it
+            adds to their distance.
         normal: Unit normal that points into the foundation or the other body: d
             numbers, a callable of x, or "gap" for ``-grad g/|grad g|``, the normal of a
             foundation whose gap is its distance. One that varies is taken at the middle
@@ -107,7 +108,8 @@ class Contact:
         bilateral: Whether the contact cannot open: ``u_n = g``. Needs a friction bound
             without pressure.
         foundation: A compliant foundation, :class:`Foundation`, or a layer between two
-            bodies that gives way alike; None where nothing gives way.
+            bodies that is compliant alike; None for a rigid foundation, and where two
+            bodies touch each other without a layer.
         motion: Displacement of the foundation [length]: one number or callable of x for
             each dimension, at the points of the part. It changes the gap by its normal
             component, and slip counts against it. A disc below a brake pad turns by
@@ -116,9 +118,9 @@ class Contact:
 
     Raises:
         InputError: If friction is negative, the normal is zero, a bilateral contact has
-            Coulomb friction or gives way along the normal, a contact that gives way
-            tangentially has no friction, a part is against itself, or a
-            contact with another body has a motion.
+            Coulomb friction or a normal compliance, a contact with a tangential
+            compliance has no friction, a part is against itself, or a contact with
+            another body has a motion.
 
     Example:
         >>> ec.Contact("bottom", friction=0.3, gap=lambda x: 0.01 * x[0] ** 2)
@@ -194,7 +196,7 @@ class Contact:
         if not isinstance(self.foundation, Foundation):
             raise InputError(
                 f"{what}: foundation is {self.foundation!r}; give Foundation(stiffness), or None"
-                " where nothing gives way."
+                " where nothing is compliant."
             )
         if self.bilateral and self.foundation.normal is not None:
             raise InputError(
@@ -203,8 +205,8 @@ class Contact:
             )
         if self.foundation.tangential is not None and self.law is None:
             raise InputError(
-                f"{what} gives way tangentially and has no friction, so that no shear acts. Give"
-                " friction, or leave tangential out."
+                f"{what} is tangentially compliant and has no friction, so that no shear acts."
+                " Give friction, or leave tangential out."
             )
 
     def _check_motion(self, what: str) -> None:
@@ -239,7 +241,7 @@ class Contact:
     @property
     def sides(self) -> tuple[str, ...]:
         """Return the names of its one or two boundary parts."""
-        return (self.facets,) if self.against is None else (self.facets, self.against)
+        return names_of_sides(self.facets, self.against)
 
     @property
     def law(self) -> Law | None:

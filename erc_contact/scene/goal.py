@@ -89,7 +89,7 @@ class MeanDisplacement(_PartInDirection):
 
 @dataclass(frozen=True)
 class _PartAboutAxis(_OfPart):
-    """Hold and check a boundary part and an axis in space."""
+    """Hold and check a boundary part and an axis in 3D."""
 
     axis: Sequence[float] | None = field(default=None, kw_only=True)
 
@@ -115,7 +115,7 @@ class Moment(_PartAboutAxis):
         part: Name of the boundary part, as of :class:`Resultant`.
         about: The point c [length], d numbers. By default it is the centroid of the
             part.
-        axis: In space, three numbers, of any length: the moment is taken about it,
+        axis: In 3D, three numbers, of any length: the moment is taken about it,
             times its length. In the plane it is counterclockwise, and none is given.
 
     Raises:
@@ -137,7 +137,7 @@ class Rotation(_PartAboutAxis):
 
     Args:
         part: Name of the boundary part, see :class:`erc_contact.Rigid`.
-        axis: In space, three numbers, of any length: the rotation is taken about it,
+        axis: In 3D, three numbers, of any length: the rotation is taken about it,
             times its length. In the plane it is counterclockwise, and none is given.
 
     Raises:
@@ -253,8 +253,9 @@ class Functional:
     Raises:
         InputError: If it is no load.
 
-    Source: the derivative of the energy by the load. The interval is proved if the mesh
-    carries psi: on facets polynomials of the degree k of u, in cells of degree k - 1.
+    Source: the derivative of the energy by the load. The interval is proved if psi is
+    represented exactly by the mesh: on facets polynomials of the degree k of u, in
+    cells of degree k - 1.
 
     Example:
         >>> ec.Functional(ec.Traction("right", (0.0, 1.0)))

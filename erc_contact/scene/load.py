@@ -1,8 +1,8 @@
 """Declare loads: forces on a part of the boundary or in the body.
 
 A load of a new kind is a class with the members of :class:`Load`. Its form, its moments
-on facets and cells, what the mesh does not carry of it and its checks follow from its
-density.
+on facets and cells, what the mesh does not represent of it and its checks follow from
+its density.
 """
 
 from __future__ import annotations

@@ -58,13 +58,18 @@ def is_axisymmetric(material: Any) -> bool:
     return getattr(material, "hypothesis", PLANE_STRAIN) == AXISYMMETRIC
 
 
-def tensor_basis(material: Any, d: int) -> np.ndarray:
-    """Return the orthonormal basis of the tensors that a material gets, (s, n, n).
+def ring_basis() -> np.ndarray:
+    """Return the orthonormal basis of the tensors of axisymmetric bodies, (4, 3, 3).
 
-    Of an axisymmetric body in the half plane (r, z) they are tensors of space with the
-    rows r, z and hoop, without shear out of the half plane: s = 4 and n = 3.
+    They are tensors of space with the rows r, z and hoop, without shear out of the half
+    plane (r, z).
     """
-    return mandel_basis(3)[list(HOOP_ROWS)] if is_axisymmetric(material) else mandel_basis(d)
+    return mandel_basis(3)[list(HOOP_ROWS)]
+
+
+def tensor_basis(material: Any, d: int) -> np.ndarray:
+    """Return the orthonormal basis of the tensors that a material gets, (s, n, n)."""
+    return ring_basis() if is_axisymmetric(material) else mandel_basis(d)
 
 
 def mandel_matrix(act: Callable[..., Ufl], tensors: np.ndarray, **parameters: Ufl) -> Ufl:
@@ -268,7 +273,7 @@ class Elastic:
     def __repr__(self) -> str:
         """Return the material in words.
 
-        The hypothesis is named only if it is not the usual one: in space there is none.
+        The hypothesis is named only if it is not the usual one: in 3D there is none.
         """
         hypothesis = ""
         if self.hypothesis != PLANE_STRAIN:

@@ -56,7 +56,7 @@ class Plastic:
             h)`` with the whole slope h, which must be > 0.
         kinematic: Kinematic part of this slope, >= 0; likewise. It moves the yield
             surface in the place of widening it.
-        hypothesis: "plane strain" or "axisymmetric". A mesh in space does not ask.
+        hypothesis: "plane strain" or "axisymmetric". A mesh in 3D does not ask.
 
     Raises:
         InputError: If a number is outside its range.

@@ -11,7 +11,7 @@ The stress is ``sigma = psi'(eps)``, and Fenchel's inequality
 is an equality only there. e^2 (16) is twice the integral of its left side, with the
 contact part as it is: no term of it needs a linear law. For an admissible pair
 ``J(u^) + J*(sigma^) = e^2/2``, with the potential and the complementary energy, without
-friction or with a given friction. So e bounds how far both energies are from their
+friction or with Tresca friction. So e bounds how far both energies are from their
 minima. For ``psi = eps : C eps / 2`` all this is linear elasticity.
 
 Strains and stresses are tensors of space, of shape (3, 3). A mesh in the plane is in
@@ -89,7 +89,7 @@ type Shapes = Mapping[str, tuple[int, ...]]
 
 BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
 """What there is of a potential where a number has no interval."""
-FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in space."
+FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in 3D."
 """What there is of a potential where a hypothesis or a given strain is refused."""
 
 

@@ -1,4 +1,4 @@
-"""Declare supports: prescribed displacements, springs, and rigid faces."""
+"""Declare supports: displacements, springs, and rigid body constraints on faces."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ class Spring:
     """Declare springs all over a boundary part, which pull it back to its place.
 
     The traction on the body is ``-k_n u_n n - k_t u_t``. No support is rigid: springs
-    are a bed, a seal, a machine that gives way. The other end of the springs is moved
-    by U if a Traction ``k U`` acts on the same part.
+    are a bed, a seal, a machine that is compliant. The other end of the springs is
+    moved by U if a Traction ``k U`` acts on the same part.
 
     Args:
         facets: Name of the boundary part.
@@ -102,22 +102,22 @@ class Spring:
 
 @dataclass(frozen=True)
 class Rigid:
-    """Declare a boundary part that moves as a rigid body, as in a stiff holder.
+    """Declare a rigid body constraint on a face: it moves as in a stiff holder.
 
-    Of each of its freedoms, a translation along each axis and a rotation (in space one
-    about each axis), either the motion or its resultant is given: a number in one of
-    the two, None in the other. A face of an axisymmetric body moves along the axis
-    alone, and ``force=(None, F)`` says all of it: along r it slides freely, or it is
-    held by ``displacement=(0.0, None)``.
+    Such a boundary part is called a rigid face. Of each of its freedoms, a translation
+    along each axis and a rotation (in 3D one about each axis), either the motion or its
+    resultant is given: a number in one of the two, None in the other. A face of an
+    axisymmetric body moves along the axis alone, and ``force=(None, F)`` says all of
+    it: along r it slides freely, or it is held by ``displacement=(0.0, None)``.
 
     Args:
         facets: Name of the boundary part, which lies on one body.
         displacement: Displacement of the point ``about`` [length], d numbers or None.
-        rotation: Angle of the small rotation [rad], counterclockwise; in space three,
+        rotation: Angle of the small rotation [rad], counterclockwise; in 3D three,
             about the axes.
         force: Resultant of all that acts on the part from outside [force], d numbers
             or None.
-        moment: Its moment about ``about`` [force length]; in space three.
+        moment: Its moment about ``about`` [force length]; in 3D three.
         about: The point [length], d numbers. By default it is the centroid of the part.
 
     Raises:

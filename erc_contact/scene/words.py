@@ -8,9 +8,14 @@ from typing import Any
 from erc_contact.base.code import arguments, code_of
 
 
-def contact_in_words(part: str, against: str | None) -> str:
+def names_of_sides(part: str, against: str | None) -> tuple[str, ...]:
+    """Return the names of the one or two boundary parts of a contact."""
+    return (part,) if against is None else (part, against)
+
+
+def contact_in_words(sides: tuple[str, ...]) -> str:
     """Return "punch", or "punch against block" of a contact between two bodies."""
-    return part if against is None else f"{part} against {against}"
+    return " against ".join(sides)
 
 
 def in_words(scene: Any) -> list[tuple[str, str]]:
@@ -32,11 +37,10 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     for strain in scene.strains:
         rows.append((_regions(strain), _object(strain)))
     for contact in scene.contacts:
-        part = contact_in_words(contact.facets, contact.against)
-        rows.append((part, _contact(contact)))
+        rows.append((contact_in_words(contact.sides), _contact(contact)))
     for tie in scene.ties:
         words = "tied" if type(tie).__name__ == "Tied" else _object(tie)
-        rows.append((contact_in_words(tie.facets, tie.against), words))
+        rows.append((contact_in_words(tie.sides), words))
     return rows
 
 

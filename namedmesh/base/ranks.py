@@ -33,6 +33,17 @@ def of_all(comm: MPI.Comm, *tables: np.ndarray) -> list[np.ndarray]:
     return [np.concatenate(parts) for parts in zip(*comm.allgather(tables), strict=True)]
 
 
+def gather_rows(comm: MPI.Comm, **arrays: np.ndarray) -> dict[str, np.ndarray]:
+    """Return arrays with the rows of all ranks, rank after rank, on rank 0.
+
+    Other ranks get an empty dictionary.
+    """
+    parts = gathered(comm, arrays)
+    if not parts:
+        return {}
+    return {name: np.concatenate([part[name] for part in parts]) for name in arrays}
+
+
 def distinct_rows(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
     """Return the different rows, or numbers, of all ranks, sorted, on all ranks."""
     (every,) = of_all(comm, rows)

@@ -166,7 +166,7 @@ def _solids_of_faces(gmsh: Any, tell: Tell) -> None:
     shells = _closed_shells(model)
     if not shells:
         raise Refused(
-            "it has surfaces in space that enclose no solid (sheets); draw solids, or a drawing "
+            "it has surfaces in 3D that enclose no solid (sheets); draw solids, or a drawing "
             "in the plane (x, y)"
         )
     for faces in shells:

@@ -83,7 +83,7 @@ class Space:
 
 
 @dataclass(frozen=True)
-class Elements:
+class ElementCard:
     """Hold the elements of a card: type, row of the first, whether solids."""
 
     kind: str
@@ -99,7 +99,7 @@ class Tables:
     points: list[np.ndarray] = field(default_factory=list)
     node_count: int = 0
     element_count: int = 0
-    blocks: list[Elements] = field(default_factory=list)
+    blocks: list[ElementCard] = field(default_factory=list)
     left_out: Counter[str] = field(default_factory=Counter)
     spaces: list[Space] = field(default_factory=list)
     surfaces: dict[str, list[tuple[np.ndarray, int | None]]] = field(default_factory=dict)
@@ -290,7 +290,7 @@ def _add_elements(mesh: Tables, space: Space, card: Card) -> None:
     rows = range(mesh.element_count, mesh.element_count + len(table))
     space.element_rows.update(zip(table[:, 0].tolist(), rows, strict=True))
     block = Block(shape, np.array(nodes, dtype=np.int64).reshape(-1, width))
-    mesh.blocks.append(Elements(kind, block, rows.start, solid))
+    mesh.blocks.append(ElementCard(kind, block, rows.start, solid))
     mesh.element_count += len(table)
     _extend(space, space.element_sets, card.get("ELSET"), rows)
 

@@ -136,7 +136,7 @@ def _in_body_space(points: np.ndarray, used: np.ndarray, dim: int) -> np.ndarray
                 f"mesh.points[:, {order}]; mesh.write(path)."
             )
     raise InputError(
-        "the mesh is a surface in space, a shell; allowed are a surface in the plane (x, y) or a "
+        "the mesh is a surface in 3D, a shell; allowed are a surface in the plane (x, y) or a "
         "volume. Shells are not solved; mesh the volume."
     )
 

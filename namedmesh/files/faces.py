@@ -24,7 +24,7 @@ class Faces:
     """Hold the faces of cells, each once for each cell that has it.
 
     Attributes:
-        corners: Their corners, shape (n, 2) in the plane, (n, 4) in space, where a
+        corners: Their corners, shape (n, 2) in the plane, (n, 4) in 3D, where a
             triangle has a corner twice.
         first: Number of the first face of each block, and the number of all.
         number: Faces of two cells have the same number, shape (n,). Those that have
@@ -40,7 +40,7 @@ class Faces:
     by_second: np.ndarray
 
     def triangles(self, faces: np.ndarray | slice) -> np.ndarray:
-        """Return the triangles of faces in space, shape (n, 2, 3)."""
+        """Return the triangles of faces in 3D, shape (n, 2, 3)."""
         return triangles_of(self.corners[faces], self.by_second[self.number[faces]])
 
     @property
@@ -145,7 +145,7 @@ def _with_other_diagonal(x: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Compute the areas of triangles (n, 3) in space [length^2]."""
+    """Compute the areas of triangles (n, 3) in 3D [length^2]."""
     origin = x[triangles[:, 0]]
     normal = cross(x[triangles[:, 1]] - origin, x[triangles[:, 2]] - origin)
     return 0.5 * np.sqrt(np.einsum("ni,ni->n", normal, normal))

@@ -125,7 +125,7 @@ class FacetSet:
 
     Attributes:
         name: The name, or the tag in digits.
-        corners: Rows of their corners, shape (n, 2) in the plane, (n, 4) in space; a
+        corners: Rows of their corners, shape (n, 2) in the plane, (n, 4) in 3D; a
             triangle has its last corner twice.
         tag: Number by which the file calls the set, or None.
         outer: Whether only sides on the boundary of the body are meant.
@@ -189,7 +189,7 @@ class FileMesh:
 
 
 def pad(corners: np.ndarray) -> np.ndarray:
-    """Return corners of facets in space with four columns, of edges as they are.
+    """Return corners of facets in 3D with four columns, of edges as they are.
 
     A triangle has its last corner twice.
     """

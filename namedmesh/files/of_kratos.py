@@ -16,7 +16,7 @@ from namedmesh.rows import places_of
 WIDTH = re.compile(r"(\d)D(\d+)(?:N|$)")
 """End of the names of elements: dimension of space and number of nodes."""
 SURFACES = re.compile(r"Shell|Membrane|Plate|Surface|Face|Condition|Quadrilateral|Triangle")
-"""Names of elements that are no solids in space."""
+"""Names of elements that are no solids in 3D."""
 LINES = re.compile(r"Truss|Cable|Beam|Line|Spring")
 """Names of elements along lines."""
 SETS = ("Nodes", "Elements", "Conditions", "Geometries")
@@ -24,7 +24,7 @@ SETS = ("Nodes", "Elements", "Conditions", "Geometries")
 
 
 @dataclass
-class _Elements:
+class _ElementBlock:
     """Hold elements or conditions of one kind: numbers, properties and nodes."""
 
     kind: str
@@ -47,7 +47,7 @@ def mesh_of_kratos(path: Path) -> FileMesh:
         InputError: If it has no nodes.
     """
     tables = [np.empty((0, 4))]
-    groups: dict[str, list[_Elements]] = {"Elements": [], "Conditions": [], "Geometries": []}
+    groups: dict[str, list[_ElementBlock]] = {"Elements": [], "Conditions": [], "Geometries": []}
     parts = []
     stack: list[_Part] = []
     words: list[str] = []
@@ -81,7 +81,7 @@ def mesh_of_kratos(path: Path) -> FileMesh:
     return _file_mesh(nodes, groups, parts)
 
 
-def _elements(kind: str, lines: list[str], group: str) -> _Elements:
+def _elements(kind: str, lines: list[str], group: str) -> _ElementBlock:
     """Return the elements of a block."""
     match = WIDTH.search(kind)
     shape = None
@@ -101,11 +101,11 @@ def _elements(kind: str, lines: list[str], group: str) -> _Elements:
         row[0] = int(line[0])
         row[1] = int(line[1]) if first == 2 else 0
         row[2 : 2 + len(line) - first] = [int(word) for word in line[first:]]
-    return _Elements(kind, shape, table)
+    return _ElementBlock(kind, shape, table)
 
 
 def _file_mesh(
-    nodes: np.ndarray, groups: dict[str, list[_Elements]], parts: list[_Part]
+    nodes: np.ndarray, groups: dict[str, list[_ElementBlock]], parts: list[_Part]
 ) -> FileMesh:
     """Return the mesh of what was found in a file."""
     numbers = nodes[:, 0].astype(np.int64)

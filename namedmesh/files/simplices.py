@@ -1,6 +1,6 @@
 """Split cells of any shape into simplices so that neighbours agree.
 
-In space each face is cut by its own rule, see :func:`triangles_of`, which knows nothing
+In 3D each face is cut by its own rule, see :func:`triangles_of`, which knows nothing
 of the cells. The tetrahedra of a cell join its point with the least number to all
 triangles of its faces that do not have this point. Where that is no good tetrahedra, as
 in cells that are far from convex, they join the middle of the cell, which becomes a new
@@ -110,7 +110,7 @@ def _of_quadrilaterals(x: np.ndarray, block: Block) -> tuple[np.ndarray, np.ndar
 def _of_solids(
     x: np.ndarray, block: Block, triangles: np.ndarray, added: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split cells in space into tetrahedra.
+    """Split cells in 3D into tetrahedra.
 
     Args:
         x: Points [length], shape (n, 3).

@@ -6,10 +6,10 @@
   :mod:`~namedmesh.joining.matching`;
 - curves in the plane: both get the vertices of both,
   :mod:`~namedmesh.joining.aligning`;
-- plane sides in space: both outlines are drawn on the common plane (an imprint, as CAD
+- plane sides in 3D: both outlines are drawn on the common plane (an imprint, as CAD
   says), and the regions behind are meshed anew,
   :mod:`~namedmesh.joining.imprint_plane`;
-- curved sides in space: one side keeps its facets and the other takes them,
+- curved sides in 3D: one side keeps its facets and the other takes them,
   :mod:`~namedmesh.joining.imprint_curved`; where each ends amid the other, they
   take facets in turn, :mod:`~namedmesh.joining.imprint_mutual`.
 

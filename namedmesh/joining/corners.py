@@ -15,7 +15,7 @@ from namedmesh.simplex import outward_normals
 CORNER = 0.1
 """Least eigenvalue of the mean of ``n n^T`` over the facets at a corner [-].
 
-In the plane that is a turn of 0.65 rad. On the edge of a body in space it is zero.
+In the plane that is a turn of 0.65 rad. On the edge of a body in 3D it is zero.
 """
 MOVED = 1e-7
 """Distance by which a corner moves unnoticed, over the size of the sides [-].

@@ -1,6 +1,6 @@
 """Cut triangles by a fan, so that points on their sides become vertices.
 
-The triangles may be the cells of a mesh in the plane or a surface in space. One with
+The triangles may be the cells of a mesh in the plane or a surface in 3D. One with
 points on a single side is cut from the opposite vertex. One with points on several
 sides first gets a vertex in its middle, so that each of three triangles has one such
 side.

@@ -1,4 +1,4 @@
-"""Give two curved sides in space the same facets, and mesh one body anew.
+"""Give two curved sides in 3D the same facets, and mesh one body anew.
 
 One side keeps its facets, the other one takes them. Where the outlines run together,
 the points of the second one move to points of the first one. Where an outline lies amid
@@ -56,7 +56,7 @@ It is lower than elsewhere, as facets of curved sides move farther.
 
 
 def imprint_curved(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
-    """Return a mesh in space whose two sides have common facets.
+    """Return a mesh in 3D whose two sides have common facets.
 
     Args:
         plain: The mesh.

@@ -46,7 +46,7 @@ Facets = Callable[[PlainMesh, int, int, float], PlainMesh]
 def imprint_mutually(
     take: Facets, plain: PlainMesh, here: int, there: int, apart: float = 0.0
 ) -> PlainMesh:
-    """Return a mesh in space whose two curved sides have common facets.
+    """Return a mesh in 3D whose two curved sides have common facets.
 
     Args:
         take: Takes facets, see :mod:`namedmesh.joining.imprint_curved`.

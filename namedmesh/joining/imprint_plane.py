@@ -1,4 +1,4 @@
-"""Give two plane sides in space the same facets, and mesh the regions behind anew.
+"""Give two plane sides in 3D the same facets, and mesh the regions behind anew.
 
 The outlines of both sides get common points, and gmsh meshes the plane between them:
 the common part once for both bodies, and what only one side has. If one side lies
@@ -59,12 +59,12 @@ class _Plane:
         return (x - self.origin) @ self.axes
 
     def points(self, y: np.ndarray) -> np.ndarray:
-        """Return the points in space of coordinates [length], shape (n, 3)."""
+        """Return the points in 3D of coordinates [length], shape (n, 3)."""
         return self.origin + y @ self.axes.T
 
 
 def imprint_plane(plain: PlainMesh, here: int, there: int, apart: float = 0.0) -> PlainMesh:
-    """Return a mesh in space whose two plane sides have common facets.
+    """Return a mesh in 3D whose two plane sides have common facets.
 
     Args:
         plain: The mesh.
@@ -180,7 +180,7 @@ def _common_plane(plain: PlainMesh, here: int, there: int, apart: float) -> tupl
 
 
 def plane_sides(plain: PlainMesh, here: int, there: int) -> bool:
-    """Check whether two sides in space are plane."""
+    """Check whether two sides in 3D are plane."""
     means = [_mean_normal(plain, tag) for tag in (here, there)]
     return bool(min(map(np.linalg.norm, means)) > OPPOSITE)
 

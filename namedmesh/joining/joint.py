@@ -161,7 +161,7 @@ def joint(
 def _moved_side_words(here: str, there: str, apart: float) -> str:
     """Say that a side has moved onto the other side."""
     return (
-        f"joined: the facets of {here!r} and {there!r} do not match, and in space one body takes "
+        f"joined: the facets of {here!r} and {there!r} do not match, and in 3D one body takes "
         f"facets of the other one: its side moved there, by {apart:g} at most. Give the distance "
         "by gap= of the contact, and with friction on round sides the common normal by normal=."
     )
@@ -217,7 +217,7 @@ def glue_sides(
 
 
 def _imprint(plain: PlainMesh, tags: tuple[int, int], apart: float) -> PlainMesh:
-    """Return a mesh in space of which one side has the facets of the other side.
+    """Return a mesh in 3D of which one side has the facets of the other side.
 
     Raises:
         InputError: If they do not lie on each other, or sides keep their places.

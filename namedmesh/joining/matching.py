@@ -1,4 +1,4 @@
-"""Make one vertex of two vertices where the facets of two sides in space match.
+"""Make one vertex of two vertices where the facets of two sides in 3D match.
 
 The sides may be plane or curved. Across a clearance or an interference the two are one
 vertex of the glued mesh alone, and each stays where it is.
@@ -71,7 +71,7 @@ def match_facets(
 
 
 def _normals(plain: PlainMesh, tag: int) -> np.ndarray:
-    """Return unit normals of a side in space at its points, zero elsewhere, (n, 3)."""
+    """Return unit normals of a side in 3D at its points, zero elsewhere, (n, 3)."""
     triangles = orient(plain, plain.sides(tag))
     return mean_normals(plain.x, triangles, area_vectors(plain.x[triangles]))
 

@@ -1,4 +1,4 @@
-"""Find how two sides in space lie on each other, and where outlines run together.
+"""Find how two sides in 3D lie on each other, and where outlines run together.
 
 Symbols: "kept" is the side whose facets stay, "taken" the one that gets them.
 """

@@ -33,7 +33,6 @@ from erc_contact.admissible.reference import bubbles, mandel, reference_map, ten
 from erc_contact.admissible.sampled import lowering
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.scene.material import mandel_basis
 from namedmesh.simplex import (
     at_nodes,
@@ -50,7 +49,7 @@ from namedmesh.simplex import (
 PAIRS = [(0, 1), (2, 1), (3, 1), (6, 1), (7, 1), (2, 2), (3, 2)]
 """Seeds of random scenes, degrees: scenes of other files, so that forms are shared."""
 AUGMENTED = [(0, 1), (3, 1), (7, 1)]
-"""Cases that the augmented Lagrangian solves, too, in the plane and in space."""
+"""Cases that the augmented Lagrangian solves, too, in the plane and in 3D."""
 BALANCE = 1e-10
 CONE = 1e-12
 
@@ -170,7 +169,7 @@ def test_facets_carry_loads_and_contact_tractions(pair):
         order = facet_order(model.space.facet_nodes(facets)[:, :d], k)
         exact = np.matmul(
             coefficients(d - 1, k),
-            evaluate(load.density, model.space.mesh, model.space.facet_points, facets),
+            model.space.evaluate(load.density, model.space.facet_points, facets),
         )
         exact = np.take_along_axis(exact, order[..., None], axis=1)
         here = (
@@ -220,7 +219,7 @@ def test_displacement_outside_the_foundation(pair):
         w_n = np.einsum("qm,fmi,fi->fq", shape, values[t.nodes[own]], t.contact.direction[own])
         gap = 0.0
         if t.contact.gap is not None:
-            gap = evaluate(t.contact.gap, model.space.mesh, points, t.contact.facets[own])
+            gap = model.space.evaluate(t.contact.gap, points, t.contact.facets[own])
         assert worst(pair, np.maximum(w_n - gap, 0.0)) <= CONE * worst(pair, values)
 
 

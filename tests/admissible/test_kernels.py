@@ -16,7 +16,8 @@ from math import factorial
 
 import numpy as np
 import pytest
-from scenes import random_scene, two_halves
+from domains import two_halves
+from scenes import random_scene
 
 import erc_contact as ec
 from erc_contact.admissible.cells import (

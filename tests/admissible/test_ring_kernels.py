@@ -9,15 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import two_halves
+from domains import two_halves
 
 import erc_contact as ec
+from erc_contact.admissible.axisymmetric.bulk import _off_axis
 from erc_contact.admissible.axisymmetric.elements import Elements, law_of_cells
 from erc_contact.admissible.axisymmetric.tighten import _Energy, tighten_forces
 from erc_contact.admissible.cells import cell_geometry, moments_of_cells
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.tighten.iteration import Ending
-from erc_contact.model.meridian import nodes_on_axis, off_axis
 from erc_contact.model.model import Model
 from namedmesh.simplex import barycentric, bernstein, rule
 
@@ -70,7 +70,7 @@ def test_energies_of_stresses(inner_radius: float, degree: int) -> None:
     rng = np.random.default_rng(5)
     elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree).points), 4))
     energies = elements.energies(elastic, compliances(model, elements))
-    off = off_axis(~nodes_on_axis(model.space)[cells.vertices_of_facets], degree)
+    off = _off_axis(model.space, cells)
     forces = rng.standard_normal((*off.shape, 2)) * off[..., None]
     value, half = _Energy(cells, energies).start(forces)
     of_cells = moments_of_cells(cells, forces)
@@ -99,7 +99,7 @@ def test_tightening_ends_at_the_least_energy(inner_radius: float, degree: int) -
     rng = np.random.default_rng(7)
     elastic = rng.standard_normal((len(cells.nodes), len(macro_points(2, degree).points), 4))
     energies = elements.energies(elastic, compliances(model, elements))
-    off = off_axis(~nodes_on_axis(model.space)[cells.vertices_of_facets], degree)
+    off = _off_axis(model.space, cells)
     # Forces of the boundary are free on its upper side, which is connected: patches of
     # vertices do not move a resultant from a part of the boundary to another one.
     heights = model.space.V.tabulate_dof_coordinates()[cells.vertices_of_facets, 1]

@@ -1,7 +1,7 @@
 """Rounds of tightening for bodies with a potential.
 
 - The gap of the linear law about a stress has the slope of Fenchel's gap.
-- Rounds lower e, most where little hardening is on coarse cells in space.
+- Rounds lower e, most where little hardening is on coarse cells in 3D.
 - A linear body is tightened once. Ranks find the same stress.
 """
 
@@ -17,7 +17,7 @@ from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.tighten import rounds
 from erc_contact.admissible.tighten.rounds import CellLaw, _AboutStress
-from erc_contact.model.space import circumferences
+from erc_contact.model.meridian import circumferences
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.02)

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parent.parent.parent
 KEPT = Path(__file__).with_suffix(".txt")
 PACKAGES = ("erc_contact", "namedmesh")
 AXES = {
-    "axisymmetry": r"axisymmetric|circumference|\bhoop|rings|off_axis|meets_axis|on_axis|radial",
+    "axisymmetry": r"axisymmetric|circumference|\bhoop|(?<!sp)rings|off_axis|meets_axis|on_axis|radial",
     "potential": r"linearised|has_potential|\bpotential|convexity|is_linear\b|\.(law_)?state\b",
     "two bodies": r"\bthere\b|\bagainst\b|interfaces|\bpartners\b",
     "degree": r"\bdegree (==|>|<|!=|>=)|\bk (==|>) [12]|degree\) (==|>)",

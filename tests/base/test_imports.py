@@ -6,6 +6,7 @@
 - No circle between modules. Imports inside functions and those for types alone count,
   too.
 - The longest chain of modules that import each other stays short.
+- No name of a class stands for two of them.
 - ``import erc_contact`` loads no plotting or file-format package.
 - What users copy, a block of a page or a demo, loads MPI before DOLFINx and PETSc.
 """
@@ -14,6 +15,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from graphlib import TopologicalSorter
 
 import pytest
@@ -29,7 +31,7 @@ NARROW = {
 FLOORS = {"namedmesh": 10, "erc_contact": 18}
 """Modules in the longest chain of imports of each package."""
 DOORS = 15
-"""Modules of namedmesh that erc_contact enters: its public names, what solvers need, simplices, tables, the base."""
+"""Modules of namedmesh that erc_contact enters: its public names, what solvers need, simplices, pictures, files of domains, the base."""
 
 
 def test_modules_import_from_above_only():
@@ -88,6 +90,16 @@ def test_no_circles_and_no_long_chains():
         below = (height[other] for other in IMPORTS[module] if other.split(".")[0] == root)
         height[module] = 1 + max(below, default=0)
         assert height[module] <= FLOORS[root], module
+
+
+def test_each_class_name_has_one_meaning():
+    names = Counter(
+        node.name
+        for path in MODULES.values()
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef)
+    )
+    assert not [name for name, count in names.items() if count > 1]
 
 
 def test_import_loads_no_optional_package():

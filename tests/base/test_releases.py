@@ -14,10 +14,11 @@ import pytest
 from import_graph import MODULES
 
 import erc_contact as ec
-from erc_contact.output import gallery, views
+from erc_contact.output import gallery
 from namedmesh.base import releases
 from namedmesh.gmsh_session import has_netgen
 from namedmesh.joining import filling
+from namedmesh.pictures import views
 
 pytestmark = pytest.mark.serial
 BRIDGED = r"\.dofmaps\[0\]|\.cmaps\[0\]|\.dofmap\b(?!\.)|compile_ufl_objects|extra_domain_integral"

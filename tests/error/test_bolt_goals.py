@@ -14,11 +14,10 @@ import numpy as np
 import pytest
 from bolted import SIDES, bolted_plates
 from bricks import NAMES, bricks
+from domains import refused
 from mpi4py import MPI
-from scenes import mostly_serial
-from test_bad_input import refused
+from scenes import certified, mostly_serial
 from test_preload import FORCE, bar, joint, yoke
-from test_two_bodies import certified
 
 import erc_contact as ec
 

@@ -8,14 +8,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from test_bad_input import refused
+from domains import refused
+from scenes import certified, measured
 from test_moments import moment_about
 
 import erc_contact as ec
 from erc_contact.error.goals import contact_perturbations, goal_error, trials
+from erc_contact.error.goals.difference_quotient import Ends
 from erc_contact.error.goals.moved_pairs import moved_pairs
 from erc_contact.error.goals.perturbations import perturbation_of
-from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import Trials
 
 pytestmark = pytest.mark.serial
@@ -41,15 +42,10 @@ def stack(friction: object = 0.0) -> ec.Scene:
     return ec.Scene(MATERIAL, supports, loads, contacts)
 
 
-def certified(scene: ec.Scene, domain: ec.Domain) -> ec.ConstitutiveError:
-    """Of the augmented Lagrangian: its forms are few, and an interval knows no method."""
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian())))
-
-
 @cache
 def errors(friction: float) -> tuple[ec.ConstitutiveError, ec.ConstitutiveError]:
     scene = stack(ec.Tresca(friction) if friction else 0.0)
-    return certified(scene, bodies(4)), certified(scene, bodies(12))
+    return measured(scene, bodies(4)), measured(scene, bodies(12))
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.001])
@@ -99,34 +95,34 @@ def test_corner_and_symmetry():
         return ec.Scene(ec.Elastic(1.0, 0.3), [], loads, [left, bottom])
 
     scene = corner(ec.Contact("left"), ec.Contact("bottom"))
-    coarse = certified(scene, block)
+    coarse = measured(scene, block)
     below = ec.interval(coarse, ec.Resultant("bottom", (0.0, 2.0)))
     assert below.guaranteed
     assert below.low == pytest.approx(0.03, rel=1e-9)
     assert below.high == pytest.approx(0.03, rel=1e-9)
-    fine = certified(scene, block.refined())
+    fine = measured(scene, block.refined())
     for part in ("left", "bottom"):
         moment = ec.interval(coarse, ec.Moment(part, about=ABOUT))
         assert moment.low < moment_about(fine.force(part), ABOUT)[0] < moment.high
-    rough = certified(
+    rough = measured(
         corner(*(ec.Contact(p, friction=ec.Tresca(0.001)) for p in ("left", "bottom"))), block
     )
     refused(lambda: ec.interval(rough, ec.Resultant("left", (1.0, 0.0))), "friction", "share")
     pressed = ec.Displacement("top", (0.0, -0.01))
     half = ec.Scene(ec.Elastic(1.0, 0.3), [pressed, ec.Symmetry("left")], [], ec.Contact("bottom"))
-    error = certified(half, block)
+    error = measured(half, block)
     refused(lambda: ec.interval(error, ec.Resultant("left", (1.0, 0.0))), "cannot move alone")
     force = ec.interval(error, ec.Resultant("bottom", (0.0, 1.0)))
     top = ec.interval(error, ec.Resultant("top", (0.0, 1.0)))
     assert force.low == pytest.approx(-top.high, rel=1e-6)
 
 
-def test_intersection_with_that_of_one_lifting(monkeypatch):
+def test_intersection_with_the_lifting_bound(monkeypatch):
     """A force is also in the interval of ``resultant``; proved and estimate do not mix."""
     block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
     pressed = ec.Displacement("top", (0.0, -0.01))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, [], ec.Contact("bottom"))
-    error = certified(scene, block)
+    error = measured(scene, block)
     goal = ec.Resultant("bottom", (0.0, 1.0))
     first = ec.resultant(error, "bottom", (0.0, 1.0))
     useless = Ends(-10.0, first.value, 1.0, 1.0, 0.0, 0 * error.indicators)
@@ -163,7 +159,7 @@ def test_estimate_from_one_side(friction):
     lift = ec.Traction("right", (0.0, 0.02))
     contact = ec.Contact("bottom", friction=friction)
     scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, lift, contact)
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, block, ec.Nitsche())))
+    error = certified(scene, block, ec.Nitsche())
     perturbation = perturbation_of(error, ec.Resultant("top", (0.0, 1.0)))
     with moved_pairs(error, "auto", 50) as pair_of:
         tried = Trials(error, perturbation, pair_of)

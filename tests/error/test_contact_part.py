@@ -1,9 +1,9 @@
 """The contact part of e^2 is integrated exactly although the length of the slip has kinks, or from above.
 
 - in the plane: blocks whose slip changes its direction inside facets, both degrees,
-  Coulomb and given friction, against a composite rule that is cut at the zeros found by
+  Coulomb and Tresca friction, against a composite rule that is cut at the zeros found by
   numpy;
-- in space: a slip that is zero inside a facet, against a composite rule; the contact
+- in 3D: a slip that is zero inside a facet, against a composite rule; the contact
   part is not below it.
 """
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from reference import nested, true_errors
-from scenes import greco, patch_test, prototype_block, sliding_block
+from scenes import certified, greco, measured, patch_test, pressed, prototype_block, sliding_block
 from test_newton import Saturating
 
 import erc_contact as ec
@@ -28,12 +28,10 @@ from erc_contact.error.coulomb.slip_direction import LENGTHS, slip_fields
 from erc_contact.error.coulomb.surface import pair_on_surface
 
 
-def certified(
+def with_certificate(
     scene: ec.Scene, domain: ec.Domain, **options
 ) -> tuple[ec.ConstitutiveError, ec.CoulombCertificate]:
-    """Of the augmented Lagrangian unless said otherwise: its forms are few."""
-    solution = ec.solve(scene, domain, **{"method": ec.AugmentedLagrangian(), **options})
-    error = ec.constitutive_error(ec.equilibrate(solution))
+    error = measured(scene, domain, **options)
     return error, ec.coulomb_certificate(error)
 
 
@@ -41,15 +39,10 @@ def square(n: int, size: float = 40.0, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Do
     return ec.rectangle((0.0, 0.0), (size, size), cells=(n, n), comm=comm)
 
 
-def pressed(friction: object, d: int = 2, E: object = 1.0, gap: object = 0.0) -> ec.Scene:
+def sheared(friction: object, d: int = 2, E: object = 1.0, gap: object = 0.0) -> ec.Scene:
     """A compact body, pressed on its foundation and sheared."""
     push = (0.02, -0.05) if d == 2 else (0.02, 0.01, -0.05)
-    return ec.Scene(
-        ec.Elastic(E, 0.3),
-        [ec.Displacement("top", push)],
-        [],
-        [ec.Contact("bottom", friction=friction, gap=gap)],
-    )
+    return pressed(ec.Elastic(E, 0.3), push, friction=friction, gap=gap)
 
 
 @pytest.mark.serial
@@ -137,12 +130,12 @@ def triangle(
 @pytest.mark.parametrize(("nu", "M"), [(0.2, 1.634), (0.3, 1.888)])
 def test_uniqueness_ends_below_many_solutions(nu, M):
     scene, domain = triangle(nu, 0.5, 0.05)
-    _, found = certified(scene, domain)
+    _, found = with_certificate(scene, domain)
     assert pytest.approx(M, abs=2e-3) == found.M
     assert found.unique
     assert found.q < 2
     many, _ = triangle(nu, 1.0, 0.05)
-    error, found = certified(many, domain, method=ec.Nitsche())
+    error, found = with_certificate(many, domain, method=ec.Nitsche())
     assert error.solution.singular
     assert error.relative < 1e-10  # exact, and one of many
     assert pytest.approx(M, abs=2e-3) == found.M
@@ -163,9 +156,9 @@ def test_uniqueness_ends_below_many_solutions(nu, M):
 CASES = {
     "GRECO 0.3": (greco(0.3), square(8), 2, {}),
     "GRECO 0.8": (greco(0.8), square(8), 2, {}),
-    "block": (pressed(0.3), ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4)), 2, {}),
-    "friction that varies": (pressed(lambda x: 0.1 + 0.2 * x[0]), square(4, 1.0), 2, {}),
-    "gap": (pressed(0.3, gap=lambda x: 0.03 * (x[0] - 0.4) ** 2), square(4, 1.0), 2, {}),
+    "block": (sheared(0.3), ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4)), 2, {}),
+    "friction that varies": (sheared(lambda x: 0.1 + 0.2 * x[0]), square(4, 1.0), 2, {}),
+    "gap": (sheared(0.3, gap=lambda x: 0.03 * (x[0] - 0.4) ** 2), square(4, 1.0), 2, {}),
     "degree 2": (greco(0.3), square(4), 1, {"degree": 2}),
 }
 
@@ -174,7 +167,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_every_term_is_above_the_truth(name):
     scene, domain, levels, options = CASES[name]
-    error, found = certified(scene, domain, **options)
+    error, found = with_certificate(scene, domain, **options)
     pair = error.admissible
     fine = ec.solve(
         scene, nested(domain, levels), ec.AugmentedLagrangian(), start=pair.solution, **options
@@ -211,7 +204,7 @@ def test_a_step_of_a_history():
 
     domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))
     first = ec.solve(at(0.1), domain)
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(at(-0.02), domain, after=first)))
+    error = certified(at(-0.02), domain, after=first)
     found, pair = ec.coulomb_certificate(error), error.admissible
     fine = ec.solve(at(-0.02), nested(domain, 2), ec.AugmentedLagrangian(), after=first)
     assert (
@@ -223,11 +216,11 @@ def test_a_step_of_a_history():
 
 
 def test_bad_input(block):
-    solution = ec.solve(pressed(0.3), block)
+    solution = ec.solve(sheared(0.3), block)
     for wrong in (0, -1, 1.5, "many"):
         with pytest.raises(ec.InputError, match="other_solutions: most"):
             ec.other_solutions(solution, wrong)
-    assert ec.other_solutions(ec.solve(pressed(0.0), block)) == []
+    assert ec.other_solutions(ec.solve(sheared(0.0), block)) == []
 
 
 def test_a_slipping_body_leaves_nothing(block):
@@ -236,7 +229,7 @@ def test_a_slipping_body_leaves_nothing(block):
     The opposite field leaves twice the friction.
     """
     scene, _ = patch_test(0.3, 0.25)
-    error, found = certified(scene, block)
+    error, found = with_certificate(scene, block)
     assert max(found.misaligned, found.unbalanced) < 1e-6 * error.scale
     assert found.unique
     pair = pair_on_surface(error.admissible)
@@ -252,8 +245,8 @@ def test_a_slipping_body_leaves_nothing(block):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_work_of_what_the_field_misses(degree):
     """``e^2 - 2 int rho.w^_t = beta^2 + 2 int r^_n (w^_n - g) + 2 int |r^_n| (mu |w^_t| - t.w^_t)``, above beta^2."""
-    scene = pressed(0.4)
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, square(6, 1.0), degree=degree)))
+    scene = sheared(0.4)
+    error = certified(scene, square(6, 1.0), degree=degree)
     pair = pair_on_surface(error.admissible)
     for t in slip_fields(pair):
         _, work = pair.unbalanced(t)
@@ -284,12 +277,12 @@ def test_the_change_of_q_holds_on_the_refined_mesh(name):
         [ec.Contact("bottom", friction=mu)],
     )
     domain = ec.rectangle((0.0, 0.0), (width, 1.0), cells=cells)
-    error, found = certified(scene, domain, degree=degree)
+    error, found = with_certificate(scene, domain, degree=degree)
     surface = pair_on_surface(error.admissible)
     t = slip_fields(surface)[LENGTHS.index(found.smoothing)]
     finer = body_on(error.solution.model, domain.refined())
     q, _ = finer.norm(surface.surface, t)
-    _, again = certified(scene, domain.refined(), degree=degree)
+    _, again = with_certificate(scene, domain.refined(), degree=degree)
     print(
         f"\n{name}: q {found.q:.4f} +- {found.q_change:.4f}, on the refined mesh {q:.4f}, factor {found.factor:.2f}"
     )
@@ -304,7 +297,7 @@ def test_both_solvers_see_the_same_body(d):
     found, norms = [], []
     for solver in ("direct", "iterative"):
         error = ec.constitutive_error(
-            ec.equilibrate(ec.solve(pressed(0.3, d), domain, solver=solver))
+            ec.equilibrate(ec.solve(sheared(0.3, d), domain, solver=solver))
         )
         pair = pair_on_surface(error.admissible)
         traces = error.solution.stiffness.traces(pair.surface.numbers)
@@ -332,8 +325,8 @@ def _norm_by_columns(surface, traces, t):
 
 @pytest.mark.serial
 def test_units_change_nothing():
-    _, one = certified(pressed(0.4), square(6, 1.0))
-    _, other = certified(pressed(0.4, E=210e9), square(6, 1.0))
+    _, one = with_certificate(sheared(0.4), square(6, 1.0))
+    _, other = with_certificate(sheared(0.4, E=210e9), square(6, 1.0))
     assert other.q == pytest.approx(one.q, rel=1e-6)
     assert other.factor == pytest.approx(one.factor, rel=1e-6)
     assert other.bound == pytest.approx(one.bound * np.sqrt(210e9), rel=1e-6)
@@ -344,7 +337,7 @@ def test_a_slender_body_that_slips_gets_no_bound():
 
     Pushed little it sticks, and a smooth field has a bound of many e.
     """
-    error, sticks = certified(prototype_block(), block_of(8))
+    error, sticks = with_certificate(prototype_block(), block_of(8))
     pair = pair_on_surface(error.admissible)
     t = np.zeros_like(pair.surface.normal)
     t[:, 0] = 0.3
@@ -359,7 +352,7 @@ def test_a_slender_body_that_slips_gets_no_bound():
         [],
         [ec.Contact("bottom", friction=0.3)],
     )
-    slips = certified(far, block_of(8))[1]
+    slips = with_certificate(far, block_of(8))[1]
     assert slips.q == pytest.approx(2.2, abs=slips.q_change)
     assert slips.q > 2
     assert not slips.unique
@@ -380,7 +373,7 @@ def test_round_off_is_no_work_on_a_roller():
         [ec.Contact("bottom", friction=0.26, gap=lambda x: 0.013 * (x[0] - 1.65) ** 2)],
     )
     domain = ec.rectangle((0.0, 0.0), (2.913369516582126, 1.0), cells=(15, 5)).refined()
-    error, found = certified(scene, domain, degree=2)
+    error, found = with_certificate(scene, domain, degree=2)
     assert error.relative < 0.05
     assert found.bound < 3 * error.absolute
     assert found.unbalanced < error.absolute
@@ -393,11 +386,11 @@ def block_of(n: int) -> ec.Domain:
 def test_bodies_that_only_contact_holds_vertically():
     """GRECO can move up, which costs nothing.
 
-    A block in space can also tip about its top, and slides along then.
+    A block in 3D can also tip about its top, and slides along then.
     """
-    _, held = certified(greco(0.3), square(8))
+    _, held = with_certificate(greco(0.3), square(8))
     assert held.q == pytest.approx(0.3 * 1.0172, rel=1e-3)
-    _, loose = certified(*sliding_block(0.01, 3))
+    _, loose = with_certificate(*sliding_block(0.01, 3))
     assert loose.q == np.inf
     assert not loose.unique
     assert loose.bound == np.inf
@@ -407,7 +400,7 @@ def test_bodies_that_only_contact_holds_vertically():
 @pytest.mark.parametrize("amount", [1e-6, 1.0, 1e6])
 def test_a_body_that_can_move_up_has_its_norm_from_any_start(amount):
     """A motion off the contact costs nothing, and must not grow from step to step."""
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(greco(0.3), square(8), degree=2)))
+    error = certified(greco(0.3), square(8), degree=2)
     pair = pair_on_surface(error.admissible)
     elastic = error.solution.stiffness
     with elastic.in_memory():
@@ -431,11 +424,11 @@ def test_other_laws():
         )
 
     for law in (0.0, ec.Tresca(0.01)):
-        error, found = certified(scene(law), square(4, 1.0))
+        error, found = with_certificate(scene(law), square(4, 1.0))
         assert found.q == 0
         assert found.bound == error.absolute
         assert found.unique
-    _, found = certified(scene(Saturating(0.3, 0.01)), square(4, 1.0))
+    _, found = with_certificate(scene(Saturating(0.3, 0.01)), square(4, 1.0))
     assert found.q == np.inf
     assert not found.unique
     assert found.bound == np.inf
@@ -451,7 +444,7 @@ def test_ranks_change_nothing(d, solver):
             if d == 2
             else ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 3), comm=comm)
         )
-        found.append(certified(pressed(0.3, d), domain, solver=solver)[1])
+        found.append(with_certificate(sheared(0.3, d), domain, solver=solver)[1])
     assert found[0].q == pytest.approx(found[1].q, rel=1e-6)
     assert found[0].bound == pytest.approx(found[1].bound, rel=1e-6)
 
@@ -480,7 +473,7 @@ def test_ranks_change_nothing_where_data_vary(seed):
     found = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         domain = ec.box((0.0,) * 3, size, cells=(4, 3, 3), comm=comm)
-        found.append(certified(scene, domain, solver="iterative"))
+        found.append(with_certificate(scene, domain, solver="iterative"))
     (error, one), (alone, other) = found
     assert error.absolute == pytest.approx(alone.absolute, rel=1e-8)
     assert one.q == pytest.approx(other.q, rel=1e-6)
@@ -500,7 +493,7 @@ def test_both_solvers_lift_jumps_below_a_loose_face():
     )
     found = []
     for solver in ("direct", "iterative"):
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, bodies, solver=solver)))
+        error = certified(scene, bodies, solver=solver)
         surface = pair_on_surface(error.admissible).surface
         traces = error.solution.stiffness.traces(surface.numbers)
         x = surface.positions()[:, :1]

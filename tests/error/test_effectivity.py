@@ -2,8 +2,8 @@
 
 The reference lives on a mesh that cuts each cell as sigma^ does, and refines that: on
 its cells u^ and sigma^ are polynomials. The augmented Lagrangian keeps the contact
-conditions at its nodes exactly. For frictionless scenes whose data the mesh carries
-then
+conditions at its nodes exactly. For frictionless scenes whose data the mesh
+represents exactly then
 
     e^2 = |u_ref - u^|^2 + |sigma_ref - sigma^|^2 + 2 int r^_n (u_ref,n - g) + 2 sum_i
     R_i (u^_n - g)_i,  R_i <= 0,

@@ -13,7 +13,7 @@ Known numbers, zeros where nothing is wrong, parts that add up.
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import block, mostly_serial, patch_test, prototype_block, random_scene
+from scenes import block, certified, mostly_serial, patch_test, prototype_block, random_scene
 
 import erc_contact as ec
 from erc_contact.admissible import displacement
@@ -184,7 +184,7 @@ def sliding_block(slide, method, degree=1):
         contacts=[ec.Contact("bottom", friction=0.3)],
     )
     domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
+    return certified(scene, domain, method, degree=degree)
 
 
 @pytest.mark.on_ranks("augmented-2")
@@ -225,7 +225,7 @@ def test_rigid_slide_has_no_error_and_a_slight_pressure_has_its_own(method, fric
             [],
             [ec.Contact(bottom, friction=friction)],
         )
-        return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method))).relative
+        return certified(scene, domain, method).relative
 
     assert relative(0.01, 0.0) == relative(0.3, 0.0) == 0.0
     assert 0.02 < relative(0.3, 1e-6) < 0.6
@@ -330,7 +330,7 @@ def test_sliding_far_with_friction_that_varies(name, dim, degree):
             loads=[ec.BodyForce((*[0.0] * (dim - 1), -77e3))],
             contacts=[ec.Contact("bottom", friction=LAWS[name])],
         )
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+        error = certified(scene, domain, degree=degree)
         eps.append(error.relative)
         profile = error.profile("bottom")
         bound = profile["friction_bound"]

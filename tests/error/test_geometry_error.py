@@ -6,7 +6,7 @@ degrees and whatever the mesh.
 
 import numpy as np
 import pytest
-from test_two_bodies import certified
+from scenes import certified
 
 import erc_contact as ec
 

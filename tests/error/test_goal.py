@@ -62,10 +62,10 @@ def error_of(
 
 CASES = {
     "frictionless": (opening(0.0), block, "bottom", (4, 8), 24),
-    "given friction": (opening(TRESCA), block, "bottom", (4, 8), 24),
+    "Tresca friction": (opening(TRESCA), block, "bottom", (4, 8), 24),
     "gap": (rolling(), block, "bottom", (4, 8), 24),
     "cube": (cube(0.0), cubes, "bottom", (2, 4), 12),
-    "cube, given friction": (cube(ec.Tresca(0.008)), cubes, "bottom", (2, 4), 12),
+    "cube, Tresca friction": (cube(ec.Tresca(0.008)), cubes, "bottom", (2, 4), 12),
 }
 
 
@@ -123,13 +123,13 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     assert widths[1] < 0.1 * abs(true.high)
 
 
-@pytest.mark.on_ranks("given friction-1", "cube, given friction-2")
+@pytest.mark.on_ranks("Tresca friction-1", "cube, Tresca friction-2")
 @pytest.mark.parametrize(
     ("case", "degree"),
     [
-        ("given friction", 1),
-        ("given friction", 2),
-        ("cube, given friction", 2),
+        ("Tresca friction", 1),
+        ("Tresca friction", 2),
+        ("cube, Tresca friction", 2),
         ("frictionless", 1),
     ],
 )
@@ -170,7 +170,7 @@ def test_no_error_of_petsc_is_swallowed(capfd):
 
 
 @pytest.mark.on_ranks("GRECO")
-@pytest.mark.parametrize("case", ["cube, given friction", "GRECO"])
+@pytest.mark.parametrize("case", ["cube, Tresca friction", "GRECO"])
 def test_multigrid_gives_the_same_bounds(case):
     """In GRECO the loads alone dictate the resultant, because phi is a rigid motion.
 

@@ -10,7 +10,7 @@
 import numpy as np
 import pytest
 import ufl
-from test_two_bodies import certified
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.admissible.elastic import CellStrains
@@ -75,7 +75,7 @@ def weak(kind, random):
     return factor
 
 
-def pressed(material, down):
+def squeezed(material, down):
     """A square that is pressed and free to widen."""
     held = [
         ec.Displacement("bottom", (None, 0.0)),
@@ -95,7 +95,7 @@ def test_error_holds_what_is_between_points(seed, kind, degree):
     material = ec.Plastic(1.0, 0.3, lambda x: 0.02 * factor(x), 0.02)
     domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
     down = random.uniform(0.006, 0.02)
-    error = certified(pressed(material, down), domain, degree=degree)
+    error = certified(squeezed(material, down), domain, degree=degree)
     own = own_integral(error.admissible)
     # The rule of this test misses parts of a jump.
     assert fenchel_error(error.admissible).gap.sum() >= 0.97 * own - 1e-14 * error.scale**2
@@ -108,7 +108,7 @@ def weld(x):
 
 def test_energies_with_a_narrow_layer_meet():
     """Proved on four coarse cells and on many fine ones."""
-    scene = pressed(ec.Plastic(1.0, 0.3, weld, 0.02), 0.008)
+    scene = squeezed(ec.Plastic(1.0, 0.3, weld, 0.02), 0.008)
     bounds = []
     for degree, cells in ((1, 2), (2, 16)):
         domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(cells, cells))
@@ -120,7 +120,7 @@ def test_energies_with_a_narrow_layer_meet():
 def test_unknown_ranges_are_sampled():
     """Only the compiler knows erf: no cell is elastic by its corners."""
     layer = lambda x: 0.011 + 0.009 * ufl.erf((x[1] - 0.25) / 0.05)  # noqa: E731
-    scene = pressed(ec.Plastic(1.0, 0.3, layer, 0.02), 0.008)
+    scene = squeezed(ec.Plastic(1.0, 0.3, layer, 0.02), 0.008)
     domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2))
     error = certified(scene, domain)
     assert fenchel_error(error.admissible).gap.sum() >= 0.99 * own_integral(error.admissible)

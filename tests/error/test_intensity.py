@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from test_cracks import LEAN, plate, pressed
-from test_cracks import measured as certified
+from scenes import certified
+from test_cracks import LEAN, cracked, plate
 
 import erc_contact as ec
 from erc_contact.base.runtime import compiled
@@ -151,7 +151,7 @@ def test_pressure_on_the_faces():
 def test_closed_crack(friction, off):
     """In a large plate K_II is the shear beyond friction times the root of pi a."""
     domain = plate(40.0, 8.0, 0.15)
-    history = ec.adapt(pressed(friction), domain, accuracy=1e-3, degree=2)
+    history = ec.adapt(cracked(friction), domain, accuracy=1e-3, degree=2)
     c, s = np.cos(LEAN), np.sin(LEAN)
     found = ec.interval(history, ec.StressIntensity((c, s), (c, s), radius=0.8, mode="II"))
     exact = s * (c - friction * s) * np.sqrt(np.pi)

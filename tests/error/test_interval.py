@@ -1,19 +1,19 @@
 """Intervals from three admissible pairs: they hold, are nested, and shrink faster than e.
 
 Properties: a number that equilibrium or a homogeneous state dictates is met; intervals
-of a coarse and of a fine mesh overlap, in 2D and 3D, without friction, with a given one,
+of a coarse and of a fine mesh overlap, in 2D and 3D, without friction, with Tresca's,
 between two bodies and under springs; the order in e; what has no interval is told.
 """
 
 import logging
-from functools import cache
 
 import numpy as np
 import pytest
 import ufl
+from domains import refused
 from mpi4py import MPI
-from test_bad_input import refused
-from test_two_bodies import certified, pressed, small_bricks
+from scenes import certified, flat_block
+from test_two_bodies import pressed_pair, small_bricks
 
 import erc_contact as ec
 from erc_contact.base.logs import log_of
@@ -27,13 +27,6 @@ COMM = MPI.COMM_WORLD
 DEPTH = 0.01
 RIGHT = ec.Traction("right", (-0.02, 0.0))
 PRESSED = ec.Traction("right", pressure=2.0)
-
-
-@cache
-def block(d: int, cells: int) -> ec.Domain:
-    if d == 2:
-        return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * cells, cells))
-    return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(2 * cells, cells, cells))
 
 
 def opening(d: int, friction: object = 0.0, **options: object) -> ec.Scene:
@@ -70,7 +63,7 @@ def goals(d: int) -> list:
 def test_coarse_and_fine_intervals(d, degree, friction, cells):
     """They overlap, are proved, and shrink faster than e; ``resultant`` holds both."""
     scene = opening(d, friction)
-    coarse, fine = (certified(scene, block(d, n), degree=degree) for n in cells)
+    coarse, fine = (certified(scene, flat_block(d, n), degree=degree) for n in cells)
     for goal in goals(d):
         one, other = (ec.interval(error, goal) for error in (coarse, fine))
         assert one.guaranteed
@@ -89,7 +82,7 @@ def test_numbers_that_are_known():
     """A column under its own number: force and displacement of a homogeneous state."""
     held = [ec.Displacement("left", (0.0, None))]
     scene = ec.Scene(ec.Elastic(1.0, 0.0), held, RIGHT, ec.Contact("bottom"))
-    error = certified(scene, block(2, 2))
+    error = certified(scene, flat_block(2, 2))
     shortening = ec.interval(error, ec.MeanDisplacement("right", (1.0, 0.0)))
     force = ec.interval(error, ec.Resultant("left", (2.0, 0.0)))
     for bounds, exact in ((shortening, -0.04), (force, 0.04)):
@@ -101,7 +94,7 @@ def test_functionals_of_a_homogeneous_state():
     """``u_x = -0.02 x``: integrals with weights over a side and over the body."""
     held = [ec.Displacement("left", (0.0, None))]
     scene = ec.Scene(ec.Elastic(1.0, 0.0), held, RIGHT, ec.Contact("bottom"))
-    error = certified(scene, block(2, 2))
+    error = certified(scene, flat_block(2, 2))
     by_height = ec.Traction("right", (lambda x: 3.0 * x[1], 0.0))
     loads = {-0.06: by_height, -0.04: ec.BodyForce((1.0, 0.0)), 0.08: PRESSED}
     for exact, load in loads.items():
@@ -109,7 +102,7 @@ def test_functionals_of_a_homogeneous_state():
         assert bounds.guaranteed
         assert bounds.low - 1e-12 <= exact <= bounds.high + 1e-12
         assert bounds.high - bounds.low < 1e-8
-    # No polynomial: the mesh does not carry it.
+    # No polynomial: the mesh does not represent it.
     curved = ec.Traction("right", (lambda x: ufl.exp(x[1]), 0.0))
     assert not ec.interval(error, ec.Functional(curved)).guaranteed
     refused(lambda: ec.interval(error, ec.Functional(ec.Traction("bottom", (0, 1)))), "'bottom'")
@@ -119,7 +112,7 @@ def test_functionals_of_a_homogeneous_state():
 @pytest.mark.serial
 def test_direction_turns_the_interval():
     """The opposite direction has the opposite interval, a longer one a wider interval."""
-    error = certified(opening(2), block(2, 4))
+    error = certified(opening(2), flat_block(2, 4))
     for part, kind in (("top", ec.Resultant), ("right", ec.MeanDisplacement)):
         bounds = ec.interval(error, kind(part, (0.0, 1.0)))
         turned = ec.interval(error, kind(part, (0.0, -3.0)))
@@ -130,14 +123,16 @@ def test_direction_turns_the_interval():
 @pytest.mark.serial
 def test_bodies_springs_and_coulomb():
     """Two bodies, a body on springs; with Coulomb's friction it is an estimate."""
-    coarse = certified(pressed(2), small_bricks(2))
-    fine = certified(pressed(2), small_bricks(2).refined().refined(), degree=2)
+    coarse = certified(pressed_pair(2), small_bricks(2))
+    fine = certified(pressed_pair(2), small_bricks(2).refined().refined(), degree=2)
     for goal in (ec.Resultant("upper outer", (0.0, 1.0)), ec.Resultant("lower outer", (0.0, 1.0))):
         one, other = ec.interval(coarse, goal), ec.interval(fine, goal)
         assert one.guaranteed
         assert one.low <= other.low <= other.high <= one.high
     on_springs = opening(2, springs=ec.Spring("right", normal=0.5))
-    one, other = (ec.interval(certified(on_springs, block(2, n)), goals(2)[0]) for n in (4, 16))
+    one, other = (
+        ec.interval(certified(on_springs, flat_block(2, n)), goals(2)[0]) for n in (4, 16)
+    )
     assert one.low <= other.low <= other.high <= one.high
 
 
@@ -149,8 +144,10 @@ def test_estimates_with_coulomb_friction(friction):
     def tall(cells):
         return ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(cells, 3 * cells))
 
-    pressed = ec.Displacement("top", (0.1, -0.05))
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, (), ec.Contact("bottom", friction=friction))
+    pressed_pair = ec.Displacement("top", (0.1, -0.05))
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3), pressed_pair, (), ec.Contact("bottom", friction=friction)
+    )
     exact = ec.solve(scene, tall(20), degree=2).force("bottom").force
     error = certified(scene, tall(4), degree=2)
     for direction, force in zip(np.eye(2), exact, strict=True):
@@ -186,8 +183,8 @@ def test_runs_that_aim_at_a_number(tmp_path):
     A run that was ended goes on from its folder.
     """
     block = ec.rectangle((0.0, 0.0), (2.0, 7.0), cells=(2, 7))
-    pressed = ec.Displacement("top", (0.1, -0.05))
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed, (), ec.Contact("bottom", friction=0.01))
+    pressed_pair = ec.Displacement("top", (0.1, -0.05))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed_pair, (), ec.Contact("bottom", friction=0.01))
     goal = ec.Resultant("bottom", (1.0, 0.0))
     options = {"goal": goal, "degree": 2}
     history = ec.adapt(scene, block, 0.01, **options)
@@ -208,10 +205,10 @@ def test_runs_that_aim_at_a_number(tmp_path):
 @pytest.mark.serial
 def test_run_to_a_displacement():
     """The interval of the run is proved, and holds the interval of a fine mesh."""
-    aimed = ec.adapt(opening(2), block(2, 2), 0.04, goal=goals(2)[2])
+    aimed = ec.adapt(opening(2), flat_block(2, 2), 0.04, goal=goals(2)[2])
     assert aimed.reached
     assert aimed.bounds.guaranteed
-    fine = ec.interval(certified(opening(2), block(2, 16), degree=2), goals(2)[2])
+    fine = ec.interval(certified(opening(2), flat_block(2, 16), degree=2), goals(2)[2])
     assert aimed.bounds.low <= fine.low <= fine.high <= aimed.bounds.high
 
 
@@ -246,7 +243,7 @@ def test_what_runs_cost(monkeypatch, caplog):
     monkeypatch.setattr(Nearby, "solve", seen_solve)
     monkeypatch.setattr(Stiffness, "_condense", seen_condense)
     with caplog.at_level(logging.INFO, "erc_contact"):
-        aimed = ec.adapt(opening(2), block(2, 2), 0.02, goal=goals(2)[2])
+        aimed = ec.adapt(opening(2), flat_block(2, 2), 0.02, goal=goals(2)[2])
     cells = [step.cells for step in aimed.steps]
     assert aimed.reached
     assert factors == cells
@@ -256,7 +253,7 @@ def test_what_runs_cost(monkeypatch, caplog):
     assert "of a moved scene" not in caplog.text
     log_of(COMM).warning("of the user")
     assert "of the user" in caplog.text
-    stopped = ec.adapt(opening(2), block(2, 2), 0.02, goal=goals(2)[2], max_steps=3)
+    stopped = ec.adapt(opening(2), flat_block(2, 2), 0.02, goal=goals(2)[2], max_steps=3)
     assert moved[-1] == cells[2]
     assert not stopped.reached
     assert stopped.bounds.guaranteed
@@ -279,19 +276,19 @@ def test_intervals_of_several_meshes():
 
 def test_run_to_an_energy():
     """It ends where the interval is narrow, long before eps is; a fine mesh agrees."""
-    aimed = ec.adapt(opening(2), block(2, 2), 0.02, goal=ec.Energy())
+    aimed = ec.adapt(opening(2), flat_block(2, 2), 0.02, goal=ec.Energy())
     assert aimed.reached
     assert aimed.bounds.guaranteed
     assert aimed.bounds.relative <= 0.02 < aimed.error.relative
     assert len(aimed.steps) > 1
     own = ec.potential_energy(aimed.error)
     assert (aimed.bounds.low, aimed.bounds.high) == (own.low, own.high)
-    fine = ec.interval(certified(opening(2), block(2, 16), degree=2), ec.Energy())
+    fine = ec.interval(certified(opening(2), flat_block(2, 16), degree=2), ec.Energy())
     assert aimed.bounds.low < fine.low < fine.value < fine.high < aimed.bounds.high
 
 
 def test_what_has_no_interval():
-    error = certified(opening(2), block(2, 4))
+    error = certified(opening(2), flat_block(2, 4))
     refused(lambda: ec.interval(error, ec.Resultant("right", (0.0, 1.0))), "'right'", "bottom")
     refused(lambda: ec.interval(error, ec.Resultant("top", (0.0, 1.0, 0.0))), "2 finite numbers")
     refused(lambda: ec.interval(error, ec.MeanDisplacement("top", (0.0, 1.0))), "Resultant")

@@ -1,8 +1,8 @@
 """Goals of the slip and the opening of a contact.
 
 - Intervals hold the means of fine meshes: on foundations and between bodies, in the
-  plane, in space and of rings, of both degrees, by both methods, without friction, with
-  given friction and Coulomb's; open, closed, sticking, on curved sides, in cracks.
+  plane, in 3D and of rings, of both degrees, by both methods, without friction, with
+  Tresca friction and Coulomb's; open, closed, sticking, on curved sides, in cracks.
 - Only Coulomb's are estimates. Names of the sides change the sign at most.
 - What the contact bears is told: a closed contact has a narrow opening.
 - The report says where eps is no error of the slip.
@@ -13,10 +13,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
-from scenes import mostly_serial
-from test_bad_input import refused
-from test_cracks import plate, pressed
+from scenes import flat_block, measured, mostly_serial
+from test_cracks import cracked, plate
 
 import erc_contact as ec
 from erc_contact.error.slip_share import small_slips
@@ -25,10 +25,6 @@ COMM = MPI.COMM_WORLD
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 LAWS = {"none": 0.0, "given": ec.Tresca(0.002), "Coulomb": 0.3}
 RINGS = ec.Elastic(1.0, 0.3, hypothesis="axisymmetric")
-
-
-def certified(scene, domain, method=METHODS[1], degree=1):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
 
 
 def mean(error, part, name):
@@ -46,12 +42,6 @@ def assert_inside(coarse, fine, goals, *, proved=True):
         assert bounds.guaranteed == proved, goal
 
 
-def block(d, cells):
-    if d == 2:
-        return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * cells, cells))
-    return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(2 * cells, cells, cells))
-
-
 def lifted(d, friction):
     """A block that is pressed on its left and lifted on its right."""
     supports = [
@@ -66,7 +56,7 @@ def lifted(d, friction):
 
 @cache
 def fine_block(law):
-    return certified(lifted(2, LAWS[law]), block(2, 16), degree=2)
+    return measured(lifted(2, LAWS[law]), flat_block(2, 16), degree=2)
 
 
 @pytest.mark.pairs
@@ -75,7 +65,7 @@ def fine_block(law):
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
 @pytest.mark.parametrize("law", LAWS)
 def test_on_a_foundation(law, degree, method):
-    coarse = certified(lifted(2, LAWS[law]), block(2, 4 // degree), method, degree)
+    coarse = measured(lifted(2, LAWS[law]), flat_block(2, 4 // degree), method, degree)
     goals = {
         ec.Slip("bottom", (1.0, 0.0)): ("bottom", "slip", 1.0),
         ec.Opening("bottom"): ("bottom", "gap", 1.0),
@@ -88,7 +78,7 @@ def test_on_a_foundation(law, degree, method):
 
 @cache
 def fine_in_space():
-    return certified(lifted(3, LAWS["given"]), block(3, 4))
+    return measured(lifted(3, LAWS["given"]), flat_block(3, 4))
 
 
 @pytest.mark.serial
@@ -96,7 +86,7 @@ def fine_in_space():
 @pytest.mark.parametrize("method", METHODS)
 def test_in_space(method, degree):
     scene = lifted(3, LAWS["given"])
-    coarse = certified(scene, block(3, 3 - degree), method, degree)
+    coarse = measured(scene, flat_block(3, 3 - degree), method, degree)
     fine = fine_in_space()
     bounds = ec.interval(coarse, ec.Slip("bottom", (1.0, 0.0, 0.0)))
     assert bounds.guaranteed
@@ -119,7 +109,7 @@ def foot():
 
 @cache
 def fine_ring():
-    return certified(foot(), ring(16), degree=2)
+    return measured(foot(), ring(16), degree=2)
 
 
 @pytest.mark.pairs
@@ -130,14 +120,14 @@ def test_of_rings(degree, method):
     """Means are over rings; a homogeneous state is met."""
     top = ec.Displacement("top", (None, -0.02))
     free = ec.Scene(RINGS, top, contacts=ec.Contact("bottom"))
-    bounds = ec.interval(certified(free, ring(3), method, degree), ec.Slip("bottom", (1.0, 0.0)))
+    bounds = ec.interval(measured(free, ring(3), method, degree), ec.Slip("bottom", (1.0, 0.0)))
     # u_r = 0.3 * 0.02 r, and the mean of r over the ring is 13/12.
     assert (bounds.low, bounds.high) == pytest.approx((0.0065, 0.0065), abs=1e-9)
     goals = {
         ec.Slip("bottom", (1.0, 0.0)): ("bottom", "slip", 1.0),
         ec.Opening("bottom"): ("bottom", "gap", 1.0),
     }
-    assert_inside(certified(foot(), ring(4), method, degree), fine_ring(), goals)
+    assert_inside(measured(foot(), ring(4), method, degree), fine_ring(), goals)
 
 
 def stack(cells, friction, *, upper_first):
@@ -156,7 +146,7 @@ def stack(cells, friction, *, upper_first):
 
 @cache
 def fine_stack(law):
-    return certified(*stack(12, LAWS[law], upper_first=True), degree=2)
+    return measured(*stack(12, LAWS[law], upper_first=True), degree=2)
 
 
 @pytest.mark.pairs
@@ -170,7 +160,7 @@ def test_between_bodies(law, degree, method):
     widths = []
     for upper_first in (True, False):
         scene, domain = stack(4 // degree, LAWS[law], upper_first=upper_first)
-        coarse = certified(scene, domain, method, degree)
+        coarse = measured(scene, domain, method, degree)
         goals = {
             ec.Slip("upper bottom", (1.0, 0.0)): ("upper bottom", "slip", 1.0),
             ec.Slip("lower top", (1.0, 0.0)): ("upper bottom", "slip", -1.0),
@@ -188,7 +178,7 @@ def test_between_bodies(law, degree, method):
 def test_a_contact_that_sticks_and_stays_closed(material, method):
     """The forces of a goal are borne by the contact: no displacement, but a stress."""
     held = ec.Displacement("top", (None, -0.02))
-    error = certified(
+    error = measured(
         ec.Scene(material, held, contacts=ec.Contact("bottom", friction=ec.Tresca(0.1))),
         ring(4),
         method,
@@ -206,9 +196,9 @@ def test_a_foundation_that_moves():
     for motion, top in (((0.02, 0.0), (0.0, -0.01)), (None, (-0.02, -0.01))):
         foot = ec.Contact("bottom", friction=LAWS["given"], motion=motion)
         scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", top), contacts=foot)
-        error = certified(scene, block(2, 4))
+        error = measured(scene, flat_block(2, 4))
         bounds.append(ec.interval(error, ec.Slip("bottom", (1.0, 0.0))))
-        slip = mean(certified(scene, block(2, 12)), "bottom", "slip")
+        slip = mean(measured(scene, flat_block(2, 12)), "bottom", "slip")
         assert bounds[-1].low < slip < bounds[-1].high < -0.01
     assert bounds[0].value == pytest.approx(bounds[1].value, rel=0.02)
 
@@ -218,9 +208,9 @@ def test_a_foundation_that_moves():
 @pytest.mark.parametrize("method", METHODS)
 def test_a_crack(method, load):
     domain = plate(4.0, 2.0, 0.4)
-    scene = pressed(ec.Tresca(0.1), load=load)
-    coarse = certified(scene, domain, method, 2)
-    fine = certified(scene, domain.refined().refined(), degree=2)
+    scene = cracked(ec.Tresca(0.1), load=load)
+    coarse = measured(scene, domain, method, 2)
+    fine = measured(scene, domain.refined().refined(), degree=2)
     goals = {
         ec.Slip("upper lip"): ("upper lip", "slip", 1.0),
         ec.Slip("lower lip", (1.0, 1.0)): ("upper lip", "slip", -np.sqrt(2.0)),
@@ -236,13 +226,13 @@ def test_normals_that_are_given(method):
     contact = ec.Contact("bottom", normal=(0.6, -0.8), gap=lambda x: 0.004 + 0.01 * x[0])
     supports = [ec.Displacement("top", (0.0, -0.03))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=contact)
-    coarse = certified(scene, block(2, 4), method)
-    fine = certified(scene, block(2, 16), degree=2)
+    coarse = measured(scene, flat_block(2, 4), method)
+    fine = measured(scene, flat_block(2, 16), degree=2)
     assert_inside(coarse, fine, {ec.Opening("bottom"): ("bottom", "gap", 1.0)})
     turning = ec.Contact("bottom", normal=lambda x: (0.2 * x[0], -1.0), gap=0.004)
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=turning)
-    coarse = certified(scene, block(2, 4), method)
-    fine = certified(scene, block(2, 16), degree=2)
+    coarse = measured(scene, flat_block(2, 4), method)
+    fine = measured(scene, flat_block(2, 16), degree=2)
     goals = {
         ec.Opening("bottom"): ("bottom", "gap", 1.0),
         ec.Slip("bottom"): ("bottom", "slip", 1.0),
@@ -253,7 +243,7 @@ def test_normals_that_are_given(method):
 def test_a_run_aims_at_a_slip():
     """It ends where half of the interval is below the accuracy."""
     history = ec.adapt(
-        lifted(2, LAWS["given"]), block(2, 2), 0.05, goal=ec.Slip("bottom"), degree=2
+        lifted(2, LAWS["given"]), flat_block(2, 2), 0.05, goal=ec.Slip("bottom"), degree=2
     )
     bounds = history.bounds
     assert history.reached
@@ -265,8 +255,8 @@ def test_a_run_aims_at_a_slip():
 def test_the_report_tells_a_slip_that_eps_does_not_know(tmp_path):
     """A crack in a large plate: eps is small, and the slip far off."""
     domain = plate(10.0, 2.0, 0.3)
-    history = ec.adapt(pressed(ec.Tresca(0.1)), domain, 0.02, degree=2)
-    fine = certified(pressed(ec.Tresca(0.1)), domain.refined().refined(), degree=2)
+    history = ec.adapt(cracked(ec.Tresca(0.1)), domain, 0.02, degree=2)
+    fine = measured(cracked(ec.Tresca(0.1)), domain.refined().refined(), degree=2)
     off = 1 - mean(history.best, "upper lip", "slip") / mean(fine, "upper lip", "slip")
     share = small_slips(history.best)["upper lip"]
     assert off > 3 * history.best.relative > 3 * share
@@ -276,7 +266,7 @@ def test_the_report_tells_a_slip_that_eps_does_not_know(tmp_path):
     history.save(tmp_path / "by eps", pictures=False)
     told = (tmp_path / "by eps" / "report.html").read_text()
     assert "goal=ec.Slip(&#x27;upper lip&#x27;)" in told
-    aimed = ec.adapt(pressed(ec.Tresca(0.1)), domain, 0.1, degree=2, goal=ec.Slip("upper lip"))
+    aimed = ec.adapt(cracked(ec.Tresca(0.1)), domain, 0.1, degree=2, goal=ec.Slip("upper lip"))
     aimed.save(tmp_path / "by slip", pictures=False)
     assert (
         "ec.Slip(&#x27;upper lip&#x27;) aims"
@@ -290,11 +280,11 @@ def test_no_such_words_where_the_slip_is_known():
     pressed_ring = ec.Displacement("top", (None, -0.02))
     for friction in (0.0, ec.Tresca(1.0)):
         foot = ec.Contact("bottom", friction=friction)
-        assert not small_slips(certified(ec.Scene(RINGS, pressed_ring, contacts=foot), ring(4)))
+        assert not small_slips(measured(ec.Scene(RINGS, pressed_ring, contacts=foot), ring(4)))
     sides = [ec.Displacement("top", (None, -0.02)), ec.Symmetry("left")]
     foot = ec.Contact("bottom", friction=ec.Tresca(1.0))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), sides, contacts=foot)
-    assert not small_slips(certified(scene, block(2, 4)))
+    assert not small_slips(measured(scene, flat_block(2, 4)))
 
 
 @pytest.mark.ranks
@@ -303,14 +293,14 @@ def test_ranks(method):
     ends = []
     for comm in (MPI.COMM_SELF, COMM):
         domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(6, 3), comm=comm)
-        error = certified(lifted(2, LAWS["given"]), domain, method)
+        error = measured(lifted(2, LAWS["given"]), domain, method)
         of_goals = [ec.interval(error, goal) for goal in (ec.Slip("bottom"), ec.Opening("bottom"))]
         ends.append([end for bounds in of_goals for end in (bounds.low, bounds.high)])
     assert ends[0] == pytest.approx(ends[1], rel=1e-7)
 
 
 def test_bad_input():
-    error = certified(lifted(2, 0.0), block(2, 2))
+    error = measured(lifted(2, 0.0), flat_block(2, 2))
 
     def asked(goal, error=error):
         return lambda: ec.interval(error, goal)
@@ -323,16 +313,16 @@ def test_bad_input():
     refused(lambda: ec.Slip("bottom", (lambda x: x[0], 0.0)), "Slip('bottom')", "numbers")
     refused(lambda: ec.Slip("bottom", 1.0), "Slip('bottom')")
     refused(lambda: ec.Opening(3), "Opening")
-    refused(lambda: ec.adapt(lifted(2, 0.0), block(2, 2), 0.1, goal="slip"), "Slip", "Opening")
-    solid = certified(lifted(3, 0.0), block(3, 1))
-    refused(asked(ec.Slip("bottom"), solid), "direction in space")
+    refused(lambda: ec.adapt(lifted(2, 0.0), flat_block(2, 2), 0.1, goal="slip"), "Slip", "Opening")
+    solid = measured(lifted(3, 0.0), flat_block(3, 1))
+    refused(asked(ec.Slip("bottom"), solid), "direction in 3D")
     plane = ec.Scene(
         ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0, -0.1)), ec.Symmetry("bottom")]
     )
-    refused(asked(ec.Opening("bottom"), certified(plane, block(2, 2))), "does not open")
+    refused(asked(ec.Opening("bottom"), measured(plane, flat_block(2, 2))), "does not open")
     soft = ec.Contact("bottom", foundation=ec.Foundation(1.0))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.1)), contacts=soft)
-    refused(asked(ec.Opening("bottom"), certified(scene, block(2, 2))), "compliant")
+    refused(asked(ec.Opening("bottom"), measured(scene, flat_block(2, 2))), "compliant")
     load = ec.Functional(ec.Traction("bottom", (0.0, 1.0)))
     refused(asked(load), "'bottom'", "Contact")
 
@@ -342,6 +332,6 @@ def test_a_body_that_slides_freely_has_no_slip():
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3), loads=ec.Traction("top", (0.0, -0.01)), contacts=ec.Contact("bottom")
     )
-    error = certified(scene, block(2, 2))
+    error = measured(scene, flat_block(2, 2))
     refused(lambda: ec.interval(error, ec.Slip("bottom")), "nothing holds")
     assert ec.interval(error, ec.Opening("bottom")).high < 1e-6

@@ -16,12 +16,6 @@ def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * n, n), comm=comm)
 
 
-def measured(scene: ec.Scene, domain: ec.Domain, **options: object) -> ec.ConstitutiveError:
-    """Of the augmented Lagrangian unless said otherwise: its forms know no modulus and no strain."""
-    solution = ec.solve(scene, domain, **{"method": ec.AugmentedLagrangian(), **options})
-    return ec.constitutive_error(ec.equilibrate(solution))
-
-
 def by_ranks_and_solvers(
     measure: Callable[[MPI.Comm, str], ec.ConstitutiveError],
 ) -> tuple[ec.ConstitutiveError, list[ec.ConstitutiveError]]:

@@ -16,17 +16,17 @@ import json
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
+from domains import refused
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified
 from test_domain import assert_closed, near
 from test_joined import COMM, discs, least_angle, pin_in_hole
 from test_split import facet_corners
-from test_two_bodies import METHODS, certified
+from test_two_bodies import METHODS
 
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.model.contact.trace import Side, Trace
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.promises import bind
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
@@ -55,7 +55,7 @@ def bricks(d, distance, cells=((3, 2), (2, 3)), shift=0.0):
 
 
 def apart(d, distance, **options):
-    """The bricks as a pair. In space their facets match."""
+    """The bricks as a pair. In 3D their facets match."""
     cells = ((3, 2), (2, 3)) if d == 2 else ((2, 2), (2, 1))
     return bricks(d, distance, cells, **options).joined(*SIDES, apart=1.01 * abs(distance))
 
@@ -170,7 +170,7 @@ def test_distances_are_bounded_without_a_search(d, degree):
     facets = contact.facets
     places = np.random.default_rng(1).dirichlet(np.ones(d), 400)
     x = places @ contact.trace.here.corners
-    gap = Everywhere(contact.gap, solution.model.space.mesh)(x, facets).reshape(len(facets), -1)
+    gap = solution.model.space.everywhere(contact.gap)(x, facets).reshape(len(facets), -1)
     shape = bernstein(d - 1, degree, places[:, 1:])
     below = gap_limits(solution.model, contact, solution.u.x.array.reshape(-1, d)) @ shape.T
     scale = abs(gap).max()
@@ -244,7 +244,7 @@ def test_pressure_of_a_pin_in_a_smaller_hole():
 
 
 def test_pressure_of_a_cylinder_in_a_smaller_hole():
-    """In space: the mean pressure of a short press fit, whose bodies keep their shapes."""
+    """In 3D: the mean pressure of a short press fit, whose bodies keep their shapes."""
     domain = pin_in_hole(3, 0.5, 0.49, 0.2).joined("pin side", "ring side", apart=0.011)
     contact = ec.Contact("pin side", against="ring side", friction=0.1)
     # Springs that are nearly nothing hold the rigid motions.
@@ -469,7 +469,7 @@ def test_nodes_of_facets_that_are_turned_against_each_other(degree):
 
     turned = (0.1 + np.cos(np.radians(75)), 1.0 + np.sin(np.radians(75)))
     here, there = side((0.0, 0.0), (1.0, 0.0), [0, 1, 2]), side(turned, (0.1, 1.0), [3, 4, 5])
-    trace = Trace(here, np.array([[0.0, 1.0]]), None, there)
+    trace = Trace(here, there, np.array([[0.0, 1.0]]))
     assert trace.partners.tolist() == [[4, 3, 5][: degree + 1]]
     assert trace.to_partners[0] == pytest.approx(
         np.array([(0.1, 1.0), np.subtract(turned, (1, 0))])

@@ -40,7 +40,7 @@ def warnings(caplog):
     return told
 
 
-def pressed(**entries):
+def on_floor(**entries):
     scene = {
         "material": STEEL,
         "supports": [ec.Displacement("top", (0.0, -0.01))],
@@ -50,14 +50,14 @@ def pressed(**entries):
 
 
 DOUBTFUL = {
-    "friction is 30": pressed(contacts=[ec.Contact("bottom", friction=30.0)]),
-    "percent (30% is 0.3)": pressed(
+    "friction is 30": on_floor(contacts=[ec.Contact("bottom", friction=30.0)]),
+    "percent (30% is 0.3)": on_floor(
         contacts=[ec.Contact("bottom", friction=lambda x: 30.0 * x[0])]
     ),
-    "times its least side (1)": pressed(supports=[ec.Displacement("top", (5.0, -0.01))]),
-    "of the body strains by more than 5%": pressed(supports=[ec.Displacement("top", (0, -0.3))]),
-    "of the body rotates": pressed(supports=[ec.Displacement("top", (0.4, -0.3))]),
-    "Nothing touches the contact 'bottom'": pressed(contacts=[ec.Contact("bottom", gap=0.5)]),
+    "times its least side (1)": on_floor(supports=[ec.Displacement("top", (5.0, -0.01))]),
+    "of the body strains by more than 5%": on_floor(supports=[ec.Displacement("top", (0, -0.3))]),
+    "of the body rotates": on_floor(supports=[ec.Displacement("top", (0.4, -0.3))]),
+    "Nothing touches the contact 'bottom'": on_floor(contacts=[ec.Contact("bottom", gap=0.5)]),
 }
 
 
@@ -72,7 +72,7 @@ def squeezed(by, d=2, **entries):
     down = ec.Displacement("top", (*[None] * (d - 1), -by))
     along = [ec.Displacement(side, tuple(side_values(side, d))) for side in ("left", "front")]
     scene = {"supports": [down, *along[: d - 1]], "contacts": [ec.Contact("bottom")]}
-    return pressed(**{**scene, **entries})
+    return on_floor(**{**scene, **entries})
 
 
 def side_values(side, d):
@@ -114,7 +114,7 @@ def test_rings_are_inverted_along_their_axis():
 def test_a_foundation_that_moves_by_the_height():
     raised = ec.Contact("bottom", friction=0.3, motion=(0.0, 1.0))
     with pytest.raises(ec.InputError, match="inside out or flat"):
-        ec.adapt(pressed(contacts=[raised]), square(), accuracy=0.5)
+        ec.adapt(on_floor(contacts=[raised]), square(), accuracy=0.5)
 
 
 def test_a_scene_without_contact_is_linear(warnings):
@@ -176,7 +176,7 @@ def test_a_preload_does_not_strain_what_it_draws():
 @pytest.mark.parametrize("of", ["friction is 30", "Nothing touches"])
 def test_a_run_tells_a_doubt_once(of, warnings):
     floor = ec.Contact("bottom", friction=30.0, gap=0.5 if "touches" in of else 0.0)
-    scene = pressed(
+    scene = on_floor(
         supports=[ec.Displacement("top", (0.0, lambda x: -0.01 * x[0] ** 2))], contacts=[floor]
     )
     history = ec.adapt(
@@ -188,7 +188,7 @@ def test_a_run_tells_a_doubt_once(of, warnings):
 
 def test_a_history_tells_a_doubt_once(warnings):
     def scene_at(t):
-        return pressed(
+        return on_floor(
             supports=[ec.Displacement("top", (0.0, -0.1 * t))],
             contacts=[ec.Contact("bottom", friction=30.0, gap=0.05), ec.Contact("right", gap=1.0)],
         )
@@ -208,7 +208,7 @@ def test_a_history_tells_a_doubt_once(warnings):
     ids=["adapt", "evolve"],
 )
 def test_percent_for_an_accuracy_is_told(run, warnings):
-    run(pressed(), square())
+    run(on_floor(), square())
     assert warnings(of="accuracy is 5, a relative error of 500%") in (
         ["accuracy is 5, a relative error of 500%: any mesh reaches it. For 5% write 0.05."],
         ["nothing is told here"],
@@ -263,7 +263,7 @@ def test_what_is_usual_is_not_doubtful(caplog):
         STEEL, [ec.Displacement("bottom", (0.0, 0.0))], contacts=[ec.Contact("top", gap=0.1)]
     )
     ec.solve(held, square())  # at rest
-    roller = pressed(contacts=[ec.Contact("bottom", bilateral=True, gap=0.02)])
+    roller = on_floor(contacts=[ec.Contact("bottom", bilateral=True, gap=0.02)])
     ec.solve(roller, square())
     assert not caplog.records
 
@@ -271,7 +271,7 @@ def test_what_is_usual_is_not_doubtful(caplog):
 def half_disc_on_a_plane(push):
     """The half disc that touches y = 0 with its lowest point; its top is moved by ``push``."""
     foundation = ec.Contact("arc", normal=(0.0, -1.0), gap=lambda x: 1.0 - ufl.sqrt(1 - x[0] ** 2))
-    scene = pressed(supports=[ec.Displacement("top", (0.0, push))], contacts=[foundation])
+    scene = on_floor(supports=[ec.Displacement("top", (0.0, push))], contacts=[foundation])
     return scene, ec.read_mesh(Path(__file__).parents[2] / "meshes" / "half_disc.geo", scripts=True)
 
 
@@ -300,7 +300,7 @@ def test_a_round_foundation_may_touch_between_nodes(d, method, degree, warnings)
     domain = brick((-1.0,) * (d - 1) + (0.0,), (1.0,) * d, cells=(3,) * (d - 1) + (2,))
     along = range(d - 1)
     floor = ec.Contact("bottom", gap=lambda x: 0.5 * sum(x[i] ** 2 for i in along))
-    scene = pressed(
+    scene = on_floor(
         supports=[ec.Displacement("top", (0.0,) * (d - 1) + (-0.03,))], contacts=[floor]
     )
     assert ec.solve(scene, domain, method, degree=degree).force("bottom").force[-1] > 1e-3
@@ -310,7 +310,9 @@ def test_a_round_foundation_may_touch_between_nodes(d, method, degree, warnings)
 def test_doubts_in_space(warnings):
     cube = ec.box((0.0,) * 3, (1.0,) * 3, cells=(2, 2, 2))
     ec.solve(
-        pressed(supports=[ec.Displacement("top", (0.3, 0.3, -0.3))]), cube, ec.AugmentedLagrangian()
+        on_floor(supports=[ec.Displacement("top", (0.3, 0.3, -0.3))]),
+        cube,
+        ec.AugmentedLagrangian(),
     )
     assert len(warnings(of="of the body rotates")) == 1
     assert logs.log_of(COMM).disabled == (COMM.rank > 0)

@@ -16,10 +16,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from plates import METHODS, by_ranks_and_solvers, measured, plate
+from domains import refused
+from plates import METHODS, by_ranks_and_solvers, plate
 from reference import true_errors
-from scenes import mostly_serial
-from test_bad_input import refused
+from scenes import measured, mostly_serial, pressed
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, spring_of
@@ -27,11 +27,10 @@ from erc_contact.error.contact_term import law_error, spring_of
 E, NU = 1000.0, 0.3
 
 
-def pressed(k, friction=0.3, gap=0.0, moved=(0.01, -0.02)) -> ec.Scene:
+def on_bed(k, friction=0.3, gap=0.0, moved=(0.01, -0.02)) -> ec.Scene:
     """A plate pressed on a foundation of stiffness k, a rigid one for None."""
     bed = None if k is None else ec.Foundation(k)
-    contact = ec.Contact("bottom", friction=friction, gap=gap, foundation=bed)
-    return ec.Scene(ec.Elastic(E, NU), ec.Displacement("top", moved), contacts=contact)
+    return pressed(ec.Elastic(E, NU), moved, friction=friction, gap=gap, foundation=bed)
 
 
 def column(k, gap, **pushed) -> ec.Scene:
@@ -90,22 +89,22 @@ def test_limits_of_soft_and_stiff_foundations(degree):
     def gap(x):
         return 0.02 * (x[0] - 1.0) ** 2
 
-    rigid = measured(pressed(None, gap=gap), plate(), degree=degree)
+    rigid = measured(on_bed(None, gap=gap), plate(), degree=degree)
     force = rigid.force("bottom").force
     distances = []
     for k in (1e3 * E, 1e6 * E):
-        stiff = measured(pressed(k, gap=gap), plate(), degree=degree)
+        stiff = measured(on_bed(k, gap=gap), plate(), degree=degree)
         assert stiff.relative == pytest.approx(rigid.relative, rel=0.02)
         distances.append(abs(stiff.force("bottom").force - force).max())
     assert distances[1] < 2e-3 * distances[0] < 2e-3 * 0.02 * abs(force).max()
-    soft = measured(pressed(1e-6 * E, gap=gap), plate(), degree=degree)
+    soft = measured(on_bed(1e-6 * E, gap=gap), plate(), degree=degree)
     assert abs(soft.force("bottom").force).max() < 1e-6 * abs(force).max()
 
 
 @cache
 def references(k) -> tuple[ec.Scene, ec.Solution, ec.ConstitutiveError]:
     """A scene with its solution, and the error, on fine meshes of degree 2."""
-    scene = pressed(ec.table([0.0, 0.7, 2.0], [k, 2 * k, k]), friction=ec.Tresca(1.0))
+    scene = on_bed(ec.table([0.0, 0.7, 2.0], [k, 2 * k, k]), friction=ec.Tresca(1.0))
     return scene, ec.solve(scene, plate(48), degree=2), measured(scene, plate(16), degree=2)
 
 
@@ -135,7 +134,7 @@ def test_e_bounds_true_errors(k, degree):
 
 def test_history_balances_and_goes_on_from_its_checkpoint(shared_tmp_path):
     def scene_at(t):
-        return pressed(3e3, moved=(0.01 * np.sin(t), -0.02 * t))
+        return on_bed(3e3, moved=(0.01 * np.sin(t), -0.02 * t))
 
     def run(callback=None):
         return ec.evolve(
@@ -166,7 +165,7 @@ def test_history_balances_and_goes_on_from_its_checkpoint(shared_tmp_path):
 
 
 def test_ranks_and_solvers():
-    scene = pressed(lambda x: 2e3 + 1e3 * x[0] ** 2)
+    scene = on_bed(lambda x: 2e3 + 1e3 * x[0] ** 2)
     first, errors = by_ranks_and_solvers(
         lambda comm, solver: measured(scene, plate(4, comm), solver=solver)
     )
@@ -195,12 +194,12 @@ BAD = {
         lambda: ec.Contact("a", bilateral=True, foundation=ec.Foundation(1.0)),
         "Spring('a', normal=k)",
     ),
-    "negative somewhere": (solved(pressed(lambda x: x[0] - 1.0)), "is -1 somewhere"),
-    "not finite": (solved(pressed(lambda x: 1 / x[0])), "must be > 0 and finite"),
-    "method": (solved(pressed(1.0), method=WithoutGamma()), "contact.project(z, gamma)"),
+    "negative somewhere": (solved(on_bed(lambda x: x[0] - 1.0)), "is -1 somewhere"),
+    "not finite": (solved(on_bed(lambda x: 1 / x[0])), "must be > 0 and finite"),
+    "method": (solved(on_bed(1.0), method=WithoutGamma()), "contact.project(z, gamma)"),
     "interval": (
         lambda: ec.interval(
-            measured(pressed(1.0, friction=0.0), plate()), ec.Resultant("bottom", (0.0, 1.0))
+            measured(on_bed(1.0, friction=0.0), plate()), ec.Resultant("bottom", (0.0, 1.0))
         ),
         "take ec.resultant",
     ),
@@ -213,6 +212,6 @@ def test_bad_foundations_are_refused_in_words(case):
 
 
 def test_a_scene_says_its_foundation():
-    scene = pressed(50.0)
+    scene = on_bed(50.0)
     assert "foundation of normal stiffness 50" in scene._repr_html_()
-    assert replace(scene.contacts[0], foundation=None) == pressed(None).contacts[0]
+    assert replace(scene.contacts[0], foundation=None) == on_bed(None).contacts[0]

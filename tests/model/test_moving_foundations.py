@@ -4,7 +4,7 @@
   by d, and a body all of whose supports move by -d, have the same forces, slip, error,
   intervals, energies and histories.
 - A disc that turns below a pad pulls at it with friction times pressure times radius.
-- A motion that facets do not carry is told, and nothing is then called guaranteed.
+- A motion that facets do not represent is told, and nothing is then called guaranteed.
 - Bad input is refused in words.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import mostly_serial
+from scenes import certified, mostly_serial
 
 import erc_contact as ec
 from erc_contact.run.fingerprint import fingerprint
@@ -21,7 +21,7 @@ SUNK = 0.01
 METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 
 
-def block(d):
+def meshed(d):
     if d == 2:
         return ec.rectangle((0.0, 0.0), (2.0, 1.0), size=0.3)
     return ec.box((0.0, 0.0, 0.0), (1.0, 0.8, 0.5), cells=(3, 2, 2))
@@ -34,10 +34,6 @@ def scene(moved, friction=0.3, *, by_foundation, foundation=None):
     motion = tuple(moved) if by_foundation else None
     foot = ec.Contact("bottom", friction=friction, foundation=foundation, motion=motion)
     return ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", tuple(back)), contacts=foot)
-
-
-def measured(scene, domain, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
 
 
 def assert_same(first, second, rtol=1e-9):
@@ -64,7 +60,7 @@ def test_what_counts_is_the_motion_against_the_foundation(d, way, degree, method
     errors = []
     for by_foundation in (True, False):
         of_way = moved.get(way, far)
-        errors.append(measured(scene(of_way, by_foundation=by_foundation), block(d), **options))
+        errors.append(certified(scene(of_way, by_foundation=by_foundation), meshed(d), **options))
     assert_same(*errors, rtol=1e-9 if solver == "direct" else 1e-7)
 
 
@@ -80,7 +76,7 @@ def test_numbers_have_the_same_intervals(friction):
     errors = []
     for by_foundation in (True, False):
         errors.append(
-            measured(scene([0.005, 0.0], friction, by_foundation=by_foundation), block(2))
+            certified(scene([0.005, 0.0], friction, by_foundation=by_foundation), meshed(2))
         )
     for goal in goals:
         one, two = (ec.interval(error, goal) for error in errors)
@@ -96,7 +92,7 @@ def test_a_foundation_that_gives_way_moves_too():
     both = []
     for by_foundation in (True, False):
         moving = scene([0.004, 0.002], by_foundation=by_foundation, foundation=bed)
-        both.append(measured(moving, block(2)))
+        both.append(certified(moving, meshed(2)))
     assert_same(*both)
 
 
@@ -111,7 +107,7 @@ def test_a_belt_that_goes_and_comes(strategy):
         def at(t, by_foundation=by_foundation):
             return scene([0.02 * np.sin(t), 0.0], by_foundation=by_foundation)
 
-        histories.append(ec.evolve(at, block(2), times, accuracy=0.05, strategy=strategy))
+        histories.append(ec.evolve(at, meshed(2), times, accuracy=0.05, strategy=strategy))
     belt, body = histories
     assert belt.column("cells").tolist() == body.column("cells").tolist()
     assert belt.column("meshes").max() > 1
@@ -131,7 +127,7 @@ def test_a_turning_disc_pulls_with_its_moment(degree):
     foot = ec.Contact("bottom", friction=friction, motion=turn)
     press = ec.Displacement("top", (0.0, 0.0, -SUNK))
     stiff = ec.Scene(ec.Elastic(1.0, 0.0), press, contacts=foot)
-    error = measured(stiff, pad, degree=degree)
+    error = certified(stiff, pad, degree=degree)
     force = error.force("bottom")
     profile = error.profile("bottom")
     radius = np.hypot(profile["x"], profile["y"])
@@ -142,11 +138,11 @@ def test_a_turning_disc_pulls_with_its_moment(degree):
 
 @pytest.mark.on_ranks("0")
 @pytest.mark.parametrize("waves", [0, 9])
-def test_a_motion_that_facets_do_not_carry_is_told(waves):
+def test_a_motion_that_facets_do_not_represent_is_told(waves):
     wavy = (lambda x: 0.004 * np.cos(waves * x[0]), 0.0)
     foot = ec.Contact("bottom", friction=ec.Tresca(0.002), motion=wavy)
     press = ec.Displacement("top", (0.0, -SUNK))
-    error = measured(ec.Scene(ec.Elastic(1.0, 0.3), press, contacts=foot), block(2))
+    error = certified(ec.Scene(ec.Elastic(1.0, 0.3), press, contacts=foot), meshed(2))
     assert (error.oscillations.history > 0) == (waves > 0)
     assert error.guaranteed == (waves == 0)
 
@@ -160,15 +156,15 @@ def test_bad_motions_are_refused():
         ec.Contact("bottom", motion=(1.0,))
     in_space = ec.Contact("bottom", motion=(0.0, 0.0, 0.0))
     with pytest.raises(ec.InputError, match="of 3 components, but the mesh is 2D"):
-        ec.solve(replace(scene([0.0, 0.0], by_foundation=True), contacts=in_space), block(2))
+        ec.solve(replace(scene([0.0, 0.0], by_foundation=True), contacts=in_space), meshed(2))
     infinite = ec.Contact("bottom", motion=(lambda x: 1.0 / (x[0] - x[0]), 0.0))
     with pytest.raises(ec.InputError, match="motion"):
-        ec.solve(replace(scene([0.0, 0.0], by_foundation=True), contacts=infinite), block(2))
+        ec.solve(replace(scene([0.0, 0.0], by_foundation=True), contacts=infinite), meshed(2))
 
 
 @pytest.mark.serial
 def test_a_checkpoint_knows_another_motion():
     prints = [
-        fingerprint(scene([moved, 0.0], by_foundation=True), block(2), {}) for moved in (0.1, 0.2)
+        fingerprint(scene([moved, 0.0], by_foundation=True), meshed(2), {}) for moved in (0.1, 0.2)
     ]
     assert prints[0] != prints[1]

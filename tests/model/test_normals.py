@@ -15,6 +15,7 @@ import pytest
 import ufl
 from mpi4py import MPI
 from reference import nested, true_errors
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.model.contact.normals import normal_field
@@ -251,7 +252,7 @@ def test_e_bounds_both_errors(law, degree):
             "rim", friction=law, normal=radial, gap=lambda x: -0.03 * (1 + x[1] / 20)
         ),
     )
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, coarse, degree=degree)))
+    error = certified(scene, coarse, degree=degree)
     assert error.model.contacts[0].trace.corner_normals is not None
     fine = ec.solve(scene, nested(coarse, 3), degree=2)
     true = true_errors(error.admissible, fine)
@@ -306,7 +307,7 @@ def test_the_error_of_a_sliding_fit_falls_at_the_rate(degree):
     domain = fit(rings, 2, 6.0)
     relative = []
     for _ in range(3):
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=degree)))
+        error = certified(scene, domain, degree=degree)
         relative.append(error.relative)
         domain = domain.refined()
     rates = np.log2(np.array(relative[:-1]) / relative[1:])

@@ -1,6 +1,6 @@
 """Preloads: cuts whose sides are drawn together by a force or a shift.
 
-- A bar has q = F L/(E A), with both solvers, in the plane and in space; its jump is q d.
+- A bar has q = F L/(E A), with both solvers, in the plane and in 3D; its jump is q d.
 - Two springs in parallel: what the bolt feels of a pull before and after the joint opens.
 - A bolted joint is in balance to round-off, and sigma^ has the force of the bolt; solvers,
   methods, sides, refined meshes, ranks and checkpoints agree.
@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from bolted import SEATS, SIDES, bolted_plates
 from bricks import NAMES, bricks
+from domains import refused
 from mpi4py import MPI
 from reference import true_errors
-from test_bad_input import refused
+from scenes import certified
 from test_split import tagged
-from test_two_bodies import certified
 
 import erc_contact as ec
 from erc_contact.admissible import equilibrate as stage
@@ -252,7 +252,7 @@ def test_a_force_that_cannot_be_kept_is_left_out(monkeypatch):
     def failing(model, solved, others):
         balanced.append(len(others.motions))
         if len(balanced) == 1:
-            return TooCoarse("no traction", np.empty(0, dtype=np.int32))
+            raise TooCoarse("no traction", np.empty(0, dtype=np.int32))
         return original(model, solved, others)
 
     monkeypatch.setattr(stage, "admissible_tractions", failing)

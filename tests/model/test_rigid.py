@@ -3,7 +3,7 @@
 - a bar that a rigid end pulls and bends has the closed form, signs included;
 - a face in a holder of 1e6 E moves as the rigid face does;
 - sigma^ has the resultants that are given, and u^ is rigid on the face, in the plane
-  and in space;
+  and in 3D;
 - e bounds true errors, energies and motions of a fine mesh lie in the intervals;
 - a punch between two bodies, histories, ranks;
 - what is wrong is refused in words.
@@ -14,11 +14,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
+from domains import refused
 from mpi4py import MPI
-from plates import measured
 from reference import true_errors
-from scenes import mostly_serial
-from test_bad_input import refused
+from scenes import measured, mostly_serial
 
 import erc_contact as ec
 
@@ -31,7 +30,7 @@ def plate(n: int = 3, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     return ec.rectangle(*PLANE, cells=(2 * n, n), comm=comm)
 
 
-def pressed(*supports, friction=0.3, nu=NU, **others) -> ec.Scene:
+def resting(*supports, friction=0.3, nu=NU, **others) -> ec.Scene:
     contact = ec.Contact("bottom", friction=friction)
     return ec.Scene(ec.Elastic(E, nu), supports, contacts=contact, **others)
 
@@ -41,7 +40,7 @@ def free_face() -> ec.Rigid:
 
 
 def test_bar_pulled_and_bent():
-    """Without Poisson's effect degree 2 carries the solution; nu would warp the ends."""
+    """Without Poisson's effect degree 2 represents the solution; nu would warp the ends."""
     pull, moment = 6.0, 0.5
     rigid = ec.Rigid("right", (None, 0.0), force=(pull, None), moment=moment)
     scene = ec.Scene(ec.Elastic(E, 0.0), [ec.Symmetry("left"), rigid])
@@ -61,7 +60,7 @@ def test_eccentric_force_on_a_smooth_foundation():
     """Inside the middle third nothing opens: pressure and tilt are as in a bent bar."""
     force, arm = -8.0, 0.25
     face = ec.Rigid("top", (0.0, None), force=(None, force), moment=arm * force)
-    error = measured(pressed(face, friction=0.0, nu=0.0), plate(), degree=2, method=ec.Nitsche())
+    error = measured(resting(face, friction=0.0, nu=0.0), plate(), degree=2, method=ec.Nitsche())
     assert error.relative < 1e-10
     motion = error.solution.motion("top")
     second_moment = 2.0**3 / 12
@@ -89,12 +88,12 @@ def test_face_in_a_stiff_holder():
     held = ec.Scene(ec.Elastic(modulus, NU), [], ec.Traction("top", load), contact)
     reference = ec.solve(held, domain, degree=2)
     moved = reference.at([(1.0, 1.0), (0.0, 1.0), (2.0, 1.0)]).displacement
-    solution = ec.solve(pressed(free_face()), plate(4), degree=2)
+    solution = ec.solve(resting(free_face()), plate(4), degree=2)
     motion = solution.motion("top")
     size = abs(moved).max()
     assert motion.displacement == pytest.approx(moved[0], abs=1e-5 * size)
     assert motion.rotation[0] == pytest.approx((moved[2] - moved[1])[1] / 2.0, abs=1e-5 * size)
-    turned = replace(pressed(replace(free_face(), moment=-M)))
+    turned = replace(resting(replace(free_face(), moment=-M)))
     assert ec.solve(turned, plate(4), degree=2).motion("top").rotation[0] < 0 < motion.rotation[0]
 
 
@@ -107,7 +106,7 @@ def test_strip_under_a_plate():
         force = -8.0 * length
         face = ec.Rigid("top", (0.0, None), force=(None, force), moment=0.0)
         sides = [ec.Symmetry("left"), ec.Symmetry("right")]
-        error = measured(pressed(face, *sides, friction=0.0), domain)
+        error = measured(resting(face, *sides, friction=0.0), domain)
         assert error.relative < 1e-12
         motion = error.solution.motion("top")
         strain = force / (2.0 * length) * (1 + NU) * (1 - 2 * NU) / (1 - NU) / E
@@ -115,7 +114,7 @@ def test_strip_under_a_plate():
         assert abs(motion.rotation[0]) < 1e-12 * abs(strain)
         # A force at the right of the middle turns it clockwise.
         eccentric = replace(face, moment=0.2 * length * force)
-        solution = ec.solve(pressed(eccentric, *sides, friction=0.0), domain)
+        solution = ec.solve(resting(eccentric, *sides, friction=0.0), domain)
         rotations.append(solution.motion("top").rotation[0])
     assert rotations[0] < 0
     assert rotations == pytest.approx(3 * [rotations[0]], rel=1e-9)
@@ -128,12 +127,12 @@ FACES = {
     "coarse": (free_face(), (2, 1), 2),
     "guided": (ec.Rigid("top", (0.001, None), rotation=0.0, force=(None, -8.0)), (6, 3), 1),
     "pushed": (ec.Rigid("top", (None, -0.004), force=(0.5, None), moment=0.2), (6, 3), 2),
-    "in space": (
+    "in 3D": (
         ec.Rigid("top", force=(0.4, 0.3, -8.0), moment=(0.5, -0.4, 0.2)),
         (3, 2, 2),
         1,
     ),
-    "in space, degree 2": (
+    "in 3D, degree 2": (
         ec.Rigid(
             "top", (None, None, -0.004), (0.0, 0.001, None), (0.4, 0.3, None), (None, None, 0.2)
         ),
@@ -143,11 +142,11 @@ FACES = {
 }
 
 
-@pytest.mark.parametrize("case", mostly_serial(FACES, ["free", "in space"]))
+@pytest.mark.parametrize("case", mostly_serial(FACES, ["free", "in 3D"]))
 def test_resultants_and_motions(case):
     rigid, cells, degree = FACES[case]
     box = ec.rectangle(*PLANE, cells=cells) if rigid.d == 2 else ec.box(*SPACE, cells=cells)
-    error = measured(pressed(rigid), box, degree=degree)
+    error = measured(resting(rigid), box, degree=degree)
     motion = error.solution.motion("top")
     motions = (*motion.displacement, *motion.rotation)
     for result in (error, error.solution):
@@ -177,10 +176,10 @@ def test_resultants_and_motions(case):
 
 
 BOUNDED = {
-    "frictionless": pressed(
+    "frictionless": resting(
         ec.Rigid("top", (0.0, None), force=(None, -8.0), moment=1.5), friction=0.0
     ),
-    "given friction": pressed(
+    "Tresca friction": resting(
         ec.Rigid("top", (0.002, None), force=(None, -8.0), moment=-1.0),
         friction=ec.Tresca(0.5),
         loads=[ec.BodyForce((0.0, -1.0))],
@@ -194,7 +193,7 @@ BOUNDED = {
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("case", "degree"), [("frictionless", 2), ("given friction", 1), ("cantilever", 1)]
+    ("case", "degree"), [("frictionless", 2), ("Tresca friction", 1), ("cantilever", 1)]
 )
 def test_e_and_intervals_hold_those_of_a_fine_mesh(case, degree):
     scene = BOUNDED[case]
@@ -225,20 +224,20 @@ HELD = ec.Scene(
 )
 SPRUNG = ec.Spring("right", normal=E)
 SOLVED = {
-    "free": (lambda: (pressed(free_face(), loads=ec.BodyForce((0.0, -2.0))), plate()), 1),
-    "coarse": (lambda: (pressed(free_face()), plate(1)), 2),
-    "certified": (lambda: (pressed(GUIDED, friction=0.2), plate(6)), 1),
-    "sprung": (lambda: (pressed(GUIDED, friction=0.2, springs=SPRUNG), plate()), 2),
+    "free": (lambda: (resting(free_face(), loads=ec.BodyForce((0.0, -2.0))), plate()), 1),
+    "coarse": (lambda: (resting(free_face()), plate(1)), 2),
+    "certified": (lambda: (resting(GUIDED, friction=0.2), plate(6)), 1),
+    "sprung": (lambda: (resting(GUIDED, friction=0.2, springs=SPRUNG), plate()), 2),
     "without contact": (lambda: (HELD, plate()), 1),
-    "in space": (
-        lambda: (pressed(FACES["in space"][0]), ec.box(*SPACE, cells=(3, 2, 2))),
+    "in 3D": (
+        lambda: (resting(FACES["in 3D"][0]), ec.box(*SPACE, cells=(3, 2, 2))),
         2,
     ),
     "two bodies": (lambda: two_bodies(3), 1),
 }
 
 
-@pytest.mark.parametrize("case", mostly_serial(SOLVED, ["free", "in space", "two bodies"]))
+@pytest.mark.parametrize("case", mostly_serial(SOLVED, ["free", "in 3D", "two bodies"]))
 def test_both_solvers(case):
     """The factor and multigrid, with all that solves for the body after the contact."""
     make, degree = SOLVED[case]
@@ -262,9 +261,9 @@ def test_both_solvers(case):
 
 
 def test_given_motions_are_a_support():
-    rigid = measured(pressed(ec.Rigid("top", (0.001, -0.004), rotation=0.002)), plate())
+    rigid = measured(resting(ec.Rigid("top", (0.001, -0.004), rotation=0.002)), plate())
     plane = ec.Displacement("top", (0.001, lambda x: -0.004 + 0.002 * (x[0] - 1.0)))
-    support = measured(pressed(plane), plate())
+    support = measured(resting(plane), plate())
     assert rigid.absolute == pytest.approx(support.absolute, rel=1e-10)
 
 
@@ -295,7 +294,7 @@ def test_fretting_in_a_rigid_holder():
 
     def scene_at(t):
         moved = float(0.004 * np.sin(np.pi * t / 2))
-        return pressed(ec.Rigid("top", (moved, None), rotation=0.0, force=(None, -8.0)))
+        return resting(ec.Rigid("top", (moved, None), rotation=0.0, force=(None, -8.0)))
 
     evolution = ec.evolve(scene_at, plate(4), np.arange(8.0), accuracy=0.5)
     there, back = (evolution.steps[i].force["bottom"] for i in (5, 7))
@@ -308,7 +307,7 @@ def test_fretting_in_a_rigid_holder():
 
 @pytest.mark.serial
 def test_a_run_goes_on_from_its_folder(tmp_path):
-    scene = pressed(ec.Rigid("top", (0.001, None), force=(None, -8.0), moment=0.5))
+    scene = resting(ec.Rigid("top", (0.001, None), force=(None, -8.0), moment=0.5))
     whole = ec.adapt(scene, plate(2), 0.06)
     ec.adapt(scene, plate(2), 0.06, max_steps=2, checkpoint=tmp_path)
     again = ec.adapt(scene, plate(2), 0.06, checkpoint=tmp_path)
@@ -321,14 +320,14 @@ def test_a_run_goes_on_from_its_folder(tmp_path):
 def test_ranks_agree():
     numbers = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        error = measured(pressed(free_face()), plate(4, comm))
+        error = measured(resting(free_face()), plate(4, comm))
         motion = error.solution.motion("top")
         numbers.append([error.relative, *motion.displacement, *motion.rotation])
     assert numbers[1] == pytest.approx(numbers[0], rel=1e-8)
 
 
 def shares_nodes(friction, *supports):
-    return ec.solve(pressed(*supports, friction=friction), plate())
+    return ec.solve(resting(*supports, friction=friction), plate())
 
 
 BAD = {
@@ -338,15 +337,15 @@ BAD = {
     "no number": (lambda: ec.Rigid("top", (0.0, np.nan), 0.0), "finite numbers"),
     "rotations": (lambda: ec.Rigid("top", (0.0, 0.0), (0.0, 0.0)), "rotation has 2 numbers"),
     "in the plane": (
-        lambda: ec.solve(pressed(ec.Rigid("top", (0, 0, 0), (0, 0, 0))), plate()),
+        lambda: ec.solve(resting(ec.Rigid("top", (0, 0, 0), (0, 0, 0))), plate()),
         "the mesh is 2D",
     ),
     "contact": (
-        lambda: pressed(ec.Rigid("bottom", (0.0, 0.0), 0.0)),
+        lambda: resting(ec.Rigid("bottom", (0.0, 0.0), 0.0)),
         "in a Contact and in a Rigid",
     ),
     "load": (
-        lambda: pressed(free_face(), loads=ec.Traction("top", (0.0, 1.0))),
+        lambda: resting(free_face(), loads=ec.Traction("top", (0.0, 1.0))),
         "a Traction and a Rigid; give the Rigid its resultant",
     ),
     "rough corner": (
@@ -362,7 +361,7 @@ BAD = {
         "and a support have nodes in common",
     ),
     "stress of a cell that touches both": (
-        lambda: ec.solve(pressed(free_face()), plate(1), ec.Nitsche()),
+        lambda: ec.solve(resting(free_face()), plate(1), ec.Nitsche()),
         "A cell touches both",
     ),
     "not held": (
@@ -375,7 +374,7 @@ BAD = {
         ),
         "is given; ask for the other",
     ),
-    "name": (lambda: ec.solve(pressed(free_face()), plate()).motion("left"), "is called 'left'"),
+    "name": (lambda: ec.solve(resting(free_face()), plate()).motion("left"), "is called 'left'"),
 }
 
 

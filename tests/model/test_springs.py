@@ -15,18 +15,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from domains import refused
 from plates import by_ranks_and_solvers, plate
 from reference import true_errors
-from scenes import mostly_serial
-from test_bad_input import refused
+from scenes import certified, mostly_serial
 
 import erc_contact as ec
 
 E, NU = 1000.0, 0.3
-
-
-def measured(scene, domain, **options) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
 
 
 def sprung(*springs, friction=0.3) -> ec.Scene:
@@ -57,7 +53,7 @@ def test_bar_on_springs(degree):
         [ec.Traction("right", (pull, 0.0)), ec.Traction("left", (2.0, 0.0))],
         springs=ec.Spring("left", normal=k),
     )
-    error = measured(scene, plate(), degree=degree)
+    error = certified(scene, plate(), degree=degree)
     assert error.relative < 1e-12
     # The load on the springs' own part does not strain the bar.
     moved = (pull + 2.0) / k + 2.0 * pull / E
@@ -74,7 +70,7 @@ def test_springs_alone_hold_a_body():
     springs = [ec.Spring("left", 50.0, 20.0)]
     scene = ec.Scene(ec.Elastic(E, NU), loads=ec.Traction("right", (0.3, -0.1)), springs=springs)
     for solver in ("direct", "iterative"):
-        balance = measured(scene, plate(), solver=solver).reactions()["balance"]
+        balance = certified(scene, plate(), solver=solver).reactions()["balance"]
         assert abs(balance.force).max() < 1e-9
         assert abs(balance.moment).max() < 1e-9
     slides = replace(scene, springs=[ec.Spring("left", 50.0)])
@@ -84,16 +80,16 @@ def test_springs_alone_hold_a_body():
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_limits_of_soft_and_stiff_springs(degree):
-    free = measured(held(), plate(), degree=degree)
-    rigid = measured(held(supports=[ec.Displacement("left", (0.0, 0.0))]), plate(), degree=degree)
+    free = certified(held(), plate(), degree=degree)
+    rigid = certified(held(supports=[ec.Displacement("left", (0.0, 0.0))]), plate(), degree=degree)
     distances = []
     for k in (1e6 * E, 1e3 * E):
-        stiff = measured(held(ec.Spring("left", k, k)), plate(), degree=degree)
+        stiff = certified(held(ec.Spring("left", k, k)), plate(), degree=degree)
         assert stiff.relative == pytest.approx(rigid.relative, rel=0.02)
         distances.append(abs(stiff.force("left").force - rigid.force("left").force).max())
     # The distance to the limit is of first order in the compliance.
     assert distances[0] < 2e-3 * distances[1] < 2e-3 * abs(rigid.force("left").force).max()
-    soft = measured(held(ec.Spring("left", 1e-6 * E, 1e-6 * E)), plate(), degree=degree)
+    soft = certified(held(ec.Spring("left", 1e-6 * E, 1e-6 * E)), plate(), degree=degree)
     assert soft.relative == pytest.approx(free.relative, rel=1e-3)
     assert abs(soft.force("left").force).max() < 1e-4
 
@@ -103,7 +99,7 @@ def sprung_by(k):
     """Return a scene on springs, and on fine meshes its solution and its error."""
     scene = sprung(ec.Spring("left", k, 0.3 * k), friction=ec.Tresca(1.0))
     scene = replace(scene, loads=[*scene.loads, ec.Traction("left", (0.4, 0.0))])
-    return scene, ec.solve(scene, plate(24), degree=2), measured(scene, plate(16), degree=2)
+    return scene, ec.solve(scene, plate(24), degree=2), certified(scene, plate(16), degree=2)
 
 
 @pytest.mark.pairs
@@ -116,7 +112,7 @@ def test_e_bounds_true_errors(degree, k, method):
     energy = ec.potential_energy(finest).value
     force = finest.force("bottom").force[1]
     for n in (2, 4):
-        error = measured(scene, plate(n), degree=degree, method=method)
+        error = certified(scene, plate(n), degree=degree, method=method)
         true = true_errors(error.admissible, reference)
         assert true.both <= 1.02 * error.absolute
         # e contains the error of the springs, too, which these true errors do not. A
@@ -150,7 +146,7 @@ def test_energies_of_a_history_balance(on_springs):
 def test_ranks_solvers_and_very_stiff_springs():
     scene = sprung(ec.Spring("left", 1e8 * E, 1e8 * E), ec.Spring("right", 5.0))
     first, errors = by_ranks_and_solvers(
-        lambda comm, solver: measured(scene, plate(4, comm), solver=solver)
+        lambda comm, solver: certified(scene, plate(4, comm), solver=solver)
     )
     for error in errors:
         assert error.force("left").force == pytest.approx(first.force("left").force, rel=1e-6)

@@ -16,11 +16,11 @@ from functools import cache
 import numpy as np
 import pytest
 import ufl
+from domains import refused
 from mpi4py import MPI
-from plates import measured, plate
+from plates import plate
 from reference import true_errors
-from scenes import mostly_serial
-from test_bad_input import refused
+from scenes import measured, mostly_serial
 
 import erc_contact as ec
 from erc_contact.scene.words import in_words

@@ -1,8 +1,8 @@
-"""Foundations, and layers between bodies, that give way tangentially.
+"""Foundations, and layers between bodies, that are tangentially compliant.
 
 - a block that is pressed and sheared on one has the closed form of springs in a row
   while it sticks, and slips at its friction bound, by all methods and both solvers, in
-  the plane and in space;
+  the plane and in 3D;
 - with a bound that nothing reaches it is a bed of springs, in the plane, on rings and
   between bodies;
 - the error in its law is zero for the law and for nothing else, and tends to the term
@@ -18,11 +18,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from plates import METHODS, by_ranks_and_solvers, measured, plate
+from domains import refused, two_halves
+from plates import METHODS, by_ranks_and_solvers, plate
 from reference import true_errors
-from scenes import mostly_serial, two_halves
-from test_bad_input import refused
+from scenes import flat_block, measured, mostly_serial, pressed
 
 import erc_contact as ec
 from erc_contact.error.contact_term import law_error, slider_of
@@ -36,12 +35,6 @@ STICKS = MU * PRESSURE * (1 / K_T + 1 / G)
 BED = ec.Foundation(K_N, K_T)
 TWO_METHODS = METHODS[::3]
 """All variants of Nitsche's method find how a block sticks and slips, in the first test."""
-
-
-def block(d: int = 2, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
-    if d == 2:
-        return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2), comm=comm)
-    return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(3, 2, 2), comm=comm)
 
 
 def halves(domain: ec.Domain) -> ec.Domain:
@@ -87,7 +80,7 @@ def uniform(
 def test_a_block_sticks_and_slips_on_springs(between, d, solver, method, degree, amount):
     scene, shear, slip = uniform(amount * STICKS, d, between=between)
     assert (slip > 1e-3 * STICKS) == (amount > 1)
-    domain = halves(block(d)) if between else block(d)
+    domain = halves(flat_block(d, 2)) if between else flat_block(d, 2)
     error = measured(scene, domain, degree=degree, method=method, solver=solver)
     assert error.relative < 1e-9
     table = error.profile("punch" if between else "bottom")
@@ -128,7 +121,7 @@ def on_springs(d: int, *, rings: bool = False) -> list[ec.Scene]:
 def test_what_only_sticks_is_on_springs(method, degree, kind):
     d = 3 if kind == "space" else 2
     springs, soft = on_springs(d, rings=kind == "rings")
-    domain = block(3) if d == 3 else plate(4)
+    domain = flat_block(3, 2) if d == 3 else plate(4)
     on_bed = measured(springs, domain, degree=degree)
     error = measured(soft, domain, degree=degree, method=method)
     assert error.relative == pytest.approx(on_bed.relative, rel=0.05)
@@ -164,11 +157,10 @@ def test_error_in_the_law():
     assert law_error(slider_of(slide, r_t, b, 1e9 * k)) == pytest.approx(rigid, abs=1e-8)
 
 
-def pressed(k, friction=0.3, k_n=None, moved=(0.01, -0.02)) -> ec.Scene:
+def on_bed(k, friction=0.3, k_n=None, moved=(0.01, -0.02)) -> ec.Scene:
     """A plate pressed and pushed on a foundation of tangential stiffness k."""
     bed = None if k is None else ec.Foundation(k_n, tangential=k)
-    contact = ec.Contact("bottom", friction=friction, foundation=bed)
-    return ec.Scene(ec.Elastic(E, 0.3), ec.Displacement("top", moved), contacts=contact)
+    return pressed(ec.Elastic(E, 0.3), moved, friction=friction, foundation=bed)
 
 
 def with_base(scene: ec.Scene) -> ec.Scene:
@@ -182,16 +174,16 @@ def with_base(scene: ec.Scene) -> ec.Scene:
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
 def test_limits_of_soft_and_stiff_foundations(degree, method):
     options = {"degree": degree, "method": method}
-    rigid = measured(pressed(None), plate(), **options)
+    rigid = measured(on_bed(None), plate(), **options)
     force = rigid.force("bottom").force
     distances = []
     for k, same in ((1e3 * E, 2e-3), (1e6 * E, 1e-4)):
-        stiff = measured(pressed(k), plate(), **options)
+        stiff = measured(on_bed(k), plate(), **options)
         assert stiff.relative == pytest.approx(rigid.relative, rel=same)
         distances.append(abs(stiff.force("bottom").force - force).max())
     assert distances[1] < 2e-3 * distances[0] < 2e-3 * 0.02 * abs(force).max()
-    soft = measured(pressed(1e-6 * E), plate(), **options)
-    smooth = measured(pressed(None, friction=0.0), plate(), **options)
+    soft = measured(on_bed(1e-6 * E), plate(), **options)
+    smooth = measured(on_bed(None, friction=0.0), plate(), **options)
     assert soft.relative == pytest.approx(smooth.relative, rel=1e-3)
     assert abs(soft.profile("bottom")["shear"]).max() < 1e-6 * abs(force).max()
 
@@ -200,7 +192,7 @@ def test_limits_of_soft_and_stiff_foundations(degree, method):
 @pytest.mark.parametrize(("degree", "eps"), [(1, 0.045), (2, 0.02)])
 @pytest.mark.parametrize("k", [10.0, 300.0])
 def test_springs_alone_hold_a_block(k, degree, eps, method):
-    """Its traction balances the loads; what the springs give way is no slip."""
+    """Its traction balances the loads; the deflection of the springs is no slip."""
     load = ec.Traction("top", (lambda x: 0.5 + 0.15 * x[0], -5.0))
     bed = ec.Contact("bottom", friction=0.3, foundation=ec.Foundation(tangential=k))
     scene = ec.Scene(ec.Elastic(E, 0.3), loads=load, contacts=bed)
@@ -214,7 +206,7 @@ def references(k, k_n, *, between) -> tuple[ec.Scene, ec.Solution, ec.Constituti
     """A scene with its solution, and the error, on fine meshes of degree 2."""
     stiffness = ec.table([0.0, 0.7, 2.0], [k, 2 * k, k])
     bound = (2.5 if k_n is None else 3.7) if between else 3.0
-    scene = pressed(stiffness, ec.Tresca(bound), k_n)
+    scene = on_bed(stiffness, ec.Tresca(bound), k_n)
     if between:
         scene = with_base(scene)
     fine, less_fine = cut(48, between=between), cut(16, between=between)
@@ -280,7 +272,7 @@ def test_a_history_gives_back_what_springs_store(d, degree, method):
     after = None
     slipped = 0.0
     for scene, (shear, slip) in zip(scenes.values(), states, strict=True):
-        after = ec.solve(scene, block(d), degree=degree, method=method, after=after)
+        after = ec.solve(scene, flat_block(d, 2), degree=degree, method=method, after=after)
         error = ec.constitutive_error(ec.equilibrate(after))
         assert error.relative < 1e-8
         table = error.profile("bottom")
@@ -295,7 +287,7 @@ def test_dissipation_is_of_slip_alone_and_a_history_goes_on(shared_tmp_path):
     def run(callback=None):
         return ec.evolve(
             lambda t: scenes[t],
-            block(),
+            flat_block(2, 2),
             list(PUSHES),
             accuracy=0.5,
             checkpoint=shared_tmp_path,
@@ -318,7 +310,7 @@ def test_dissipation_is_of_slip_alone_and_a_history_goes_on(shared_tmp_path):
 @pytest.mark.parametrize("between", [False, True])
 def test_ranks_and_solvers(between):
     def moved_to(x, y):
-        scene = pressed(lambda x: 2e3 + 1e3 * x[0] ** 2, k_n=3e3, moved=(x, y))
+        scene = on_bed(lambda x: 2e3 + 1e3 * x[0] ** 2, k_n=3e3, moved=(x, y))
         return with_base(scene) if between else scene
 
     part = "punch" if between else "bottom"
@@ -345,12 +337,12 @@ BAD = {
         "has no friction",
     ),
     "negative somewhere": (
-        lambda: ec.solve(pressed(lambda x: x[0] - 1.0), plate()),
+        lambda: ec.solve(on_bed(lambda x: x[0] - 1.0), plate()),
         "tangential stiffness of the foundation is -1 somewhere",
     ),
     "interval": (
         lambda: ec.interval(
-            measured(pressed(1.0, ec.Tresca(1.0)), plate()), ec.Resultant("bottom", (0.0, 1.0))
+            measured(on_bed(1.0, ec.Tresca(1.0)), plate()), ec.Resultant("bottom", (0.0, 1.0))
         ),
         "take ec.resultant",
     ),
@@ -363,10 +355,10 @@ def test_bad_foundations_are_refused_in_words(case):
 
 
 def test_what_a_scene_and_a_certificate_say():
-    scene = pressed(50.0, k_n=20.0)
+    scene = on_bed(50.0, k_n=20.0)
     words = "foundation of normal stiffness 20.0 and tangential stiffness 50.0"
     assert words in scene._repr_html_()
     assert ec.Foundation(stiffness=20.0) == ec.Foundation(20.0)
     certificate = ec.coulomb_certificate(measured(scene, plate()))
     assert not certificate.unique
-    assert "the law is another" in str(certificate)
+    assert "no isotropic multiple" in str(certificate)

@@ -10,10 +10,11 @@ import dataclasses
 
 import pytest
 from bricks import NAMES, bricks, glued
+from domains import refused
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified
 from test_joined import joined
-from test_two_bodies import certified, vector
+from test_two_bodies import vector
 
 import erc_contact as ec
 from namedmesh.base.names import file_stem

@@ -12,6 +12,7 @@ One linear map and its transpose.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import basix.ufl
@@ -103,7 +104,7 @@ def two_sided(d: int, degree: int):
     here, there = facing_facets(domain)
     normal = np.tile(np.eye(d)[0], (len(here), 1))
     sides = [model.space.side(facets, model.modulus) for facets in (here, there)]
-    return model, Trace(sides[0], normal, there=sides[1])
+    return model, Trace(sides[0], sides[1], normal)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -141,7 +142,7 @@ class TestTwoSides:
 
     def test_stiffness_is_that_of_springs_in_a_row(self, d, degree):
         model, trace = two_sided(d, degree)
-        alone = Trace(trace.here, trace.direction).stiffness
+        alone = replace(trace, there=trace.here.only(slice(0))).stiffness
         assert trace.stiffness == pytest.approx(alone / 2)
         values = np.where(trace.here.owned, np.arange(1.0, len(alone) + 1), 0.0)
         cells = trace.share(values)
@@ -174,6 +175,13 @@ def test_foundation(degree):
     assert np.allclose(shape @ trace.coefficients(w)[..., 0][..., None], w[..., :1], atol=1e-16)
     assert trace.stiffness == pytest.approx(2.0 / 0.25)
     assert trace.here.owned_areas.sum() == pytest.approx(0.25 * trace.here.owned.sum())
+    # The other side has no facets: it gets no forces, and holds no component.
+    forces = np.ones(w.shape)
+    assert trace.partners.shape == (0, degree + 1)
+    assert not trace.back_there(forces).any()
+    assert np.array_equal(trace.back(forces), trace.back_here(forces))
+    assert trace.fixed(np.ones(nodal.shape, dtype=bool)).all()
+    assert trace.share(np.ones(len(w))).sum() == pytest.approx(len(w))
 
 
 @pytest.mark.parametrize("degree", [1, 2])

@@ -14,9 +14,10 @@ import pytest
 import ufl
 from bricks import NAMES, glued, small_bricks
 from dolfinx import fem
+from domains import refused
 from free_bodies import index, random_free
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.model import model as models
@@ -29,10 +30,6 @@ UPPER, LOWER = NAMES
 E, NU = 10.0, 0.3
 INNER, OUTER = 1.0, 2.0
 TWO = ec.Elastic(E={"upper": 1000.0, "lower": 300.0}, nu={"upper": 0.3, "lower": 0.25})
-
-
-def certified(scene, domain, *args, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, *args, **options)))
 
 
 def integral(space, density):
@@ -162,12 +159,11 @@ def test_e_is_above_both_true_errors(seed):
 # -------------------------------------------------------------------------------------
 
 
-def elsewhere(unheld: Unheld, model) -> np.ndarray:
+def elsewhere(unheld: Unheld, space, fixed, contacts) -> np.ndarray:
     """Anchors at other vertices, that resist the motions as well."""
-    space = model.space
     values = np.stack([q.x.array.reshape(-1, space.d) for q in unheld.functions], axis=2)
     at_contact = [[]]
-    for contact in model.contacts:
+    for contact in contacts:
         at_contact.append(contact.trace.here.nodes.ravel())
         if contact.against is not None:
             at_contact.append(contact.trace.partners.ravel())
@@ -176,9 +172,9 @@ def elsewhere(unheld: Unheld, model) -> np.ndarray:
     for _ in range(100):
         nodes = rng.choice(vertices, values.shape[2], replace=False)
         components = rng.integers(0, space.d, values.shape[2])
-        anchors = np.zeros(model.fixed.shape, dtype=bool)
+        anchors = np.zeros(fixed.shape, dtype=bool)
         anchors[nodes, components] = True
-        if np.linalg.cond(values[nodes, components]) < 50 and not (anchors & model.fixed).any():
+        if np.linalg.cond(values[nodes, components]) < 50 and not (anchors & fixed).any():
             return anchors
     raise AssertionError("no anchors")
 
@@ -208,9 +204,9 @@ def test_any_minimal_supports_give_the_same(kind, d, degree, monkeypatch):
     one = certified(scene, domain, degree=degree)
     find = models.find_unheld
 
-    def find_elsewhere(space, *args):
-        unheld = find(space, *args)
-        return replace(unheld, anchors=elsewhere(unheld, space))
+    def find_elsewhere(space, bodies, motions, fixed, by_all, contacts):
+        unheld = find(space, bodies, motions, fixed, by_all, contacts)
+        return replace(unheld, anchors=elsewhere(unheld, space, fixed, contacts))
 
     monkeypatch.setattr(models, "find_unheld", find_elsewhere)
     other = certified(scene, domain, degree=degree)
@@ -358,7 +354,7 @@ def test_what_files_round_is_taken_up_and_told_once(degree, caplog):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_body_forces_that_vary_are_balanced_by_their_projections(degree):
-    """At degree 1 a cell carries its mean, whose moment is another one."""
+    """At degree 1 a cell represents its mean, whose moment is another one."""
     scene = ec.Scene(ec.Elastic(E, NU), loads=ec.BodyForce((lambda x: (x[0] - 1.0) ** 3, 0.0)))
     coarse, fine = (certified(scene, brick(2, n), degree=degree) for n in (3, 12))
     assert max(coarse.admissible.imbalance, fine.admissible.imbalance) < 1e-11

@@ -2,7 +2,8 @@
 
 - Rectangles, boxes, files and assemblies become domains; they are named, split, joined, refined
   and meshed again, and their measures stay.
-- Errors are its own, and erc_contact catches them by the root of its errors.
+- They are written, read and drawn.
+- Its tests run where erc_contact cannot be imported.
 """
 
 import subprocess
@@ -11,9 +12,6 @@ from pathlib import Path
 
 import pytest
 from processes import ROOT, environment
-
-import erc_contact as ec
-import namedmesh as nm
 
 pytestmark = pytest.mark.serial
 SCRIPT = """
@@ -38,6 +36,12 @@ assert again.pairs == both.pairs
 read = nm.read_mesh(sys.argv[1], scripts=True)
 assert len(read.names) > 1
 assert nm.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(2, 2, 2)).refined().dim == 3
+nm.write_domain(both, "both.vtkhdf")
+kept = nm.read_domain("both.vtkhdf")
+assert repr(kept) == repr(both)
+for domain, picture in ((kept, "flat.png"), (nm.box((0.0,) * 3, (1.0,) * 3, cells=(1, 1, 1)), "box.png")):
+    axes = nm.draw_parts(domain, picture)
+    assert (axes is None) == (comm.rank > 0)
 try:
     block.tag("nowhere")
 except nm.NamedMeshError as reason:
@@ -63,13 +67,32 @@ def test_all_of_it_works_alone(ranks, tmp_path):
         text=True,
         timeout=120,
         env=environment(),
+        cwd=tmp_path,
         check=False,
     )
     assert run.returncode == 0, run.stderr
     assert run.stdout.count("done") == ranks
+    for name in ("flat.png", "box.png"):
+        assert (tmp_path / name).read_bytes()[:4] == b"\x89PNG"
 
 
-def test_errors_have_one_root():
-    assert issubclass(nm.InputError, ec.ErcContactError)
-    with pytest.raises(ec.ErcContactError, match="nowhere"):
-        nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1)).tag("nowhere")
+COLLECT = """
+import sys
+sys.modules["erc_contact"] = None
+import pytest
+sys.exit(pytest.main(["--noconftest", "--collect-only", "-p", "no:cacheprovider", sys.argv[1]]))
+"""
+
+
+def test_its_tests_import_nothing_else():
+    """In the tests, too, no import of erc_contact works, see conftest.py."""
+    run = subprocess.run(
+        [sys.executable, "-c", COLLECT, str(ROOT / "tests" / "namedmesh")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=environment(),
+        cwd=ROOT,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout

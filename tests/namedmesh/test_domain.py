@@ -13,10 +13,10 @@ import pytest
 import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
+from domains import two_materials
 from mpi4py import MPI
-from scenes import two_materials
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.base.releases import cell_nodes, coordinate_map
 from namedmesh.partition import patches_complete
 
@@ -29,14 +29,14 @@ RECTANGLE_SIDES = {"left": 7.0, "right": 7.0, "bottom": 2.0, "top": 2.0}
 BOX = ((0.0, -1.0, 0.5), (1.0, 1.0, 3.5))
 BOX_SIDES = {"left": 6.0, "right": 6.0, "front": 3.0, "back": 3.0, "bottom": 2.0, "top": 2.0}
 BRICKS = {
-    "rectangle, size": (lambda **k: ec.rectangle(*RECTANGLE, size=0.8, **k), RECTANGLE_SIDES, 14.0),
+    "rectangle, size": (lambda **k: nm.rectangle(*RECTANGLE, size=0.8, **k), RECTANGLE_SIDES, 14.0),
     "rectangle, cells": (
-        lambda **k: ec.rectangle(*RECTANGLE, cells=(3, 10), **k),
+        lambda **k: nm.rectangle(*RECTANGLE, cells=(3, 10), **k),
         RECTANGLE_SIDES,
         14.0,
     ),
-    "box, size": (lambda **k: ec.box(*BOX, size=0.8, **k), BOX_SIDES, 6.0),
-    "box, cells": (lambda **k: ec.box(*BOX, cells=(2, 3, 4), **k), BOX_SIDES, 6.0),
+    "box, size": (lambda **k: nm.box(*BOX, size=0.8, **k), BOX_SIDES, 6.0),
+    "box, cells": (lambda **k: nm.box(*BOX, cells=(2, 3, 4), **k), BOX_SIDES, 6.0),
 }
 bricks = pytest.mark.parametrize("brick", BRICKS)
 
@@ -123,8 +123,8 @@ def test_forms_integrate_over_the_same_parts(brick):
 
 def test_meshes_of_gmsh_need_no_forms_of_their_own():
     """Forms know the coordinate element, in Python and by a number in DOLFINx."""
-    regular = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).mesh
-    irregular = ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).mesh
+    regular = nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).mesh
+    irregular = nm.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).mesh
     elements = [mesh.ufl_domain().ufl_coordinate_element() for mesh in (regular, irregular)]
     numbers = [coordinate_map(mesh.geometry).hash() for mesh in (regular, irregular)]
     assert elements[0] == elements[1]
@@ -132,7 +132,7 @@ def test_meshes_of_gmsh_need_no_forms_of_their_own():
 
 
 def test_size_is_the_size_of_cells():
-    coarse, fine = ec.rectangle(*RECTANGLE, size=1.0), ec.rectangle(*RECTANGLE, size=0.25)
+    coarse, fine = nm.rectangle(*RECTANGLE, size=1.0), nm.rectangle(*RECTANGLE, size=0.25)
     assert fine.cells / coarse.cells == pytest.approx(16, rel=0.5)
     assert coarse.cells == pytest.approx(14.0 / (0.43 * 1.0**2), rel=0.5)
 
@@ -217,7 +217,7 @@ def assert_plate(domain, hole, measures, named=True):
 def test_gmsh_model_with_a_hole_and_two_regions(gmsh_session, measures):
     if gmsh_session:
         plate(gmsh_session)
-    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    domain = nm.from_gmsh(gmsh_session.model if gmsh_session else None)
     hole = polygon(gmsh_session)
     assert hole[0] == pytest.approx(2 * np.pi * 0.25, rel=0.1)
     assert_plate(domain, hole, measures)
@@ -237,7 +237,7 @@ def test_gmsh_model_on_another_rank(measures):
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("user")
         plate(gmsh)
-    domain = ec.from_gmsh(gmsh.model if COMM.rank == holder else None, rank=holder)
+    domain = nm.from_gmsh(gmsh.model if COMM.rank == holder else None, rank=holder)
     if COMM.rank == holder:
         gmsh.finalize()
     assert close(measures.region(domain, "strip"), 0.6)
@@ -249,7 +249,7 @@ def test_gmsh_model_without_regions_is_one_region(gmsh_session, measures):
         gmsh_session.model.occ.synchronize()
         gmsh_session.model.addPhysicalGroup(2, [1], name="left")
         gmsh_session.option.setNumber("Mesh.MeshSizeMin", 1.0)
-    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    domain = nm.from_gmsh(gmsh_session.model if gmsh_session else None)
     assert list(domain.regions) == ["body"]
     assert close(measures.region(domain, "body"), 6.0)
     assert close(measures.part(domain, "left"), 6.0)
@@ -263,7 +263,7 @@ def test_cells_and_facets_may_share_a_name_and_need_none(gmsh_session, measures)
         model.addPhysicalGroup(2, [1], name="steel")
         model.addPhysicalGroup(1, [1], name="steel")
         model.addPhysicalGroup(1, [2], tag=17)
-    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    domain = nm.from_gmsh(gmsh_session.model if gmsh_session else None)
     assert close(measures.region(domain, "steel"), 2.0)
     assert close(measures.part(domain, "steel"), 2.0)
     assert close(measures.part(domain, "17"), 1.0)
@@ -287,8 +287,8 @@ def test_msh_file(version, binary, gmsh_session, shared_tmp_path, measures):
     if gmsh_session:
         gmsh_session.finalize()
     COMM.barrier()
-    assert_plate(ec.read_mesh(path), hole, measures)
-    assert_plate(ec.read_mesh(str(path)), hole, measures)
+    assert_plate(nm.read_mesh(path), hole, measures)
+    assert_plate(nm.read_mesh(str(path)), hole, measures)
 
 
 @pytest.mark.parametrize("version", [2.2, 4.1])
@@ -306,7 +306,7 @@ def test_msh_file_in_space(version, gmsh_session, shared_tmp_path, measures):
         gmsh_session.option.setNumber("Mesh.MshFileVersion", version)
         gmsh_session.write(str(path))
     COMM.barrier()
-    domain = ec.read_mesh(path)
+    domain = nm.read_mesh(path)
     assert close(measures.part(domain, "left"), 6.0)
     assert close(measures.part(domain, "rest"), 16.0)
     assert close(measures.region(domain, "body"), 6.0)
@@ -322,7 +322,7 @@ def test_msh_file_with_gaps_in_the_numbers_of_nodes(shared_tmp_path, measures):
             "$Elements\n3\n1 1 2 1 1 10 20\n2 2 2 3 1 10 20 30\n3 2 2 3 1 10 30 40\n$EndElements\n"
         )
     COMM.barrier()
-    domain = ec.read_mesh(path)
+    domain = nm.read_mesh(path)
     assert close(measures.part(domain, "bottom"), 2.0)
     assert close(measures.region(domain, "3"), 2.0)
     assert (domain.cells, domain.vertices) == (2, 4)
@@ -338,7 +338,7 @@ def test_geo_file(shared_tmp_path, measures):
             'Physical Curve("foot") = {1};\n'
         )
     COMM.barrier()
-    domain = ec.read_mesh(path, scripts=True)
+    domain = nm.read_mesh(path, scripts=True)
     assert close(measures.part(domain, "slope"), 5.0)
     assert close(measures.part(domain, "foot"), 3.0)
     assert close(measures.region(domain), 6.0)
@@ -380,7 +380,7 @@ def test_other_formats(suffix, dim, gmsh_session, shared_tmp_path, measures):
         else:
             gmsh_session.write(str(path))
     COMM.barrier()
-    domain = ec.read_mesh(path)
+    domain = nm.read_mesh(path)
     assert close(measures.region(domain), 2.0)
     lengths = sorted(measures.part(domain, name) for name in domain.names)
     assert lengths == pytest.approx(
@@ -417,7 +417,7 @@ def tagged_file(shared_tmp_path):
 def test_parts_of_a_file_get_names(tagged_file, measures):
     """A vtu file has tags only."""
     names = {1: "bottom", (1, 3): "top", (2, 3): "steel"}
-    domain = ec.read_mesh(tagged_file, names=names)
+    domain = nm.read_mesh(tagged_file, names=names)
     assert set(domain.names) == {"bottom", "2", "top", "4"}
     assert set(domain.regions) == {"steel"}
     assert close(measures.part(domain, "bottom"), 1.0)
@@ -436,8 +436,8 @@ def test_names_of_parts_that_cannot_be_given(tagged_file):
         ({"bottom": 1}, "names of parts by their tags"),
         (["bottom"], "names of parts by their tags"),
     ):
-        with pytest.raises(ec.InputError, match=words):
-            ec.read_mesh(tagged_file, names=names)
+        with pytest.raises(nm.InputError, match=words):
+            nm.read_mesh(tagged_file, names=names)
 
 
 # -- meshes of the user's
@@ -468,7 +468,7 @@ def test_mesh_of_the_user(dim, ghosts, measures):
     else:
         mesh = dmesh.create_unit_cube(COMM, 4, 4, 4, ghost_mode=ghosts)
     facet_tags, cell_tags = own_mesh(mesh)
-    domain = ec.Domain(
+    domain = nm.Domain(
         mesh, facet_tags, {"left": 3, "right": 7}, cell_tags, {"lower": 1, "upper": 2}
     )
     for _ in range(2):
@@ -478,7 +478,7 @@ def test_mesh_of_the_user(dim, ghosts, measures):
         assert close(measures.region(domain, "upper"), 0.5)
         assert_distributed_well(domain)
         domain = domain.refined(near(domain, np.full(dim, 0.5), 0.3))
-    assert COMM.size > 1 or ec.Domain(mesh, facet_tags, {"left": 3}).mesh is mesh
+    assert COMM.size > 1 or nm.Domain(mesh, facet_tags, {"left": 3}).mesh is mesh
 
 
 def known(domain, tags, dim):
@@ -506,21 +506,9 @@ def test_tags_that_one_rank_gives_are_known_to_all_that_have_the_facet(dim, side
             ghosts.scatter_reverse(la.InsertMode.add)
             here = ~here | (ghosts.array[tags.indices] == 0)
         cut.append(dmesh.meshtags(whole.mesh, tags.dim, tags.indices[here], tags.values[here]))
-    domain = ec.Domain(whole.mesh, cut[0], whole.names, cut[1], whole.regions)
+    domain = nm.Domain(whole.mesh, cut[0], whole.names, cut[1], whole.regions)
     assert known(domain, domain.facet_tags, dim - 1) == known(whole, whole.facet_tags, dim - 1)
     assert known(domain, domain.cell_tags, dim) == known(whole, whole.cell_tags, dim)
-
-
-def test_parts_inside_the_body_are_kept_but_carry_no_condition(gmsh_session):
-    if gmsh_session:
-        plate(gmsh_session)
-    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
-    with pytest.raises(ec.InputError, match="'interface' has facets inside the body"):
-        domain.facets("interface")
-    with pytest.raises(ec.InputError, match="inside the body"):
-        domain.refined().tag("interface")
-    held = ec.Displacement(domain.outer[0], (0.0, 0.0))
-    assert ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), held), domain).newton_steps == 0
 
 
 # -- refinement
@@ -578,7 +566,7 @@ def test_refined_coordinates_are_exact(dim, scale):
     A new one is the mean of two old ones: one of the means of the old edges.
     """
     low, high = scale * np.array([[-0.7, 0.0, 0.1], [1.1, 0.9, 1.3]])[:, :dim]
-    make = ec.rectangle if dim == 2 else ec.box
+    make = nm.rectangle if dim == 2 else nm.box
     domain = make(low, high, cells=(3, 2, 2)[:dim])
     for step in range(4):
         x, cells = domain.mesh.geometry.x, cell_nodes(domain.mesh.geometry)
@@ -608,27 +596,12 @@ def assert_sides_exact(domain):
 @pytest.mark.parametrize(("dim", "scale"), [(2, 1.0), (2, 1e-3), (3, 1.0), (3, 1e3)])
 def test_sides_of_bricks_are_exact(dim, scale, kind):
     for low, high in (((-0.7, 0.0, 0.1), (1.1, 0.9, 1.3)), ((0.1, 0.2, 0.3), (0.7, 0.9, 1.1))):
-        make = ec.rectangle if dim == 2 else ec.box
+        make = nm.rectangle if dim == 2 else nm.box
         corners = scale * np.array([low, high])[:, :dim]
         domain = make(
             *corners, **({"cells": (3, 3, 7)[:dim]} if kind == "cells" else {"size": 0.6 * scale})
         )
         assert_sides_exact(domain.remeshed(0.4 * scale) if kind == "remeshed" else domain)
-
-
-@pytest.mark.serial
-def test_root_of_a_coordinate_stays_finite_on_refined_meshes():
-    """sqrt(y) on a side at y = 0."""
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3),
-        [ec.Displacement("top", (0.0, -0.01))],
-        [ec.Traction("right", (lambda x: -1e-3 * ufl.sqrt(x[1]), 0.0))],
-        [ec.Contact("bottom", friction=lambda x: 0.1 + ufl.sqrt(x[1]))],
-    )
-    history = ec.adapt(
-        scene, ec.rectangle((0.0, 0.0), (1.7, 1.0), cells=(4, 3)), accuracy=1e-6, max_steps=3
-    )
-    assert len(history.steps) == 3, history.outcome
 
 
 def test_refining_nothing_keeps_the_mesh(block):
@@ -669,7 +642,7 @@ def test_refined_meshes_do_not_depend_on_the_number_of_ranks(brick):
 
 def test_domain_on_a_part_of_the_ranks(measures):
     comm = COMM.Split(color=min(COMM.rank, 1))
-    domain = ec.rectangle(*RECTANGLE, size=1.0, comm=comm).refined()
+    domain = nm.rectangle(*RECTANGLE, size=1.0, comm=comm).refined()
     assert domain.mesh.comm.size == comm.size
     for name, area in RECTANGLE_SIDES.items():
         assert close(measures.part(domain, name), area)
@@ -677,7 +650,7 @@ def test_domain_on_a_part_of_the_ranks(measures):
 
 
 def test_fewer_cells_than_ranks(measures):
-    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
+    domain = nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
     for _ in range(3):
         assert close(measures.region(domain), 1.0)
         assert close(measures.part(domain, "top"), 1.0)
@@ -692,10 +665,10 @@ def test_fewer_cells_than_ranks(measures):
 def test_our_gmsh_session_is_closed(shared_tmp_path):
     import gmsh
 
-    ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5)
+    nm.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5)
     assert not gmsh.isInitialized()
-    with pytest.raises(ec.InputError):
-        ec.read_mesh(shared_tmp_path / "missing.msh")
+    with pytest.raises(nm.InputError):
+        nm.read_mesh(shared_tmp_path / "missing.msh")
     assert not gmsh.isInitialized()
 
 
@@ -731,10 +704,10 @@ def test_a_gmsh_session_of_the_user_survives(gmsh_session, shared_tmp_path):
         gmsh_session.option.setNumber("Mesh.RecombineAll", 1)
         before = state()
     COMM.barrier()
-    assert ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).cells > 4
-    ec.read_mesh(path)
-    with pytest.raises(ec.InputError):
-        ec.read_mesh(shared_tmp_path / "missing.msh")
+    assert nm.rectangle((0.0, 0.0), (1.0, 1.0), size=0.5).cells > 4
+    nm.read_mesh(path)
+    with pytest.raises(nm.InputError):
+        nm.read_mesh(shared_tmp_path / "missing.msh")
     if gmsh_session:
         assert gmsh_session.isInitialized()
         assert state() == before

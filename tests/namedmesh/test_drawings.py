@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.base.ranks import from_first
 from namedmesh.base.releases import cell_nodes
 from namedmesh.drawings import reading
 from namedmesh.drawings.opened import different
 from namedmesh.simplex import facet_vertices
 
-import gmsh  # isort: skip - after erc_contact, as all that is compiled
+import gmsh  # isort: skip - after namedmesh, as all that is compiled
 
 COMM = MPI.COMM_WORLD
 
@@ -86,7 +86,7 @@ def block_on_base(occ):
 
 def test_solids_are_regions_and_what_touches_is_a_pair(folder):
     path = write(folder / "two.step", block_on_base, ["base", "nut & <bolt>"])
-    bodies = ec.read_mesh(path, size=1.0)
+    bodies = nm.read_mesh(path, size=1.0)
     assert list(bodies.regions) == ["base", "nut & <bolt>"]
     assert abs(volume(bodies, "base") - 16.0) < 1e-12
     assert abs(volume(bodies, "nut & <bolt>") - 4.0) < 1e-12
@@ -103,34 +103,8 @@ def test_solids_are_regions_and_what_touches_is_a_pair(folder):
     assert again.touching()[0].area == pytest.approx(4.0, rel=1e-12)
 
 
-def test_contacts_and_ties_take_pairs_as_they_are(folder):
-    def three(occ):
-        block_on_base(occ)
-        occ.addBox(1, 1, 2, 2, 2, 1)
-
-    path = write(folder / "three.step", three, ["base", "block", "cap"])
-    bodies = ec.read_mesh(path, size=1.5)
-    heights = {name: middle(bodies, name)[2] for name in bodies.names if name.isdigit()}
-    low, high = (pick(heights, key=heights.get) for pick in (min, max))
-    bodies = ec.read_mesh(path, size=1.5, names={int(low): "below", int(high): "above"})
-    tied = bodies.touching("cap")
-    assert [tuple(pair) for pair in tied] == [("block on cap", "cap on block")]
-    assert bodies.touching("c*", "block") == tied
-    loose = [pair for pair in bodies.touching() if pair not in tied]
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3),
-        ec.Displacement("below", (0.0, 0.0, 0.0)),
-        ec.Traction("above", (0.0, 0.0, -0.01)),
-        contacts=[ec.Contact(*pair, friction=0.15) for pair in loose],
-        ties=[ec.Tied(*pair) for pair in tied],
-    )
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, bodies)))
-    force = error.force("block on base").force
-    assert np.allclose(force, (0.0, 0.0, 0.04), atol=1e-9)
-
-
 def test_what_is_told_of_pairs_reads_well(folder):
-    bodies = ec.read_mesh(write(folder / "two.step", block_on_base, ["base", "nut"]), size=2.0)
+    bodies = nm.read_mesh(write(folder / "two.step", block_on_base, ["base", "nut"]), size=2.0)
     assert str(bodies.touching()).splitlines() == [
         "part         against      area  distance",
         "base on nut  nut on base     4         0",
@@ -140,14 +114,14 @@ def test_what_is_told_of_pairs_reads_well(folder):
 
 @pytest.mark.parametrize("kind", ["touch", "distance", "negative", "three"])
 def test_bad_questions_on_touching_are_told(kind, folder):
-    bodies = ec.read_mesh(write(folder / "two.brep", block_on_base), size=2.0)
+    bodies = nm.read_mesh(write(folder / "two.brep", block_on_base), size=2.0)
     call = {
         "touch": lambda: bodies.touching("nut"),
         "distance": lambda: bodies.touching(within="far"),
         "negative": lambda: bodies.touching(within=-1.0),
         "three": lambda: bodies.touching("solid 1", "solid 2", "solid 1"),
     }[kind]
-    with pytest.raises(ec.InputError, match=r"^touching: "):
+    with pytest.raises(nm.InputError, match=r"^touching: "):
         call()
 
 
@@ -165,7 +139,7 @@ def test_gaps_of_a_drawing_are_told_listed_and_closed(folder, told):
         occ.addBox(1, 1, 1 + 1e-5, 2, 2, 1)
 
     path = write(folder / "gap.step", apart, ["base", "block"])
-    bodies = ec.read_mesh(path, size=1.0)
+    bodies = nm.read_mesh(path, size=1.0)
     assert not bodies.touching()
     assert "1e-05 apart" in told()
     (near,) = bodies.touching(within=1e-4)
@@ -175,7 +149,7 @@ def test_gaps_of_a_drawing_are_told_listed_and_closed(folder, told):
     assert not bodies.touching(within=1e-6)
     joined = bodies.joined(*near, apart=1e-4)
     assert joined.touching()[0].area == pytest.approx(4.0, rel=1e-9)
-    closed = ec.read_mesh(path, size=1.0, heal=1e-4)
+    closed = nm.read_mesh(path, size=1.0, heal=1e-4)
     assert closed.touching()[0].area == pytest.approx(4.0, rel=1e-3)
 
 
@@ -184,7 +158,7 @@ def test_solids_that_touch_along_a_line_are_kept_apart(folder, told):
         occ.addBox(-1, -1, -1, 2, 2, 1)
         occ.addCylinder(0, -0.5, 0.5, 0, 1, 0, 0.5)
 
-    bodies = ec.read_mesh(write(folder / "wheel.step", wheel, ["base", "wheel"]), size=0.5)
+    bodies = nm.read_mesh(write(folder / "wheel.step", wheel, ["base", "wheel"]), size=0.5)
     assert "touch along a line only" in told()
     assert bodies.pairs == ()
     for domain in (bodies, bodies.refined(), bodies.remeshed(0.45)):
@@ -194,26 +168,6 @@ def test_solids_that_touch_along_a_line_are_kept_apart(folder, told):
         ]
         assert not ends[0] & ends[1]
     assert "pairs" not in repr(bodies)
-
-
-def test_checkpoints_keep_apart_what_touches_at_a_point(folder):
-    def corner(occ):
-        occ.addRectangle(0, 0, 0, 1, 1)
-        occ.addRectangle(1, 1, 0, 1, 1)
-
-    bodies = ec.read_mesh(write(folder / "corner.brep", corner), size=0.5)
-    heights = {name: middle(bodies, name)[1] for name in bodies.names}
-    low, high = (pick(heights, key=heights.get) for pick in (min, max))
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement(name, (0.0, 0.0)) for name in (low, high)]
-    )
-    history = ec.adapt(scene, bodies, accuracy=0.5, checkpoint=folder / "run")
-    again = ec.adapt(scene, bodies, accuracy=0.5, checkpoint=folder / "run")
-    for run in (history, again):
-        domain = run.best.domain
-        first, second = (domain.region(name) for name in domain.regions)
-        nodes = cell_nodes(domain.mesh.geometry)
-        assert not np.isin(nodes[first], nodes[second]).any()
 
 
 OVERLAPS = {
@@ -226,8 +180,8 @@ OVERLAPS = {
 def test_solids_that_overlap_are_refused_with_the_volume(kind, folder):
     draw, measure = OVERLAPS[kind]
     path = write(folder / "overlap.step", draw, ["left", "right"])
-    with pytest.raises(ec.InputError, match=rf"'left' and 'right' the volume {measure:g} at"):
-        ec.read_mesh(path, size=1.0)
+    with pytest.raises(nm.InputError, match=rf"'left' and 'right' the volume {measure:g} at"):
+        nm.read_mesh(path, size=1.0)
 
 
 def test_what_is_no_solid_and_what_is_there_twice_is_left_out(folder, told):
@@ -238,7 +192,7 @@ def test_what_is_no_solid_and_what_is_there_twice_is_left_out(folder, told):
         occ.addLine(occ.addPoint(5, 0, 0), occ.addPoint(6, 0, 0))
 
     path = write(folder / "mixed.step", mixed, ["first", "second"])
-    bodies = ec.read_mesh(path, size=1.0)
+    bodies = nm.read_mesh(path, size=1.0)
     assert list(bodies.regions) == ["first"]
     assert len(bodies.names) == 6
     assert "1 sheet and 1 curve beside the solids left out" in told()
@@ -256,7 +210,7 @@ UNITS = {
 def test_lengths_are_in_the_unit_of_the_file(unit, folder, told):
     words, name = UNITS[unit]
     draw = lambda occ: occ.addBox(0, 0, 0, 4, 2, 1)  # noqa: E731
-    bodies = ec.read_mesh(write(folder / "box.step", draw, unit=words), size=2.0)
+    bodies = nm.read_mesh(write(folder / "box.step", draw, unit=words), size=2.0)
     assert np.allclose(bodies.sides, (4.0, 2.0, 1.0), rtol=1e-12)
     assert f"lengths are in {name}, the unit of the file" in told()
 
@@ -264,7 +218,7 @@ def test_lengths_are_in_the_unit_of_the_file(unit, folder, told):
 @pytest.mark.parametrize("suffix", ["brep", "step"])
 def test_each_kind_of_file_is_read(suffix, folder):
     draw = lambda occ: (occ.addBox(0, 0, 0, 2, 2, 1), occ.addSphere(1, 1, 3, 0.5))  # noqa: E731
-    bodies = ec.read_mesh(write(folder / f"two.{suffix}", draw), size=1.0)
+    bodies = nm.read_mesh(write(folder / f"two.{suffix}", draw), size=1.0)
     assert list(bodies.regions) == ["solid 1", "solid 2"]
     assert abs(volume(bodies, "solid 1") - 4.0) < 1e-9
     assert 0.75 < volume(bodies, "solid 2") / (np.pi / 6) < 1.0
@@ -274,7 +228,7 @@ def test_each_kind_of_file_is_read(suffix, folder):
 def test_faces_of_an_iges_file_become_solids(folder, told):
     """Gmsh writes faces only, as many programs do."""
     draw = lambda occ: (occ.addBox(0, 0, 0, 2, 2, 1), occ.addWedge(0.5, 0.5, 1, 1, 1, 1, ltx=0.5))  # noqa: E731
-    bodies = ec.read_mesh(write(folder / "two.igs", draw), size=1.0)
+    bodies = nm.read_mesh(write(folder / "two.igs", draw), size=1.0)
     assert "2 solids made of them" in told()
     assert list(bodies.regions) == ["solid 1", "solid 2"]
     assert abs(volume(bodies, "solid 1") - 4.0) < 1e-9
@@ -295,10 +249,10 @@ def test_a_geo_file_without_groups_is_a_drawing(folder):
     path = folder / "plate.geo"
     path.write_text(GEO)
     COMM.barrier()
-    plate = ec.read_mesh(path, scripts=True)
+    plate = nm.read_mesh(path, scripts=True)
     assert list(plate.names) == ["1", "2", "3", "4"]
     assert list(plate.regions) == ["body"]
-    finer = ec.read_mesh(path, size=0.1, names={3: "roof"}, scripts=True)
+    finer = nm.read_mesh(path, size=0.1, names={3: "roof"}, scripts=True)
     assert finer.cells > 5 * plate.cells
     assert list(finer.names) == ["1", "2", "roof", "4"]
     assert finer.remeshed(0.5).cells < finer.cells
@@ -306,7 +260,7 @@ def test_a_geo_file_without_groups_is_a_drawing(folder):
 
 def test_surfaces_of_a_plane_drawing_are_regions(folder):
     draw = lambda occ: (occ.addRectangle(0, 0, 0, 2, 1), occ.addRectangle(0, 1, 0, 2, 1))  # noqa: E731
-    bodies = ec.read_mesh(write(folder / "plane.step", draw), size=0.5)
+    bodies = nm.read_mesh(write(folder / "plane.step", draw), size=0.5)
     assert bodies.dim == 2
     assert list(bodies.regions) == ["surface 1", "surface 2"]
     assert bodies.touching()[0].area == pytest.approx(2.0, rel=1e-12)
@@ -327,10 +281,10 @@ def test_tiny_faces_are_told_and_removed(kind, folder, told):
             occ.fillet([box], upright, [1e-3])
 
     path = write(folder / "tiny.step", draw)
-    fine = ec.read_mesh(path, size=0.4)
+    fine = nm.read_mesh(path, size=0.4)
     assert "4 narrow faces below 0.008" in told()
     assert "defeature=0.00" in told()
-    plain = ec.read_mesh(path, size=0.4, defeature=0.01)
+    plain = nm.read_mesh(path, size=0.4, defeature=0.01)
     assert "4 faces and 0 edges removed" in told()
     assert len(plain.names) == 6
     assert abs(volume(plain, "body") - 1.0) < 1e-9
@@ -351,8 +305,8 @@ BAD = {
 def test_bad_arguments_are_told(kind, folder):
     arguments, words = BAD[kind]
     path = write(folder / "two.step", block_on_base)
-    with pytest.raises(ec.InputError, match=re.escape(words)):
-        ec.read_mesh(path, **arguments)
+    with pytest.raises(nm.InputError, match=re.escape(words)):
+        nm.read_mesh(path, **arguments)
 
 
 FILES = {
@@ -371,28 +325,28 @@ def test_files_that_hold_nothing_are_told(name, folder):
     if text is not None:
         (folder / name).write_text(text)
     COMM.barrier()
-    with pytest.raises(ec.InputError, match=words):
-        ec.read_mesh(folder / name, size=1.0, scripts=True)
+    with pytest.raises(nm.InputError, match=words):
+        nm.read_mesh(folder / name, size=1.0, scripts=True)
 
 
 def test_sheets_that_enclose_nothing_are_refused(folder):
     draw = lambda occ: (occ.addRectangle(0, 0, 0, 1, 1), occ.addRectangle(0, 0, 1, 1, 1))  # noqa: E731
-    with pytest.raises(ec.InputError, match="enclose no solid"):
-        ec.read_mesh(write(folder / "sheets.step", draw), size=1.0)
+    with pytest.raises(nm.InputError, match="enclose no solid"):
+        nm.read_mesh(write(folder / "sheets.step", draw), size=1.0)
 
 
 def test_sizes_of_a_mesh_file_are_refused(folder):
     (folder / "some.msh").write_text("$MeshFormat\n")
-    with pytest.raises(ec.InputError, match="mesh a drawing"):
-        ec.read_mesh(folder / "some.msh", size=1.0)
+    with pytest.raises(nm.InputError, match="mesh a drawing"):
+        nm.read_mesh(folder / "some.msh", size=1.0)
 
 
 def test_a_process_that_dies_ends_no_other(folder, monkeypatch):
     """As a fault of gmsh's does."""
     path = write(folder / "two.step", block_on_base)
     monkeypatch.setattr(reading, "START", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
-    with pytest.raises(ec.InputError, match="gmsh's process ended by signal 11"):
-        ec.read_mesh(path, size=1.0)
+    with pytest.raises(nm.InputError, match="gmsh's process ended by signal 11"):
+        nm.read_mesh(path, size=1.0)
 
 
 def test_without_sides_split_makes_pairs_of_all_regions(folder):
@@ -400,7 +354,7 @@ def test_without_sides_split_makes_pairs_of_all_regions(folder):
         for x in range(3):
             occ.addBox(x, 0, 0, 1, 1, 1)
 
-    bodies = ec.read_mesh(write(folder / "row.brep", row), size=1.0)
+    bodies = nm.read_mesh(write(folder / "row.brep", row), size=1.0)
     glued = bodies.glued
     assert bodies.pairs == (
         ("solid 1 on solid 2", "solid 2 on solid 1"),
@@ -409,7 +363,7 @@ def test_without_sides_split_makes_pairs_of_all_regions(folder):
     first = glued.split({"a": "solid 1", "b": "solid 2"})
     assert first.split().pairs == (("a", "b"), ("solid 2 on solid 3", "solid 3 on solid 2"))
     assert bodies.split() is bodies
-    plain = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
+    plain = nm.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
     assert plain.split() is plain
 
 
@@ -420,7 +374,7 @@ def test_a_thin_solid_is_no_feature(folder, told):
         occ.addBox(0, 0, 0, 4, 4, 1)
         occ.addBox(1, 1, 1, 1, 1, 0.004)
 
-    ec.read_mesh(write(folder / "thin.step", plates), size=1.0)
+    nm.read_mesh(write(folder / "thin.step", plates), size=1.0)
     text = told()
     assert "1 solid thinner than 0.02" in text
     assert "defeature" not in text

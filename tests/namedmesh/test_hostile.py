@@ -9,7 +9,6 @@
 
 import contextlib
 import logging
-import os
 import random
 import re
 
@@ -18,7 +17,7 @@ import meshio
 import numpy as np
 import pytest
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.base.names import file_stem, in_picture
 
 pytestmark = pytest.mark.serial
@@ -44,8 +43,8 @@ def folder(tmp_path, monkeypatch):
 def refused(path, words, **arguments):
     """A file is refused with words, and nothing is written by it."""
     before = set(path.parent.parent.rglob("*"))
-    with pytest.raises(ec.InputError, match=words):
-        ec.read_mesh(path, **arguments)
+    with pytest.raises(nm.InputError, match=words):
+        nm.read_mesh(path, **arguments)
     assert set(path.parent.parent.rglob("*")) == before
 
 
@@ -64,7 +63,7 @@ def test_a_script_in_a_mesh_is_not_read(folder):
     cells = "$Elements\n1\n1 2 2 1 1 1 2 3\n$EndElements\n"
     path.write_text(f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{nodes}{cells}{ACTS}")
     (folder / "body.msh.opt").write_text(ACTS)
-    assert ec.read_mesh(path).cells == 1
+    assert nm.read_mesh(path).cells == 1
     assert {file.name for file in folder.iterdir()} == {"body.msh", "body.msh.opt"}
 
 
@@ -72,7 +71,7 @@ def test_a_script_that_is_asked_for_is_read_without_options_beside_it(folder):
     path = folder / "square.geo"
     path.write_text(SQUARE)
     (folder / "square.geo.opt").write_text(ACTS)
-    assert list(ec.read_mesh(path, scripts=True).names) == ["foot"]
+    assert list(nm.read_mesh(path, scripts=True).names) == ["foot"]
     assert {file.name for file in folder.iterdir()} == {"square.geo", "square.geo.opt"}
 
 
@@ -158,7 +157,7 @@ DECLARED = {
 @pytest.mark.parametrize("name", DECLARED)
 def test_numbers_that_are_far_from_each_other(name, folder):
     (folder / name).write_text(DECLARED[name])
-    assert ec.read_mesh(folder / name).cells == 1
+    assert nm.read_mesh(folder / name).cells == 1
 
 
 def test_an_element_of_xdmf_without_points(folder):
@@ -203,7 +202,7 @@ def test_changes_at_random_are_domains_or_refused(name, folder):
     numbers = ("-1", "99999999999999999999", "nan", "1e308", "x", "")
     path = folder / name
     path.write_text(MESHES[name])
-    ec.read_mesh(path)
+    nm.read_mesh(path)
     for _ in range(60):
         text = MESHES[name]
         place = rng.randrange(len(text))
@@ -220,8 +219,8 @@ def test_changes_at_random_are_domains_or_refused(name, folder):
             rng.shuffle(lines)
             text = "\n".join(lines)
         path.write_text(text)
-        with contextlib.suppress(ec.InputError):
-            ec.read_mesh(path)
+        with contextlib.suppress(nm.InputError):
+            nm.read_mesh(path)
     assert [file.name for file in folder.iterdir()] == [name]
 
 
@@ -258,35 +257,15 @@ def test_names_of_files_are_plain_and_different():
 
 
 def test_a_name_that_no_file_can_have_is_refused():
-    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
-    with pytest.raises(ec.InputError, match="can be written to a file"):
-        ec.Domain(block.mesh, block.facet_tags, {"\ud800": 1})
+    block = nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
+    with pytest.raises(nm.InputError, match="can be written to a file"):
+        nm.Domain(block.mesh, block.facet_tags, {"\ud800": 1})
 
 
 def test_names_of_a_file_are_in_one_line(folder, caplog):
     path = folder / "named.inp"
     path.write_bytes(TETRAHEDRON.replace("ELSET=A", "ELSET=A\x1b[2J\0B").encode())
     with caplog.at_level(logging.WARNING):
-        assert list(ec.read_mesh(path).regions) == ["A?[2J?B"]
+        assert list(nm.read_mesh(path).regions) == ["A?[2J?B"]
     assert "A?[2J?B" in caplog.text
     assert "\x1b" not in caplog.text
-
-
-def test_a_run_writes_inside_its_folder_whatever_parts_are_called(folder):
-    """Table, fields, report and pictures of contacts with names that act, escape or are too long."""
-    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
-    called = {"bottom": "x/../../../up", "left": f"$\\frac{{{'a' * 300}", "right": '"\n\0)'}
-    names = {called.get(name, name): tag for name, tag in block.names.items()}
-    block = ec.Domain(block.mesh, block.facet_tags, names)
-    contacts = [ec.Contact(name, friction=0.2) for name in called.values()]
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), ec.Displacement("top", (0.0, -0.02)), contacts=contacts)
-    history = ec.adapt(scene, block, accuracy=0.9)
-    before = set(folder.parent.rglob("*"))
-    history.save("saved", pictures=True)
-    made = set(folder.parent.rglob("*")) - before
-    assert all(path.parent == folder / "saved" for path in made - {folder / "saved"})
-    assert all(len(os.fsencode(path.name)) < 100 for path in made)
-    assert {path.suffix for path in made} >= {".csv", ".vtkhdf", ".png", ".html"}
-    (file,) = (folder / "saved").glob("contact_x-up-*.vtkhdf")
-    with h5py.File(file) as whole:
-        assert whole["part"].asstr()[()] == called["bottom"]

@@ -1,24 +1,22 @@
 """Bodies that were meshed apart: put together, and brought into contact where they touch.
 
-Properties: piecewise linear solutions are exact on sides that did not match; both sides
-have the same facets, also after refinement and on any number of ranks; nothing of the
-bodies is lost; cells stay good; what does not fit is told on all ranks.
+Properties: both sides have the same facets, also after refinement and on any number of
+ranks; nothing of the bodies is lost; cells stay good; what does not fit is told on all
+ranks.
 """
 
 import json
 from dataclasses import asdict
-from functools import cache
 from itertools import product
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
-from test_bad_input import refused
 from test_domain import assert_closed, close, near
 from test_split import assert_paired, cells_of, tagged
-from test_two_bodies import LOWER, METHODS, UPPER, certified, distance, patch, vector
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.gmsh_session import session
 from namedmesh.interface_map import Interface
 from namedmesh.partition import patches_complete
@@ -29,91 +27,6 @@ WIDER = 1.3
 """Half the width of the lower body where it is wider than the upper one."""
 
 
-def brick(d, half, heights, cells, comm=COMM, **names):
-    """A rectangle or box about x = 0 whose parts get other names."""
-    low = (-half, *(-1.0,) * (d - 2), heights[0])
-    high = (half, *(1.0,) * (d - 2), heights[1])
-    make = ec.rectangle if d == 2 else ec.box
-    kind = {"cells": cells} if isinstance(cells, tuple) else {"size": cells}
-    body = make(low, high, comm=comm, **kind)
-    parts = {names.get(name, name): tag for name, tag in body.names.items()}
-    return ec.Domain(body.mesh, body.facet_tags, parts)
-
-
-def layers(d, comm=COMM, half=1.0, tied=False):
-    """Two bricks whose facets at height zero have the ratio 1 : 1.37, not nested."""
-    cells = {2: ((8, 2), (11, 3)), 3: ((3, 2, 1), (4, 3, 1))}[d]
-    upper = brick(d, 1.0, (0.0, 1.0), cells[0], comm, bottom="contact", top="outer")
-    lower = brick(d, half, (-1.0, 0.0), cells[1], comm, top="contact", bottom="outer")
-    return ec.assembly({"upper": upper, "lower": lower}).joined(UPPER, LOWER, tied=tied)
-
-
-@cache
-def small_layers(d, half=1.0):
-    return layers(d, half=half)
-
-
-# -- patches
-# ---------------------------------------------------------------------------------------------------
-
-
-PATCHES = [
-    *product(("slip",), (1.0,), (2,), (1, 2)),
-    *product(("slip",), (1.0,), (3,), (1,)),
-    *product(("stick",), (1.0,), (2, 3), (1,)),
-    *product(("slip",), (WIDER,), (2, 3), (1,)),
-]
-
-
-@pytest.mark.pairs
-@pytest.mark.on_ranks("slip-1.3-2-1", "stick-1.0-3-1")
-@pytest.mark.parametrize(("name", "half", "d", "degree"), PATCHES)
-def test_patch(name, half, d, degree):
-    """Constant stresses are exact, also where the lower body is loaded beside the contact."""
-    scene, exact = patch(name, d)
-    domain = small_layers(d, half)
-    loads = [*scene.loads]
-    if half > 1:
-        loads.append(ec.Traction(f"{LOWER} outside", vector(d, 3.0, -10.0)))
-    scene = ec.Scene(scene.material, scene.supports, loads, scene.contacts)
-    for method, solver in product(METHODS[::3], ("direct", "iterative")):
-        solution = ec.solve(scene, domain, method, degree=degree, solver=solver)
-        case = f"{method}, {solver}"
-        assert distance(solution, exact) < 1e-9, case
-        if solver == "direct":
-            error = ec.constitutive_error(ec.equilibrate(solution))
-            assert error.relative < 1e-9, case
-
-
-def test_tied_is_one_body():
-    """Tied sides that match are the mesh in one piece; those that do not are close to it."""
-    material = ec.Elastic({"upper": 1000.0, "lower": 300.0}, 0.3)
-    supports = [
-        ec.Displacement("upper top", (0.02, -0.05)),
-        ec.Displacement("lower bottom", (0.0, 0.0)),
-    ]
-    scene = ec.Scene(material, supports)
-    whole = tagged(
-        ec.rectangle((0, 0), (2, 2), cells=(8, 8)),
-        lambda x: np.where(x[:, 1] > 1, 1, 2),
-        {"upper": 1, "lower": 2},
-    )
-    names = {"upper top": whole.names["top"], "lower bottom": whole.names["bottom"]}
-    whole = ec.Domain(whole.mesh, whole.facet_tags, names, whole.cell_tags, whole.regions)
-    wanted = certified(scene, whole)
-    lower = ec.rectangle((0, 0), (2, 1), cells=(8, 4))
-    for cells, difference in (((8, 4), 1e-9), ((11, 5), 0.15)):
-        upper = ec.rectangle((0, 1), (2, 2), cells=cells)
-        both = ec.assembly({"upper": upper, "lower": lower})
-        tied = both.joined("upper bottom", "lower top", tied=True)
-        assert tied.pairs == ()
-        assert "upper bottom/lower top" not in tied.outer
-        error = certified(scene, tied)
-        assert error.relative == pytest.approx(wanted.relative, rel=difference)
-        force = error.force("lower bottom").force
-        assert force == pytest.approx(wanted.force("lower bottom").force, rel=difference)
-
-
 @pytest.mark.on_ranks("2-0.0-0.0002", "2-0.0-0.0")
 @pytest.mark.parametrize(
     ("d", "height", "offset"),
@@ -121,13 +34,13 @@ def test_tied_is_one_body():
 )
 def test_corners_that_move_are_told(d, height, offset, caplog):
     """They are as near to corners of the other body as numbers in files are; else they stay."""
-    make = ec.rectangle if d == 2 else ec.box
+    make = nm.rectangle if d == 2 else nm.box
     low = (-offset, *(0.0,) * (d - 2), height)
     upper = make(low, (1.0,) * d, size=0.4)
     lower = make((*(0.0,) * (d - 1), -1.0), (*(1.0,) * (d - 1), 0.0), size=0.4)
     for sides in (("u bottom", "l top"), ("l top", "u bottom")):
         caplog.clear()
-        domain = ec.assembly({"u": upper, "l": lower}).joined(*sides)
+        domain = nm.assembly({"u": upper, "l": lower}).joined(*sides)
         x = domain.mesh.geometry.x
         least = COMM.allreduce(x[:, 0].min(initial=0.0), MPI.MIN)
         assert least == pytest.approx(-offset, abs=1e-12)
@@ -144,7 +57,7 @@ def test_corners_that_move_are_told(d, height, offset, caplog):
 
 
 def box(low, high, cells):
-    return lambda comm=COMM: (ec.rectangle if len(low) == 2 else ec.box)(
+    return lambda comm=COMM: (nm.rectangle if len(low) == 2 else nm.box)(
         low, high, cells=cells, comm=comm
     )
 
@@ -182,7 +95,7 @@ def least_angle(domain):
 
 def joined(name, comm=COMM):
     upper, lower, _ = CASES[name]
-    both = ec.assembly({"upper": upper(comm), "lower": lower(comm)})
+    both = nm.assembly({"upper": upper(comm), "lower": lower(comm)})
     return both, both.joined("upper bottom", "lower top")
 
 
@@ -213,63 +126,14 @@ def test_sides_face_each_other(name, measures):
         domain = domain.refined(near(domain, corner, 0.4))
 
 
-STRIPS = {
-    # what side 2 has beyond the upper body on each side, the edges of both, which one is
-    # named first, and the most cells over the cells before
-    "around": ((0.01, 0.01, 0.01, 0.01), (3, 4), 1, 10.0),
-    "aside": ((-0.004, 0.004, 0.012, -0.012), (3, 2), -1, 22.0),
-    "inside": ((-0.002, -0.03, -0.006, -0.012), (2, 4), 1, 14.0),
-    "flush and not": ((0.0, 0.004, 0.02, -0.1), (3, 3), -1, 6.5),
-    "nearly flush": ((0.0002, -0.0001, 0.0, 0.0002), (3, 4), 1, 3.5),
-}
-
-
-@pytest.mark.on_ranks("aside")
-@pytest.mark.parametrize("name", STRIPS)
-def test_outlines_beside_each_other(name, measures):
-    """A strip between them gets short edges: few cells, no splinters, bodies as they were."""
-    (left, right, front, back), (fine, coarse), order, most_cells = STRIPS[name]
-    cubes = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.5)), ((-left, -front, -0.5), (1 + right, 1 + back, 0.0))
-    cells = ((fine, fine, 2), (coarse, coarse, 2))
-    upper, lower = (ec.box(*ends, cells=n) for ends, n in zip(cubes, cells, strict=True))
-    both = ec.assembly({"upper": upper, "lower": lower})
-    sides = ("upper bottom", "lower top")[::order]
-    domain = both.joined(*sides)
-    assert domain.cells < most_cells * both.cells
-    assert least_angle(domain) > 2.5
-    assert assert_paired(domain, *sides) > 0
-    assert_closed(domain)
-    is_flush = name == "nearly flush"
-    if not is_flush:
-        for region in both.regions:
-            assert close(measures.region(domain, region), measures.region(both, region))
-    area = np.prod([1 + min(right, 0) + min(left, 0), 1 + min(back, 0) + min(front, 0)])
-    assert measures.part(domain, "upper bottom") == pytest.approx(
-        area, rel=1e-3 if is_flush else 1e-9
-    )
-    supports = [
-        ec.Displacement("upper top", (0.0, 0.0, -0.05)),
-        ec.Displacement("lower bottom", (0.0, 0.0, 0.05)),
-    ]
-    outside = {"upper bottom outside": 0.1, "lower top outside": -0.1}
-    loads = [
-        ec.Traction(part, (0.0, 0.0, p)) for part, p in outside.items() if part in domain.names
-    ]
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.0), supports, loads, [ec.Contact(sides[0], against=sides[1])]
-    )
-    error = certified(scene, domain, METHODS[3])
-    assert error.relative < (1e-3 if is_flush else 1e-9)
-
-
 def test_a_strip_beside_another_region():
     """Its cells would have to be cut, too."""
     bodies = {
-        "upper": ec.box((0, 0, 0), (1, 1, 0.5), cells=(3, 3, 2)),
-        "beside": ec.box((1, 0, 0), (2, 1, 0.5), cells=(3, 3, 2)),
-        "lower": ec.box((0, 0, -0.5), (1.004, 1, 0), cells=(4, 4, 2)),
+        "upper": nm.box((0, 0, 0), (1, 1, 0.5), cells=(3, 3, 2)),
+        "beside": nm.box((1, 0, 0), (2, 1, 0.5), cells=(3, 3, 2)),
+        "lower": nm.box((0, 0, -0.5), (1.004, 1, 0), cells=(4, 4, 2)),
     }
-    both = ec.assembly(bodies).joined("upper right", "beside left", tied=True)
+    both = nm.assembly(bodies).joined("upper right", "beside left", tied=True)
     refused(lambda: both.joined(*BOTTOM_TOP), "beside another region", "the same facets")
 
 
@@ -288,7 +152,7 @@ def test_outlines_that_enclose_small_angles():
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
         with session(COMM, build, "The test") as model:
-            return ec.from_gmsh(model, COMM)
+            return nm.from_gmsh(model, COMM)
 
     both = pair(disc(0.0, 0.5, 0.4), disc(-0.5, 0.0, 0.31))
     refused(lambda: both.joined(*BOTTOM_TOP), "nearly run together", "the same vertices")
@@ -322,9 +186,9 @@ def test_angles_of_random_ratios():
     random = np.random.default_rng(3)
     angles = []
     for ratio in np.exp(random.uniform(-np.log(3), np.log(3), 12)):
-        upper = ec.rectangle((-1, 0), (1, 0.5), size=0.2)
-        lower = ec.rectangle((-2, -0.5), (2, 0), size=0.2 * ratio)
-        both = ec.assembly({"upper": upper, "lower": lower})
+        upper = nm.rectangle((-1, 0), (1, 0.5), size=0.2)
+        lower = nm.rectangle((-2, -0.5), (2, 0), size=0.2 * ratio)
+        both = nm.assembly({"upper": upper, "lower": lower})
         angles.append(least_angle(both.joined("upper bottom", "lower top")))
     assert min(angles) > 7.0, angles
     assert np.median(angles) > 12.0
@@ -347,9 +211,9 @@ def discs(inner, outer, sizes):
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
         with session(COMM, build, "The test") as model:
-            return ec.from_gmsh(model, COMM)
+            return nm.from_gmsh(model, COMM)
 
-    return ec.assembly(
+    return nm.assembly(
         {
             "pin": meshed([inner], sizes[0], "rim"),
             "ring": meshed([outer, 2 * inner], sizes[1], "bore"),
@@ -368,19 +232,19 @@ def test_circles_in_one_another(sizes):
 def test_other_bodies_and_pairs():
     """A third body, bodies in several regions, and assemblies of assemblies."""
     upper = tagged(
-        ec.rectangle((0, 0), (2, 1), cells=(6, 2)),
+        nm.rectangle((0, 0), (2, 1), cells=(6, 2)),
         lambda x: np.where(x[:, 0] > 1, 1, 2),
         {"steel": 1, "rubber": 2},
     )
-    bodies = {"upper": upper, "lower": ec.rectangle((0, -1), (3, 0), cells=(7, 2))}
-    two = ec.assembly(bodies).joined("upper bottom", "lower top")
+    bodies = {"upper": upper, "lower": nm.rectangle((0, -1), (3, 0), cells=(7, 2))}
+    two = nm.assembly(bodies).joined("upper bottom", "lower top")
     assert list(two.regions) == ["upper steel", "upper rubber", "lower"]
     assert_paired(two, "upper bottom", "lower top")
     (interface,) = two.interface_map.interfaces
     assert Interface.of(json.loads(json.dumps(asdict(interface)))) == interface
 
-    cap = ec.rectangle((0.5, 1), (2.5, 2), cells=(5, 2))
-    three = ec.assembly({"two": two, "cap": cap}).joined("cap bottom", "two upper top")
+    cap = nm.rectangle((0.5, 1), (2.5, 2), cells=(5, 2))
+    three = nm.assembly({"two": two, "cap": cap}).joined("cap bottom", "two upper top")
     pairs = (("two upper bottom", "two lower top"), ("cap bottom", "two upper top"))
     assert three.pairs == pairs
     split = three.split({"a": "two upper steel", "b": "two upper rubber"})
@@ -408,7 +272,7 @@ def two_volumes():
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
 
     with session(COMM, build, "The test") as model:
-        return ec.from_gmsh(model, COMM)
+        return nm.from_gmsh(model, COMM)
 
 
 def test_two_volumes_of_one_model():
@@ -436,8 +300,8 @@ def test_curved_sides_in_space_that_match():
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
 
     with session(COMM, build, "The test") as model:
-        whole = ec.from_gmsh(model, COMM).split({"rim": "ball", "bore": "block"})
-    apart = ec.Domain(whole.mesh, whole.facet_tags, whole.names, whole.cell_tags, whole.regions)
+        whole = nm.from_gmsh(model, COMM).split({"rim": "ball", "bore": "block"})
+    apart = nm.Domain(whole.mesh, whole.facet_tags, whole.names, whole.cell_tags, whole.regions)
     again = apart.joined("rim", "bore")
     assert again.glued.vertices == whole.glued.vertices
     assert again.pairs == whole.pairs
@@ -472,7 +336,7 @@ def pin_in_hole(d, radius, hole, size=0.3):
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
     with session(COMM, build, "The test") as model:
-        return ec.from_gmsh(model, COMM)
+        return nm.from_gmsh(model, COMM)
 
 
 @pytest.mark.on_ranks("2")
@@ -513,8 +377,8 @@ def test_files_read_back(shared_tmp_path):
 
         with session(COMM, build, "The test"):
             pass
-    bodies = {name: ec.read_mesh(shared_tmp_path / f"{name}.msh") for name in ("upper", "lower")}
-    domain = ec.assembly(bodies).joined("upper bottom", "lower top")
+    bodies = {name: nm.read_mesh(shared_tmp_path / f"{name}.msh") for name in ("upper", "lower")}
+    domain = nm.assembly(bodies).joined("upper bottom", "lower top")
     assert domain.regions == {"upper": 1, "lower": 2}
     assert assert_paired(domain, "upper bottom", "lower top") > 0
 
@@ -526,12 +390,12 @@ def test_files_read_back(shared_tmp_path):
 def tower():
     """An assembly of an assembly, with a tied joint, a contact, and a region in regions."""
     bodies = {
-        "base": ec.rectangle((0, -1), (3, 0), size=0.4),
-        "cap": ec.rectangle((0.5, 1), (2, 2), size=0.5),
+        "base": nm.rectangle((0, -1), (3, 0), size=0.4),
+        "cap": nm.rectangle((0.5, 1), (2, 2), size=0.5),
     }
-    two = ec.assembly({"post": ec.rectangle((0, 0), (2, 1), size=0.4), "base": bodies["base"]})
+    two = nm.assembly({"post": nm.rectangle((0, 0), (2, 1), size=0.4), "base": bodies["base"]})
     two = two.joined("post bottom", "base top", tied=True)
-    three = ec.assembly({"two": two, "cap": bodies["cap"]})
+    three = nm.assembly({"two": two, "cap": bodies["cap"]})
     return three.joined("cap bottom", "two post top")
 
 
@@ -588,15 +452,15 @@ def test_bodies_that_cannot_be_joined_again():
 
 
 def pair(upper, lower):
-    return ec.assembly({"upper": upper, "lower": lower})
+    return nm.assembly({"upper": upper, "lower": lower})
 
 
 def square(x=0.0, y=0.0):
-    return ec.rectangle((x, y), (x + 1, y + 1), cells=(3, 3))
+    return nm.rectangle((x, y), (x + 1, y + 1), cells=(3, 3))
 
 
 def cube(x=0.0, z=0.0, n=2):
-    return ec.box((x, 0.0, z), (x + 1.0, 1.0, z + 1.0), cells=(n, n, n))
+    return nm.box((x, 0.0, z), (x + 1.0, 1.0, z + 1.0), cells=(n, n, n))
 
 
 def ball(radius, size):
@@ -609,7 +473,7 @@ def ball(radius, size):
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
     with session(COMM, build, "The test") as model:
-        return ec.from_gmsh(model, COMM)
+        return nm.from_gmsh(model, COMM)
 
 
 BOTTOM_TOP = ("upper bottom", "lower top")
@@ -643,27 +507,27 @@ WRONG = {
         lambda: pair(square(), square(0.2, 0)).joined("upper bottom", "lower bottom"),
         ("nothing in common", "opposite"),
     ),
-    "apart in space": (lambda: pair(cube(), cube(0.3, -1.1)).joined(*BOTTOM_TOP), ("0.1 apart",)),
-    "turned in space": (
+    "apart in 3D": (lambda: pair(cube(), cube(0.3, -1.1)).joined(*BOTTOM_TOP), ("0.1 apart",)),
+    "turned in 3D": (
         lambda: pair(cube(), cube(1, 0, 3)).joined("upper right", "lower right"),
         ("cosine", "is 1"),
     ),
-    "beside in space": (
+    "beside in 3D": (
         lambda: pair(cube(), cube(3, -1, 3)).joined(*BOTTOM_TOP),
         ("nothing in common",),
     ),
-    "curved in space": (
+    "curved in 3D": (
         lambda: pair(cube(-0.5, 0.5), ball(0.5, 0.4)).joined(*BOTTOM_TOP),
         ("'upper bottom'", "'lower top'"),
     ),
-    "no body": (lambda: ec.assembly({}), ("names and domains",)),
-    "no names": (lambda: ec.assembly([square()]), ("names and domains",)),
-    "an empty name": (lambda: ec.assembly({"": square()}), ("name of a body",)),
+    "no body": (lambda: nm.assembly({}), ("names and domains",)),
+    "no names": (lambda: nm.assembly([square()]), ("names and domains",)),
+    "an empty name": (lambda: nm.assembly({"": square()}), ("name of a body",)),
     "a name twice": (
-        lambda: ec.assembly({"a": pair(square(), square(2)), "a upper": square(4)}),
+        lambda: nm.assembly({"a": pair(square(), square(2)), "a upper": square(4)}),
         ("'a upper'", "another name"),
     ),
-    "no domain": (lambda: ec.assembly({"upper": square().mesh}), ("'upper'", "Domain")),
+    "no domain": (lambda: nm.assembly({"upper": square().mesh}), ("'upper'", "Domain")),
     "two dimensions": (lambda: pair(square(), cube()), ("'lower' is in 3D", "2D")),
 }
 
@@ -672,7 +536,7 @@ def slit():
     """Two squares beside each other in one region, not connected."""
     both = pair(square(), square(1.0))
     names = {"left": both.names["upper right"], "right": both.names["lower left"]}
-    return ec.Domain(both.mesh, both.facet_tags, names)
+    return nm.Domain(both.mesh, both.facet_tags, names)
 
 
 def test_tied_bodies_need_no_regions():
@@ -690,5 +554,5 @@ def test_wrong_input(name):
 
 @pytest.mark.ranks
 def test_other_communicator():
-    own = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2), comm=MPI.COMM_SELF)
+    own = nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2), comm=MPI.COMM_SELF)
     refused(lambda: pair(square(), own), "'lower'", "communicator")

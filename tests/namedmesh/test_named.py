@@ -10,7 +10,7 @@ import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.parts_table import NAMELESS
 
 COMM = MPI.COMM_WORLD
@@ -40,17 +40,17 @@ def two_layers(gmsh):
     return gmsh.model
 
 
-LAYERS = {"upper": ec.where(y=(0.0, None)), "lower": ec.where(y=(None, 0.0))}
+LAYERS = {"upper": nm.where(y=(0.0, None)), "lower": nm.where(y=(None, 0.0))}
 PARTS = {
-    "load": ec.where(y=1.0, x=(None, 1.0)),
+    "load": nm.where(y=1.0, x=(None, 1.0)),
     "middle": lambda x: np.isclose(x[0], 0.0),
-    "base": ec.where(normal=(0.0, -1.0), region="lower"),
+    "base": nm.where(normal=(0.0, -1.0), region="lower"),
 }
 
 
 @pytest.mark.parametrize("cells", [(1, 1), (4, 2)])
 def test_functions_name_what_dolfinx_locates(cells):
-    domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells)
+    domain = nm.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells)
 
     def foot(x):
         return np.isclose(x[1], 0.0)
@@ -65,11 +65,11 @@ def test_functions_name_what_dolfinx_locates(cells):
 
 
 def test_a_part_takes_facets_and_the_older_one_keeps_the_rest():
-    domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
-    pad = {"pad": ec.where(y=1.0, x=(0.5, 1.5))}
+    domain = nm.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+    pad = {"pad": nm.where(y=1.0, x=(0.5, 1.5))}
     close(area_of(domain.named(pad)), top=1.0, pad=1.0, bottom=2.0)
     # Given anew, the name leaves the facets that it had; they have none then.
-    again = domain.named(pad).named({"pad": ec.where(x=2.0)})
+    again = domain.named(pad).named({"pad": nm.where(x=2.0)})
     close(area_of(again), pad=1.0, top=1.0)
     assert area_of(again)[NAMELESS] == pytest.approx(1.0, rel=EXACT)
     assert "right" not in again.names
@@ -77,12 +77,12 @@ def test_a_part_takes_facets_and_the_older_one_keeps_the_rest():
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_rules_know_no_unit(unit):
-    body = ec.box((0.0,) * 3, (unit, 2 * unit, 3 * unit), cells=(1, 2, 3))
+    body = nm.box((0.0,) * 3, (unit, 2 * unit, 3 * unit), cells=(1, 2, 3))
     named = body.named(
         {
-            "foot": ec.where(z=0.0),
-            "sides": [ec.where(normal=(5.0, 0.0, 0.0)), ec.where(x=0.0)],
-            "corner": ec.where(z=3 * unit, y=(None, unit)),
+            "foot": nm.where(z=0.0),
+            "sides": [nm.where(normal=(5.0, 0.0, 0.0)), nm.where(x=0.0)],
+            "corner": nm.where(z=3 * unit, y=(None, unit)),
         }
     )
     areas = area_of(named)
@@ -90,20 +90,8 @@ def test_rules_know_no_unit(unit):
         assert areas[name] == pytest.approx(area * unit**2, rel=EXACT)
 
 
-def test_a_mesh_of_dolfinx_without_tags():
-    mesh = dmesh.create_unit_cube(COMM, 3, 2, 2)
-    plain = ec.Domain(mesh)
-    assert plain.names == {}
-    domain = plain.named({"foot": lambda x: np.isclose(x[2], 0.0)})
-    close(area_of(domain.refined()), foot=1.0, **{NAMELESS: 5.0})
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("foot", (0.0, 0.0, 0.0))])
-    assert ec.solve(scene, domain).u.x.array.max() == 0.0
-    with pytest.raises(ec.InputError, match="'foot'; this domain has none"):
-        ec.solve(scene, plain)
-
-
 def test_gmsh_models_need_no_groups(gmsh_session):
-    domain = ec.from_gmsh(two_layers(gmsh_session), parts=PARTS, regions=LAYERS)
+    domain = nm.from_gmsh(two_layers(gmsh_session), parts=PARTS, regions=LAYERS)
     assert set(domain.regions) == {"upper", "lower"}
     expected = {"load": 1.0, "middle": 3.0, "base": 4.0}
     close(area_of(domain), **expected)
@@ -112,7 +100,7 @@ def test_gmsh_models_need_no_groups(gmsh_session):
         close(area_of(body), foot=3.0, seat=3.0, **expected)
         assert body.pairs == (("foot", "seat"),)
     # The same names, if they are given after the split.
-    bare = ec.from_gmsh(gmsh_session and gmsh_session.model, regions=LAYERS)
+    bare = nm.from_gmsh(gmsh_session and gmsh_session.model, regions=LAYERS)
     later = bare.split({"foot": "upper", "seat": "lower"}).named(PARTS)
     close(area_of(later.remeshed(0.4)), foot=3.0, seat=3.0, **expected)
 
@@ -124,14 +112,14 @@ def test_files_need_no_groups(gmsh_session, shared_tmp_path):
         model.mesh.generate(2)
         gmsh_session.write(str(path))
     COMM.barrier()
-    domain = ec.read_mesh(path, parts=PARTS, regions=LAYERS)
+    domain = nm.read_mesh(path, parts=PARTS, regions=LAYERS)
     close(area_of(domain.refined()), load=1.0, middle=3.0, base=4.0)
 
 
 def test_against_inside_a_mesh_names_the_interface():
-    domain = ec.rectangle((0.0, 0.0), (2.0, 2.0), cells=(4, 4))
-    halves = {"upper": ec.where(y=(1.0, None)), "lower": ec.where(y=(None, 1.0))}
-    joint = ec.where(lambda x: x[0] < 1.1, region="upper", against="lower")
+    domain = nm.rectangle((0.0, 0.0), (2.0, 2.0), cells=(4, 4))
+    halves = {"upper": nm.where(y=(1.0, None)), "lower": nm.where(y=(None, 1.0))}
+    joint = nm.where(lambda x: x[0] < 1.1, region="upper", against="lower")
     whole = domain.named({"joint": joint}, regions=halves)
     table = whole.parts()
     row = table["name"].index("joint")
@@ -146,12 +134,12 @@ def test_against_inside_a_mesh_names_the_interface():
 def test_against_bodies_that_were_meshed_apart(dim):
     low, high = [-1.0] * (dim - 1), [1.0] * (dim - 1)
     cells = (3,) * dim if dim == 2 else (2, 2, 2)
-    upper = (ec.rectangle if dim == 2 else ec.box)((*low, 0.0), (*high, 2.0), cells=cells)
+    upper = (nm.rectangle if dim == 2 else nm.box)((*low, 0.0), (*high, 2.0), cells=cells)
     wide = [3 * value for value in low], [3 * value for value in high]
     counts = (11,) + (2,) * (dim - 1) if dim == 2 else (7, 6, 1)
-    lower = (ec.rectangle if dim == 2 else ec.box)((*wide[0], -1.0), (*wide[1], 0.0), cells=counts)
-    both = ec.assembly({"a": upper, "b": lower}).named(
-        {"foot": ec.where(region="a", against="b"), "seat": ec.where(region="b", against="a")}
+    lower = (nm.rectangle if dim == 2 else nm.box)((*wide[0], -1.0), (*wide[1], 0.0), cells=counts)
+    both = nm.assembly({"a": upper, "b": lower}).named(
+        {"foot": nm.where(region="a", against="b"), "seat": nm.where(region="b", against="a")}
     )
     contact = 2.0 ** (dim - 1)
     areas = area_of(both)
@@ -161,22 +149,22 @@ def test_against_bodies_that_were_meshed_apart(dim):
 
 
 def test_names_of_bodies_that_are_joined_and_meshed_again():
-    upper = ec.rectangle((-1.0, 0.0), (1.0, 2.0), size=0.5).named({"head": ec.where(y=2.0)})
-    lower = ec.rectangle((-2.0, -1.5), (2.0, 0.0), size=0.6)
-    both = ec.assembly({"a": upper, "b": lower}).named({"base": ec.where(y=-1.5)})
-    pair = both.joined("a bottom", "b top").named({"wall": ec.where(x=-2.0)})
+    upper = nm.rectangle((-1.0, 0.0), (1.0, 2.0), size=0.5).named({"head": nm.where(y=2.0)})
+    lower = nm.rectangle((-2.0, -1.5), (2.0, 0.0), size=0.6)
+    both = nm.assembly({"a": upper, "b": lower}).named({"base": nm.where(y=-1.5)})
+    pair = both.joined("a bottom", "b top").named({"wall": nm.where(x=-2.0)})
     expected = {"a head": 2.0, "base": 4.0, "wall": 1.5, "a bottom": 2.0, "b top": 2.0}
     for body in (pair, pair.refined(), pair.remeshed(0.4)):
         close(area_of(body), **expected)
-    with pytest.raises(ec.InputError, match=r"split already \(a bottom/b top\)"):
-        pair.named(regions={"other": ec.where(x=(0.0, None))})
+    with pytest.raises(nm.InputError, match=r"split already \(a bottom/b top\)"):
+        pair.named(regions={"other": nm.where(x=(0.0, None))})
 
 
 def test_parts_that_end_where_the_shape_has_no_edge_are_not_meshed_again():
-    domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(10, 5))
-    pad = domain.named({"pad": ec.where(y=1.0, x=(None, 0.6))})
+    domain = nm.rectangle((0.0, 0.0), (2.0, 1.0), cells=(10, 5))
+    pad = domain.named({"pad": nm.where(y=1.0, x=(None, 0.6))})
     close(area_of(pad.refined()), pad=0.6)
-    with pytest.raises(ec.InputError, match=r"'pad'.* had the size 0\.6 .*strategy=ec\.Mark"):
+    with pytest.raises(nm.InputError, match=r"'pad'.* had the size 0\.6 .*strategy=ec\.Mark"):
         pad.remeshed(0.23)
 
 
@@ -185,8 +173,8 @@ def test_curved_bodies_keep_their_true_shape(gmsh_session):
         gmsh_session.model.occ.addDisk(0, 0, 0, 1, 1)
         gmsh_session.model.occ.synchronize()
         gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.5)
-    ring = {"rim": ec.where(lambda x: np.hypot(x[0], x[1]) > 0.999)}
-    disc = ec.from_gmsh(gmsh_session and gmsh_session.model, parts=ring)
+    ring = {"rim": nm.where(lambda x: np.hypot(x[0], x[1]) > 0.999)}
+    disc = nm.from_gmsh(gmsh_session and gmsh_session.model, parts=ring)
     fine = disc.remeshed(0.1).refined()
     assert area_of(fine)["rim"] == pytest.approx(2 * np.pi, rel=1e-3)
     assert fine.offset is not None
@@ -195,10 +183,10 @@ def test_curved_bodies_keep_their_true_shape(gmsh_session):
 @pytest.mark.ranks
 def test_names_do_not_depend_on_the_ranks():
     def bodies(comm):
-        a = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(5, 5), comm=comm)
-        b = ec.rectangle((-1.0, -1.0), (2.0, 0.0), cells=(7, 3), comm=comm)
-        both = ec.assembly({"a": a, "b": b})
-        return both.named({"seat": ec.where(region="b", against="a"), "wall": ec.where(x=2.0)})
+        a = nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(5, 5), comm=comm)
+        b = nm.rectangle((-1.0, -1.0), (2.0, 0.0), cells=(7, 3), comm=comm)
+        both = nm.assembly({"a": a, "b": b})
+        return both.named({"seat": nm.where(region="b", against="a"), "wall": nm.where(x=2.0)})
 
     here, alone = bodies(COMM).parts(), bodies(MPI.COMM_SELF).parts()
     assert here["name"] == alone["name"]
@@ -209,8 +197,8 @@ def test_names_do_not_depend_on_the_ranks():
 
 
 def test_the_table_adds_up_and_prints():
-    domain = ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(2, 2, 2))
-    table = domain.named({"foot": ec.where(z=0.0)}).parts()
+    domain = nm.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(2, 2, 2))
+    table = domain.named({"foot": nm.where(z=0.0)}).parts()
     assert table["area"].sum() == pytest.approx(10.0, rel=EXACT)
     vectors = table["area"][:, None] * table["normal"]
     assert abs(vectors.sum(axis=0)).max() < EXACT
@@ -221,7 +209,7 @@ def test_the_table_adds_up_and_prints():
     assert len(lines) == len(table) + 1
     assert "(0, 0, -1)" in lines[row + 1]
     assert "<th>foot</th>" in table._repr_html_()
-    with pytest.raises(ec.InputError, match="no column 'size'; there are name, facets, area"):
+    with pytest.raises(nm.InputError, match="no column 'size'; there are name, facets, area"):
         table["size"]
 
 
@@ -229,33 +217,33 @@ BAD = {
     "no mapping": (lambda b: b.named(["foot"]), "mapping from names to rules"),
     "nothing": (lambda b: b.named({}), "no rule is given"),
     "no rule": (lambda b: b.named({"foot": 3}), "rule of 'foot' is 3; give a function"),
-    "no condition": (lambda b: ec.where(), "no condition is given"),
-    "a text": (lambda b: ec.where(x="0"), "x is '0'; give a coordinate"),
-    "ends in wrong order": (lambda b: ec.where(y=(2, 1)), r"y is \(2, 1\); give a coordinate"),
-    "no number": (lambda b: ec.where(y=float("nan")), "y is nan; give a coordinate"),
-    "no direction": (lambda b: ec.where(normal=(0.0, 0.0)), "give a direction"),
-    "normal in space": (
-        lambda b: b.named({"foot": ec.where(normal=(0, 0, 1))}),
+    "no condition": (lambda b: nm.where(), "no condition is given"),
+    "a text": (lambda b: nm.where(x="0"), "x is '0'; give a coordinate"),
+    "ends in wrong order": (lambda b: nm.where(y=(2, 1)), r"y is \(2, 1\); give a coordinate"),
+    "no number": (lambda b: nm.where(y=float("nan")), "y is nan; give a coordinate"),
+    "no direction": (lambda b: nm.where(normal=(0.0, 0.0)), "give a direction"),
+    "normal in 3D": (
+        lambda b: b.named({"foot": nm.where(normal=(0, 0, 1))}),
         "in 2D it has 2 components",
     ),
     "z in the plane": (
-        lambda b: b.named({"foot": ec.where(z=0.0)}),
+        lambda b: b.named({"foot": nm.where(z=0.0)}),
         "z is 0.0, and the mesh is in the plane",
     ),
     "z of a region in the plane": (
-        lambda b: b.named(regions={"steel": ec.where(z=(0.0, 1.0))}),
+        lambda b: b.named(regions={"steel": nm.where(z=(0.0, 1.0))}),
         "the mesh is in the plane",
     ),
     "no region": (
-        lambda b: b.named({"foot": ec.where(region="steel")}),
+        lambda b: b.named({"foot": nm.where(region="steel")}),
         "no cell region is called 'steel'; this domain has none",
     ),
     "nowhere": (
-        lambda b: b.named({"foot": ec.where(y=7.0)}),
+        lambda b: b.named({"foot": nm.where(y=7.0)}),
         r"'foot' holds on no facet.* from \(0, 0\) to \(1, 1\)",
     ),
     "twice": (
-        lambda b: b.named({"foot": ec.where(y=0.0), "leg": ec.where(y=(None, 0.5))}),
+        lambda b: b.named({"foot": nm.where(y=0.0), "leg": nm.where(y=(None, 0.5))}),
         "'foot' and 'leg' have 4 facets in common",
     ),
     "no truth": (lambda b: b.named({"foot": lambda x: x[1]}), "of type float64 .* truth value"),
@@ -264,7 +252,7 @@ BAD = {
         r"shape \(3,\), for",
     ),
     "region by facets": (
-        lambda b: b.named(regions={"steel": ec.where(normal=(0.0, 1.0))}),
+        lambda b: b.named(regions={"steel": nm.where(normal=(0.0, 1.0))}),
         "region 'steel' has a rule about facets",
     ),
 }
@@ -273,7 +261,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_what_is_no_rule_is_refused(case, block):
     call, words = BAD[case]
-    with pytest.raises(ec.InputError, match=words):
+    with pytest.raises(nm.InputError, match=words):
         call(block)
 
 
@@ -285,54 +273,3 @@ def test_what_fails_on_one_rank_fails_on_all(block):
 
     with pytest.raises(ZeroDivisionError, match="no such place"):
         block.named({"foot": rule})
-
-
-def test_a_kept_run_goes_on_with_its_rules(shared_tmp_path):
-    def domain():
-        return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).named({"foot": ec.where(y=0.0)})
-
-    scene = ec.Scene(
-        ec.Elastic(1.0, 0.3), [ec.Displacement("top", (0.02, -0.05))], contacts=ec.Contact("foot")
-    )
-
-    def run(steps):
-        return ec.adapt(
-            scene,
-            domain(),
-            1e-3,
-            strategy=ec.SizeMap(),
-            max_steps=steps,
-            checkpoint=shared_tmp_path,
-        )
-
-    run(2)
-    last = run(3)
-    assert len(last.steps) == 3
-    close(area_of(last.error.domain), foot=1.0)
-    assert list(ec.read_history(shared_tmp_path).error.domain.names) == list(domain().names)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_the_picture_names_all_parts(dim, shared_tmp_path):
-    pytest.importorskip("matplotlib")
-    a = (ec.rectangle if dim == 2 else ec.box)((0.0,) * dim, (1.0,) * dim, cells=(2,) * dim)
-    where = {"pad": ec.where(**{"xyz"[dim - 1]: 1.0, "x": (None, 0.5)})}
-    path = shared_tmp_path / "parts.png"
-    axes = ec.draw_parts(a.named(where), path)
-    if COMM.rank > 0:
-        assert axes is None
-        return
-    names = {text.get_text() for panel in np.ravel(axes) for text in panel.texts}
-    assert {"pad", "top", "bottom", "left", "right"} <= names
-    assert path.stat().st_size > 5000
-    if dim == 3:
-        labels = [text.get_text() for text in axes[0].figure.legends[0].texts]
-        assert set(labels) == {"left", "right", "front", "back", "bottom", "top", "pad"}
-
-
-def test_the_picture_is_of_a_domain_alone(block):
-    with pytest.raises(ec.InputError, match="3 is no domain"):
-        ec.draw_parts(3)
-    box = ec.box((0.0,) * 3, (1.0,) * 3, cells=(1, 1, 1))
-    with pytest.raises(ec.InputError, match="in 3D makes a figure of its own"):
-        ec.draw_parts(box, ax=object())

@@ -12,7 +12,7 @@ import re
 import numpy as np
 import pytest
 
-import erc_contact as ec
+import namedmesh as nm
 
 pytestmark = pytest.mark.serial
 CUBE = "1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
@@ -27,7 +27,7 @@ EXACT = 1e-12
 def read(folder, name, text, **arguments):
     path = folder / name
     path.write_text(text)
-    return ec.read_mesh(path, **arguments)
+    return nm.read_mesh(path, **arguments)
 
 
 def box(domain):
@@ -88,7 +88,7 @@ REFUSED = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_nodes_that_cannot_be_moved_are_refused(name, tmp_path):
     text, words = REFUSED[name]
-    with pytest.raises(ec.InputError, match=words):
+    with pytest.raises(nm.InputError, match=words):
         read(tmp_path, name, text)
 
 
@@ -180,7 +180,7 @@ UNKNOWN = {
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_what_is_not_read_is_told_in_our_words(name, tmp_path):
     text, words = UNKNOWN[name]
-    with pytest.raises(ec.InputError, match=words) as told:
+    with pytest.raises(nm.InputError, match=words) as told:
         read(tmp_path, name, text)
     assert not re.search(r"Error|unpack|index|codec", str(told.value))
 
@@ -218,18 +218,18 @@ def ball_on_block(gmsh_session):
     occ.addSphere(0, 0, 1.02, 1.0)
     occ.synchronize()
     gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.5)
-    parts = {"top": ec.where(z=0.0), "ball": ec.where(lambda x: x[2] > 0.01)}
+    parts = {"top": nm.where(z=0.0), "ball": nm.where(lambda x: x[2] > 0.01)}
     regions = {"block": lambda x: x[2] <= 0.001, "sphere": lambda x: x[2] >= 0.01}
-    return ec.from_gmsh(gmsh_session.model, parts=parts, regions=regions)
+    return nm.from_gmsh(gmsh_session.model, parts=parts, regions=regions)
 
 
 def test_sides_that_face_away_are_told_with_a_way(gmsh_session):
     """No clearance makes the upper half of a ball face the block; a rule finds the lower facets."""
     bodies = ball_on_block(gmsh_session)
-    with pytest.raises(ec.InputError, match=r"do not face each other everywhere.*within"):
+    with pytest.raises(nm.InputError, match=r"do not face each other everywhere.*within"):
         bodies.joined("ball", "top", apart=0.1)
     (near,) = bodies.touching(within=0.2)
-    named = bodies.named({"under": ec.where(region="sphere", against="block", within=0.2)})
+    named = bodies.named({"under": nm.where(region="sphere", against="block", within=0.2)})
     assert near.facets == "top"
     table = named.parts()
     areas = dict(zip(table["name"], table["area"], strict=True))
@@ -238,10 +238,10 @@ def test_sides_that_face_away_are_told_with_a_way(gmsh_session):
 
 @pytest.mark.parametrize("distance", [0.0, -1.0, True, "near"])
 def test_a_distance_of_a_rule_that_is_none(distance):
-    with pytest.raises(ec.InputError, match="where: within"):
-        ec.where(against="block", within=distance)
+    with pytest.raises(nm.InputError, match="where: within"):
+        nm.where(against="block", within=distance)
 
 
 def test_a_distance_of_a_rule_needs_a_region():
-    with pytest.raises(ec.InputError, match="give against="):
-        ec.where(y=0.0, within=0.1)
+    with pytest.raises(nm.InputError, match="give against="):
+        nm.where(y=0.0, within=0.1)

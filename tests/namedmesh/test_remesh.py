@@ -4,8 +4,8 @@ Names, measures, curved boundaries, counts, sessions, on any number of ranks.
 
 Properties: names, tags and the measures of straight parts survive ten remeshings and
 refinements in between; what a curved boundary loses of the area falls like h^2; the
-sizes give the number of cells; a contact gap that is a function of x acts on every mesh
-alike; a session of the user's survives; without a geometry, the error says what to do.
+sizes give the number of cells; a session of the user's survives; without a geometry,
+the error says what to do.
 """
 
 from pathlib import Path
@@ -26,21 +26,21 @@ from test_domain import (
     plate,
 )
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.remeshing import count_cells
 
 MESHES = Path(__file__).parents[2] / "meshes"
 BRICKS = {
-    "rectangle": (lambda: ec.rectangle(*RECTANGLE, size=0.8), RECTANGLE_SIDES, 14.0),
-    "rectangle of cells": (lambda: ec.rectangle(*RECTANGLE, cells=(3, 10)), RECTANGLE_SIDES, 14.0),
-    "box": (lambda: ec.box(*BOX, cells=(2, 3, 4)), BOX_SIDES, 6.0),
+    "rectangle": (lambda: nm.rectangle(*RECTANGLE, size=0.8), RECTANGLE_SIDES, 14.0),
+    "rectangle of cells": (lambda: nm.rectangle(*RECTANGLE, cells=(3, 10)), RECTANGLE_SIDES, 14.0),
+    "box": (lambda: nm.box(*BOX, cells=(2, 3, 4)), BOX_SIDES, 6.0),
     "block.geo": (
-        lambda: ec.read_mesh(MESHES / "block.geo", scripts=True),
+        lambda: nm.read_mesh(MESHES / "block.geo", scripts=True),
         dict.fromkeys(("left", "right"), 7.0),
         14.0,
     ),
     "dome.geo": (
-        lambda: ec.read_mesh(MESHES / "dome.geo", scripts=True),
+        lambda: nm.read_mesh(MESHES / "dome.geo", scripts=True),
         {"bottom": 4.0, "left": 2.0, "back": 2.0},
         4.0,
     ),
@@ -81,7 +81,7 @@ def test_names_and_measures_survive_ten_remeshings(brick, measures):
 def test_two_regions_an_interface_and_a_hole(gmsh_session, measures):
     if gmsh_session:
         plate(gmsh_session)
-    domain = ec.from_gmsh(gmsh_session.model if gmsh_session else None)
+    domain = nm.from_gmsh(gmsh_session.model if gmsh_session else None)
     missing = []
     for size in (0.1, 0.05, 0.025):
         domain = domain.remeshed(size)
@@ -111,7 +111,7 @@ CURVED = {
 def test_curved_boundaries_are_sampled_anew(name, measures):
     """The area of the mesh tends to the area of the true shape like h^2, whether it is made anew or refined."""
     area, sides, size = CURVED[name]
-    domain = ec.read_mesh(MESHES / name, scripts=True)
+    domain = nm.read_mesh(MESHES / name, scripts=True)
     polygon = measures.region(domain)
     assert measures.region(domain.refined()) - area == pytest.approx((polygon - area) / 4, rel=0.03)
     errors = []
@@ -133,7 +133,7 @@ def test_ball_in_space(shared_tmp_path, measures):
             'Physical Surface("sphere") = {1}; Physical Surface(7) = {2}; Mesh.MeshSizeMax = 0.5;\n'
         )
     COMM.barrier()
-    domain = ec.read_mesh(path, scripts=True)
+    domain = nm.read_mesh(path, scripts=True)
     errors = []
     for size in (0.4, 0.2, 0.1):
         domain = domain.remeshed(size)
@@ -145,7 +145,7 @@ def test_ball_in_space(shared_tmp_path, measures):
 @pytest.mark.on_ranks("2-0.05")
 @pytest.mark.parametrize(("dim", "tolerance"), [(2, 0.05), (3, 0.15)])
 def test_number_of_cells_is_that_of_the_sizes(dim, tolerance):
-    domain = ec.rectangle(*RECTANGLE, size=0.5) if dim == 2 else ec.box(*BOX, size=0.5)
+    domain = nm.rectangle(*RECTANGLE, size=0.5) if dim == 2 else nm.box(*BOX, size=0.5)
     corner = np.array((RECTANGLE if dim == 2 else BOX)[1])
     for low, slope in ((0.2, 0.0), (0.05, 0.15), (0.05, 0.25)):
         sizes = around(domain, corner, low, slope)
@@ -156,40 +156,15 @@ def test_number_of_cells_is_that_of_the_sizes(dim, tolerance):
 
 @pytest.mark.serial
 def test_coarser():
-    domain = ec.rectangle(*RECTANGLE, cells=(20, 70))
+    domain = nm.rectangle(*RECTANGLE, cells=(20, 70))
     assert domain.remeshed(0.5).cells < domain.cells / 10
 
 
-@pytest.mark.serial
-def test_gap_acts_on_every_mesh_alike():
-    """A half disc on a plane: its gap is the height of its own arc.
-
-    The force stays but for the meshes' errors.
-    """
-    scene = ec.Scene(
-        material=ec.Elastic(E=1.0, nu=0.3),
-        supports=[ec.Displacement("top", (0.0, -0.05))],
-        contacts=[ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0))],
-    )
-    domain, forces, start = ec.read_mesh(MESHES / "half_disc.geo", scripts=True), [], None
-    for step in range(0, 10, 2):
-        domain = domain.remeshed(around(domain, (0.0, 0.0), 0.015, 0.05 + 0.02 * step))
-        start = ec.solve(scene, domain, start=start)
-        traction = ec.equilibrate(start).tractions[0]
-        owned = traction.contact.facets[:, 0] < domain.owned_cells
-        forces.append(
-            COMM.allreduce(
-                float((traction.area @ (owned[:, None] * traction.normal_component)).sum())
-            )
-        )
-    assert np.ptp(forces) < 0.05 * abs(np.mean(forces)), forces
-
-
 def test_mesh_without_geometry():
-    shared = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
-    bare = ec.Domain(shared.mesh, shared.facet_tags, shared.names)
-    for domain in (bare, bare.refined(), ec.read_mesh(MESHES / "block.msh")):
-        with pytest.raises(ec.InputError, match=r"geometry .* not known.*Mark\(\).*\.geo"):
+    shared = nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
+    bare = nm.Domain(shared.mesh, shared.facet_tags, shared.names)
+    for domain in (bare, bare.refined(), nm.read_mesh(MESHES / "block.msh")):
+        with pytest.raises(nm.InputError, match=r"geometry .* not known.*Mark\(\).*\.geo"):
             domain.remeshed(0.1)
 
 
@@ -204,7 +179,7 @@ def test_user_session_keeps_its_options(gmsh_session):
         gmsh_session.option.setNumber("Mesh.MeshSizeMax", 0.3)
         gmsh_session.option.setNumber("Mesh.Algorithm", 5)
     before = [gmsh_session.option.getNumber(name) for name in names] if gmsh_session else None
-    ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).remeshed(0.2)
+    nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).remeshed(0.2)
     if gmsh_session:
         assert [gmsh_session.option.getNumber(name) for name in names] == before
         assert gmsh_session.model.list() == ["", "user"]
@@ -214,7 +189,7 @@ def test_user_session_keeps_its_options(gmsh_session):
 def test_remeshed_meshes_do_not_depend_on_the_number_of_ranks():
     cells = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        domain = ec.rectangle(*RECTANGLE, size=0.5, comm=comm)
+        domain = nm.rectangle(*RECTANGLE, size=0.5, comm=comm)
         for step in range(3):
             domain = domain.remeshed(around(domain, (0.5, float(step)), 0.05, 0.2))
         cells.append((domain.cells, domain.vertices))

@@ -2,8 +2,8 @@
 
 Properties, on any number of ranks and through refinement: each facet of the interface
 has its two sides, at the same place, of the same area, and both are on the rank of
-either; nothing else opens; the rim is where the definition of a node's copies says;
-what a checkpoint keeps comes back; a wrong call is told on all ranks.
+either; nothing else opens; the rim is where the definition of a node's copies says; a
+wrong call is told on all ranks.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from test_domain import assert_closed, assert_distributed_well, close, near
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.base.releases import cell_nodes
 from namedmesh.gmsh_session import session
 from namedmesh.partition import patches_complete
@@ -42,13 +42,13 @@ def tagged(domain, region_at, regions, inner=None, parts=()):
         values[facet_tags.indices] = facet_tags.values
         facet_tags = tags_of(mesh, d - 1, np.arange(count), values)
     names = dict(domain.names) | dict(parts)
-    return ec.Domain(mesh, facet_tags, names, tags, regions)
+    return nm.Domain(mesh, facet_tags, names, tags, regions)
 
 
 def layers(d, comm=COMM, inner=None, parts=()):
     """Two layers, structured: the upper one is above one half."""
     low, high, cells = (0.0,) * d, (2.0, 1.0, 1.0)[:d], (8, 4, 4)[:d]
-    make = ec.rectangle if d == 2 else ec.box
+    make = nm.rectangle if d == 2 else nm.box
     domain = make(low, high, cells=cells, comm=comm)
     return tagged(
         domain,
@@ -89,7 +89,7 @@ def overhang(d, comm=COMM, size=0.25):
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
     with session(comm, build, "The test") as model:
-        return ec.from_gmsh(model, comm)
+        return nm.from_gmsh(model, comm)
 
 
 BODIES = {
@@ -260,9 +260,9 @@ def test_a_part_keeps_the_facets_that_are_not_split(d):
 @pytest.mark.parametrize("d", [2, 3])
 def test_three_bodies_meet(d):
     """A vertex has as many nodes as there are bodies that no facet connects."""
-    box = ec.rectangle((0, 0), (2, 1), cells=(4, 4)) if d == 2 else None
+    box = nm.rectangle((0, 0), (2, 1), cells=(4, 4)) if d == 2 else None
     if d == 3:
-        box = ec.box((0, 0, 0), (2, 1, 1), cells=(4, 2, 4))
+        box = nm.box((0, 0, 0), (2, 1, 1), cells=(4, 2, 4))
     base = tagged(
         box,
         lambda x: np.where(x[:, d - 1] < 0.5, 3, np.where(x[:, 0] < 1, 1, 2)),
@@ -300,11 +300,11 @@ def test_meshed_again():
         at_glued[cells_of(domain.glued)[domain.glued.region(region)].ravel()] = 0.05
         assert graded.cells == domain.glued.remeshed(at_glued).cells
         assert_paired(graded.refined())
-    with pytest.raises(ec.InputError, match="give a number, or one for each node"):
+    with pytest.raises(nm.InputError, match="give a number, or one for each node"):
         domain.remeshed(at_nodes[:-1])
-    with pytest.raises(ec.InputError, match="not > 0 and finite"):
+    with pytest.raises(nm.InputError, match="not > 0 and finite"):
         domain.remeshed(-at_nodes)
-    with pytest.raises(ec.InputError, match="geometry of this domain is not known"):
+    with pytest.raises(nm.InputError, match="geometry of this domain is not known"):
         layers(2).split(SIDES).remeshed(0.1)
 
 
@@ -327,7 +327,7 @@ def pin(comm=COMM):
         gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
 
     with session(comm, build, "The test") as model:
-        return ec.from_gmsh(model, comm)
+        return nm.from_gmsh(model, comm)
 
 
 def test_curved_sides_stay_on_each_other():
@@ -346,55 +346,6 @@ def test_curved_sides_stay_on_each_other():
         assert np.array_equal(*marks)
         assert np.all(marks[0] >= 0)
         assert domain.offset is not None
-
-
-def pressed(comm=COMM):
-    """Two layers that do not feel each other yet, the lower one on a rigid foundation."""
-    scene = ec.Scene(
-        ec.Elastic({"upper": 1.0, "lower": 2.0}, 0.3),
-        [ec.Displacement("top", (0.0, -0.05)), ec.Displacement("left", (0.0, None))],
-        loads=[ec.Traction("block", (0.0, -0.1))],
-        contacts=[ec.Contact("bottom", friction=0.3)],
-    )
-    return scene, layers(2, comm).split(SIDES)
-
-
-def adapted(meshes, folder, comm=COMM):
-    scene, domain = pressed(comm)
-    return ec.adapt(scene, domain, 0.01, max_steps=meshes, checkpoint=folder, method=ec.Nitsche())
-
-
-def test_a_checkpoint_keeps_a_split_domain(shared_tmp_path):
-    folder = shared_tmp_path / "run"
-    whole = adapted(3, None)
-    if COMM.rank == 0:
-        adapted(1, folder, MPI.COMM_SELF)
-    COMM.barrier()
-    adapted(2, folder)
-    kept = ec.read_history(folder)
-    again = adapted(3, folder)
-    assert [step.cells for step in again.steps] == [step.cells for step in whole.steps]
-    assert again.best.relative == pytest.approx(whole.best.relative, rel=1e-8)
-    for history, reference in ((again, whole), (kept, whole)):
-        for (domain, _), (other, _) in zip(history.meshes, reference.meshes, strict=False):
-            assert domain.pairs == other.pairs
-            assert repr(domain) == repr(other)
-            assert domain.vertices == other.vertices
-            assert domain.glued.vertices == other.glued.vertices
-            assert_paired(domain)
-            finer = domain.refined(near(domain, np.array((0.0, 0.5)), 0.4))
-            expected = other.refined(near(other, np.array((0.0, 0.5)), 0.4))
-            assert repr(finer) == repr(expected)
-
-
-def test_a_checkpoint_of_the_same_sides_the_other_way_round_is_another_run(shared_tmp_path):
-    scene, domain = pressed()
-    scene = ec.Scene(scene.material, scene.supports, contacts=scene.contacts)
-    settings = {"max_steps": 1, "checkpoint": shared_tmp_path, "method": ec.Nitsche()}
-    ec.adapt(scene, domain, 0.01, **settings)
-    turned = domain.glued.split({"punch": "lower", "block": "upper"})
-    with pytest.raises(ec.InputError, match="another run"):
-        ec.adapt(scene, turned, 0.01, **settings)
 
 
 def test_it_tells_its_pairs():
@@ -423,24 +374,24 @@ def test_it_tells_its_pairs():
 )
 def test_a_wrong_call_says_what_to_do(sides, on, words):
     base = layers(2, inner=lambda x: np.where(x[:, 1] == 0.5, 9, -1), parts={"joint": 9})
-    with pytest.raises(ec.InputError, match=words):
+    with pytest.raises(nm.InputError, match=words):
         base.split(sides, on=on)
 
 
 def test_what_cannot_be_split_says_why():
-    plain = ec.rectangle((0, 0), (1, 1), cells=(2, 2))
-    with pytest.raises(ec.InputError, match="has no regions"):
+    plain = nm.rectangle((0, 0), (1, 1), cells=(2, 2))
+    with pytest.raises(nm.InputError, match="has no regions"):
         plain.split(SIDES)
-    with pytest.raises(ec.InputError, match="has no pairs"):
+    with pytest.raises(nm.InputError, match="has no pairs"):
         plain.facing("left", "right")
-    with pytest.raises(ec.InputError, match="not split already"):
+    with pytest.raises(nm.InputError, match="not split already"):
         layers(2).split(SIDES).split({"a": "upper", "b": "lower"})
     domain = layers(2).split(SIDES)
-    with pytest.raises(ec.InputError, match="has a part 'punch' already"):
+    with pytest.raises(nm.InputError, match="has a part 'punch' already"):
         domain.split({"punch": "upper", "b": "lower"})
-    with pytest.raises(ec.InputError, match="the pairs 'punch' and 'block'"):
+    with pytest.raises(nm.InputError, match="the pairs 'punch' and 'block'"):
         domain.facing("punch", "top")
-    with pytest.raises(ec.InputError):
+    with pytest.raises(nm.InputError):
         domain.refined(np.array([domain.owned_cells]))
 
 
@@ -448,5 +399,5 @@ def test_a_name_on_one_rank_only_is_refused_on_all():
     sides = SIDES if COMM.rank == 0 else {"a": "upper", "b": "nowhere"}
     if COMM.size == 1:
         sides = {"a": "upper", "b": "nowhere"}
-    with pytest.raises(ec.InputError, match="nowhere"):
+    with pytest.raises(nm.InputError, match="nowhere"):
         layers(2).split(sides)

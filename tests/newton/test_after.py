@@ -6,7 +6,7 @@ Friction counts the tangential displacement from where the last step ended.
 - A sign: a body that is moved back gets friction in the other direction, and a load
   that is taken away leaves shear.
 - The order of loads matters, and the order is the same on any number of ranks.
-- A refined mesh carries the last step to round-off; another mesh says what it loses.
+- A refined mesh represents the last step to round-off; another mesh says what it loses.
 - e is above the true error of the step given its history, both on the same history.
 """
 
@@ -16,10 +16,10 @@ from functools import cache
 import numpy as np
 import pytest
 from dolfinx import fem
+from domains import refused
 from mpi4py import MPI
 from reference import nested, true_errors
 from scenes import moved_box
-from test_bad_input import refused
 
 import erc_contact as ec
 from erc_contact.model.contact.trace import Trace
@@ -136,7 +136,7 @@ def test_nothing_moves_while_the_loads_are_held():
 def test_shear_that_stays_without_any_load(scale):
     """The top goes away and comes back.
 
-    The foundation, bilateral with given friction, keeps the body sheared.
+    The foundation, bilateral with Tresca friction, keeps the body sheared.
     """
     limit = 0.004 * scale
     domain, law = box(), ec.Tresca(limit)
@@ -197,11 +197,11 @@ def test_the_order_of_loads_is_the_same_on_ranks():
 def trace_of(space, facets):
     """The trace of a flat contact on facets below a body."""
     side = space.side(facets, fem.Constant(space.mesh, 1.0))
-    return Trace(side, np.tile(-np.eye(space.d)[-1], (len(facets), 1)))
+    return Trace(side, side.only(slice(0)), np.tile(-np.eye(space.d)[-1], (len(facets), 1)))
 
 
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
-def test_a_refined_mesh_carries_the_last_step(d, degree):
+def test_a_refined_mesh_represents_the_last_step(d, degree):
     """At every node of the refined contact.
 
     A new mesh loses something, less on a finer one.
@@ -255,7 +255,7 @@ def test_steps_on_refined_and_new_meshes():
 def test_e_is_above_the_true_error_of_the_step(method, degree):
     """The reference has the same history.
 
-    The last step of the coarse mesh, which its mesh carries exactly.
+    The last step of the coarse mesh, which its mesh represents exactly.
     """
     path = [(0.0, PRESS), (0.02, PRESS), (0.012, PRESS)]
     _, sheared, _ = run(path, method=method, degree=degree)
@@ -272,7 +272,7 @@ def test_e_is_above_the_true_error_of_the_step(method, degree):
 
 
 def test_the_energy_of_a_step_has_bounds():
-    """With given friction the step minimises J with the friction since the last step."""
+    """With Tresca friction the step minimises J with the friction since the last step."""
     law = ec.Tresca(0.004)
     (sheared,) = run([(0.05, PRESS)], friction=law)
     low, high, meshes = [], [], [box()]

@@ -1,6 +1,6 @@
 """Statics in the displaced place: what small displacements leave out of balance.
 
-- The moment is ``sum u x F`` over all nodal forces, in the plane and in space, for both degrees
+- The moment is ``sum u x F`` over all nodal forces, in the plane and in 3D, for both degrees
   and with preloads; rigid translations add nothing.
 - What contacts can take up is the closed form of a flat base, and of two feet.
 - Ordinary bodies that only contacts hold say no word; tilting blocks, rolling discs, rockers,

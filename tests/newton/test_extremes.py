@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from edge_scenes import BEYOND, SOLVABLE, UNITS, UNSOLVABLE
 from extreme_bodies import block
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.elastic import cell_stress
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import evaluate
 from namedmesh.simplex import rule
 
 pytestmark = pytest.mark.serial
@@ -28,10 +28,6 @@ METHODS = [ec.Nitsche(), ec.AugmentedLagrangian()]
 methods = pytest.mark.parametrize("method", METHODS, ids=["Nitsche", "AL"])
 SAME = 1e-6
 """Relative difference of eps between systems of units that counts as none [-]."""
-
-
-def error_of(scene: ec.Scene, domain: ec.Domain, method: object) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method)))
 
 
 def check(error: ec.ConstitutiveError) -> None:
@@ -43,9 +39,7 @@ def check(error: ec.ConstitutiveError) -> None:
     model = solution.model
     space = model.space
     points, _ = rule(space.d - 1, space.contact_degree)
-    tractions = [
-        evaluate(solution.traction(c), space.mesh, points, c.facets) for c in model.contacts
-    ]
+    tractions = [space.evaluate(solution.traction(c), points, c.facets) for c in model.contacts]
     inside = abs(
         cell_stress(model, cell_geometry(space), solution.u).in_plane
     ).max()  # an open contact's is round-off of it
@@ -67,7 +61,7 @@ def test_scene_that_has_a_solution(name):
     failed = []
     for method in METHODS:
         try:
-            error = error_of(*SOLVABLE[name](), method)
+            error = certified(*SOLVABLE[name](), method)
         except ec.NotConverged as reason:
             failed.append(str(reason))
             continue
@@ -85,13 +79,13 @@ def test_scene_that_has_a_solution(name):
     ids=str,
 )
 def test_parameters_of_the_methods(method):
-    check(error_of(*block(n=8), method))
+    check(certified(*block(n=8), method))
 
 
 @pytest.mark.parametrize("method", [*METHODS, ec.Nitsche(theta=-1), ec.Nitsche(theta=1)], ids=str)
 def test_strong_friction(method):
     """Either it converges, or it says that it does not."""
-    check(error_of(*block(n=8, friction=2.0), method))
+    check(certified(*block(n=8, friction=2.0), method))
 
 
 @pytest.mark.parametrize(
@@ -106,7 +100,7 @@ def test_scene_that_has_none(name, method):
 @methods
 @pytest.mark.parametrize("name", UNITS)
 def test_units(name, method):
-    errors = [error_of(*make(), method) for make in UNITS[name]]
+    errors = [certified(*make(), method) for make in UNITS[name]]
     assert [error.relative for error in errors] == pytest.approx(
         [errors[0].relative] * len(errors), rel=SAME
     )
@@ -117,7 +111,7 @@ def test_units(name, method):
 @pytest.mark.parametrize("name", BEYOND)
 def test_loads_beyond_double_precision(name, method):
     try:
-        error = error_of(*BEYOND[name](), method)
+        error = certified(*BEYOND[name](), method)
     except ec.InputError:
         return
     check(error)

@@ -1,7 +1,7 @@
 """Contact that is a quadratic programme is solved in few steps on any mesh.
 
 - slender leaves, with both methods and solvers, degrees 1 and 2, on any number of ranks;
-- given friction in the plane and in space;
+- Tresca friction in the plane and in 3D;
 - light bodies on few nodes, with Coulomb friction, too.
 """
 
@@ -77,10 +77,10 @@ def test_steps_of_a_users_method_are_not_ended_early():
         pass
 
     scene, stack = leaves(along=20)
-    solve = ContactSolve(Direct(bind(scene, stack, 2, None)), Own(), None)
+    solve = ContactSolve(Direct(bind(scene, stack, 2, None)), Own())
     solve.solve(None)
     assert len(solve.rungs) == 1
-    by_ours = ContactSolve(Direct(bind(scene, stack, 2, None)), METHODS[0], None)
+    by_ours = ContactSolve(Direct(bind(scene, stack, 2, None)), METHODS[0])
     by_ours.solve(None)
     assert "states keep changing" in by_ours.rungs[0]
 

@@ -11,9 +11,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from domains import refused
 from laws import Hencky, Quadratic, TwoModuli
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified, pressed
 
 import erc_contact as ec
 from erc_contact.error import fenchel
@@ -36,16 +37,10 @@ def scaled(unit, n):
     return ec.rectangle((0.0, 0.0), (unit, unit), cells=(n, n))
 
 
-def pressed(material, down=0.03, **entries):
+def on_parabola(material, down=0.03, **entries):
     """A slab that is pressed on its foundation and pushed along it."""
-    top = ec.Displacement("top", (0.004, -down))
-    return ec.Scene(
-        material, top, contacts=ec.Contact("bottom", gap=lambda x: 0.005 * x[0] ** 2), **entries
-    )
-
-
-def certified(scene, domain, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
+    scene = pressed(material, (0.004, -down), gap=lambda x: 0.005 * x[0] ** 2)
+    return dataclasses.replace(scene, **entries)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,9 +75,9 @@ class OnlyEnergy:
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_supremum_by_newton_is_the_conjugate(degree):
-    known = certified(pressed(Quadratic(1.0, 0.3)), slab(), degree=degree)
+    known = certified(on_parabola(Quadratic(1.0, 0.3)), slab(), degree=degree)
     found = certified(
-        pressed(OnlyEnergy(Quadratic(1.0, 0.3), lambda E, nu: 1)), slab(), degree=degree
+        on_parabola(OnlyEnergy(Quadratic(1.0, 0.3), lambda E, nu: 1)), slab(), degree=degree
     )
     assert found.relative == pytest.approx(known.relative, rel=1e-9)
     assert found.displacement_error == pytest.approx(found.absolute)
@@ -94,9 +89,9 @@ def test_a_supremum_of_a_law_with_a_kink_is_the_conjugate(degree):
     """A step of Newton's method may pass the kink, more than once."""
     law = TwoModuli(1.0, 0.4, 0.2)
     domain = slab()
-    known = certified(pressed(law), domain, degree=degree)
+    known = certified(on_parabola(law), domain, degree=degree)
     only_energy = OnlyEnergy(law, lambda K, G, share: share)
-    found = certified(pressed(only_energy), domain, degree=degree)
+    found = certified(on_parabola(only_energy), domain, degree=degree)
     assert found.relative == pytest.approx(known.relative, rel=1e-6)
 
 
@@ -104,8 +99,8 @@ def test_a_supremum_of_a_law_with_a_kink_is_the_conjugate(degree):
 def test_the_error_of_the_displacement_is_bounded():
     """In the elastic norm, against a solution three levels finer."""
     for material in (STEEL, Hencky(1.0, 0.4, 0.01, 0.1)):
-        error = certified(pressed(material), slab())
-        fine = ec.solve(pressed(material), slab((48, 24)))
+        error = certified(on_parabola(material), slab())
+        fine = ec.solve(on_parabola(material), slab((48, 24)))
         model = fine.model
         elastic = dataclasses.replace(fine.scene, material=ec.Elastic(1.0, 0.3))
         if isinstance(material, Hencky):
@@ -124,8 +119,8 @@ def test_the_error_of_the_displacement_is_bounded():
 @pytest.mark.parametrize("degree", [1, 2])
 def test_cells_that_yield_in_part_are_integrated(degree, monkeypatch):
     """A cell that counts as linear has the same gap by integrals adapted to the law."""
-    first = ec.solve(pressed(STEEL, 0.012), slab((4, 2)), degree=degree)
-    solution = ec.solve(pressed(STEEL, 0.012), slab((8, 4)), degree=degree, start=first)
+    first = ec.solve(on_parabola(STEEL, 0.012), slab((4, 2)), degree=degree)
+    solution = ec.solve(on_parabola(STEEL, 0.012), slab((8, 4)), degree=degree, start=first)
     pair = ec.equilibrate(solution)
     gap = fenchel.fenchel_error(pair).gap
     monkeypatch.setattr(
@@ -141,7 +136,7 @@ def test_springs_are_in_the_balance_of_energies():
     spring = ec.Spring("right", normal=0.2)
 
     def scene_at(t):
-        return pressed(STEEL, 0.03 * t, springs=spring)
+        return on_parabola(STEEL, 0.03 * t, springs=spring)
 
     evolution = ec.evolve(scene_at, slab(), [0.5, 1.0], 0.5)
     last = evolution.steps[-1]
@@ -151,11 +146,11 @@ def test_springs_are_in_the_balance_of_energies():
 
 def test_another_degree_on_the_same_mesh():
     domain = slab()
-    first = ec.solve(pressed(STEEL), domain)
-    straight = ec.solve(pressed(STEEL), domain, degree=2)
-    started = ec.solve(pressed(STEEL), domain, degree=2, start=first)
+    first = ec.solve(on_parabola(STEEL), domain)
+    straight = ec.solve(on_parabola(STEEL), domain, degree=2)
+    started = ec.solve(on_parabola(STEEL), domain, degree=2, start=first)
     assert started.force("bottom").force == pytest.approx(straight.force("bottom").force, rel=1e-8)
-    again = ec.solve(pressed(STEEL), domain, degree=2, after=first)
+    again = ec.solve(on_parabola(STEEL), domain, degree=2, after=first)
     assert again.force("bottom").force[1] == pytest.approx(
         straight.force("bottom").force[1], rel=0.2
     )
@@ -183,7 +178,7 @@ def test_a_ring_that_is_let_go():
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_a_state_on_a_refined_mesh_in_any_unit(unit):
     """Children inherit it, however small the body is."""
-    coarse, fine = (Model(pressed(STEEL), scaled(unit, n), 1) for n in (2, 8))
+    coarse, fine = (Model(on_parabola(STEEL), scaled(unit, n), 1) for n in (2, 8))
     field = LawState.of(coarse.space, 1, lambda x, cells: (x @ [[3.0], [7.0]]) / unit)
     carried_over = carry_state(field, fine.space)
     middles = fine.space.cell_corners()[fine.space.owned_cells].mean(axis=1)
@@ -200,7 +195,7 @@ def test_a_state_on_a_refined_mesh_in_any_unit(unit):
 
 
 def test_bodies_that_overlap_keep_their_states():
-    """Drawn with an interference; the upper body yields. Its cells lie over those of the lower."""
+    """Modelled with an interference; the upper body yields. Its cells lie over those of the lower."""
     bodies = {
         "upper": ec.rectangle((0.0, 0.9), (1.0, 1.9), cells=(4, 4)),
         "lower": ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)),
@@ -226,16 +221,16 @@ def test_bodies_that_overlap_keep_their_states():
 
 def test_a_start_on_another_body():
     """It gives the contact only; a state cannot be known there."""
-    other = ec.solve(pressed(STEEL), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)))
-    alone, started = (ec.solve(pressed(STEEL), slab(), start=start) for start in (None, other))
+    other = ec.solve(on_parabola(STEEL), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)))
+    alone, started = (ec.solve(on_parabola(STEEL), slab(), start=start) for start in (None, other))
     assert started.force("bottom").force == pytest.approx(alone.force("bottom").force, rel=1e-8)
 
 
 @pytest.mark.ranks
 def test_ranks_without_cells():
     domain = slab((1, 1))
-    error = certified(pressed(STEEL), domain)
-    later = ec.solve(pressed(STEEL, 0.02), domain, after=error.solution)
+    error = certified(on_parabola(STEEL), domain)
+    later = ec.solve(on_parabola(STEEL, 0.02), domain, after=error.solution)
     known = COMM.allgather(later.force("bottom").force)
     assert np.ptp(known, axis=0).max() == 0.0
     assert 0.0 < ec.results.plastic_share(error) <= 1.0
@@ -253,16 +248,17 @@ class Forgetful(ec.Plastic):
 
 
 def test_states_that_are_none():
-    refused(lambda: ec.solve(pressed(Forgetful(1.0, 0.3, 0.01, 0.05)), slab()), "new_state has")
-    first = ec.solve(pressed(STEEL), slab())
+    refused(lambda: ec.solve(on_parabola(Forgetful(1.0, 0.3, 0.01, 0.05)), slab()), "new_state has")
+    first = ec.solve(on_parabola(STEEL), slab())
     refused(
-        lambda: ec.solve(pressed(Quadratic(1.0, 0.3)), slab(), after=first), "has the state none"
+        lambda: ec.solve(on_parabola(Quadratic(1.0, 0.3)), slab(), after=first),
+        "has the state none",
     )
-    error = certified(pressed(Quadratic(1.0, 0.3)), slab())
+    error = certified(on_parabola(Quadratic(1.0, 0.3)), slab())
     refused(lambda: ec.results.state(error, "accumulated"), "has no state 'accumulated'")
 
 
 @pytest.mark.parametrize(("share", "words"), [(1.1, "too large"), (0.0, "must be > 0")])
 def test_convexities_that_are_none(share, words):
     law = OnlyEnergy(Quadratic(1.0, 0.3), lambda E, nu: share)
-    refused(lambda: ec.solve(pressed(law), slab()), words)
+    refused(lambda: ec.solve(on_parabola(law), slab()), words)

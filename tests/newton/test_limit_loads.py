@@ -37,7 +37,7 @@ def told(scene: ec.Scene, domain: ec.Domain) -> tuple[float | None, float | None
     return None if share is None else share / 100, factor, coefficient
 
 
-def block(d: int, height: float = 1.0, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
+def column(d: int, height: float = 1.0, comm: MPI.Comm = MPI.COMM_WORLD) -> ec.Domain:
     """Make a block of unit width."""
     make = ec.rectangle if d == 2 else ec.box
     return make((0.0,) * d, (*(1.0,) * (d - 1), height), cells=(2,) * d, comm=comm)
@@ -52,9 +52,9 @@ def loads(d: int, push: float, on: str) -> list:
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_block_slides(d):
-    """It takes a push of 0.4 of its weight; a polygon of 8 sides is 8% wider in space."""
+    """It takes a push of 0.4 of its weight; a polygon of 8 sides is 8% wider in 3D."""
     scene = ec.Scene(SOFT, loads=loads(d, 0.5, "left"), contacts=ec.Contact("bottom", friction=0.4))
-    share, factor, coefficient = told(scene, block(d))
+    share, factor, coefficient = told(scene, column(d))
     wider = 1.0 if d == 2 else 1 / np.cos(np.pi / 8)
     assert share == pytest.approx(0.8 * wider, rel=1e-2)
     assert factor == pytest.approx(1.25 / wider, rel=1e-3)
@@ -66,7 +66,7 @@ def test_a_block_on_a_slope():
     """Its weight alone makes it slide, at any size: only friction helps."""
     slope = ec.BodyForce((0.5 * WEIGHT, -WEIGHT))
     scene = ec.Scene(SOFT, loads=slope, contacts=ec.Contact("bottom", friction=0.4))
-    assert told(scene, block(2)) == (None, pytest.approx(1.25, rel=1e-3), 0.5)
+    assert told(scene, column(2)) == (None, pytest.approx(1.25, rel=1e-3), 0.5)
 
 
 @pytest.mark.serial
@@ -74,7 +74,7 @@ def test_a_block_slides_on_given_friction():
     """The bound does not grow with the load, so a share of all loads can be carried."""
     contact = ec.Contact("bottom", friction=ec.Tresca(0.7 * WEIGHT))
     scene = ec.Scene(SOFT, loads=ec.BodyForce((WEIGHT, -WEIGHT)), contacts=contact)
-    share, factor, coefficient = told(scene, block(2))
+    share, factor, coefficient = told(scene, column(2))
     assert share == pytest.approx(0.7, rel=1e-3)
     assert factor == pytest.approx(1 / 0.7, rel=1e-3)
     assert coefficient is None
@@ -84,7 +84,7 @@ def test_a_block_slides_on_given_friction():
 def test_a_block_tips(d):
     """The weight of 4 has an arm of 0.5, the push of 2 one of 4: no friction helps."""
     scene = ec.Scene(SOFT, loads=loads(d, 2.0, "top"), contacts=ec.Contact("bottom", friction=1.0))
-    assert told(scene, block(d, 4.0)) == (pytest.approx(0.25, rel=1e-3), None, None)
+    assert told(scene, column(d, 4.0)) == (pytest.approx(0.25, rel=1e-3), None, None)
 
 
 @pytest.mark.serial
@@ -160,6 +160,6 @@ def test_ranks_tell_the_same(d):
     scene = ec.Scene(SOFT, loads=loads(d, 0.5, "left"), contacts=ec.Contact("bottom", friction=0.3))
     texts = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        model = bind(scene, block(d, comm=comm), 1, None)
+        model = bind(scene, column(d, comm=comm), 1, None)
         texts.append(what_can_be_carried(model, Stiffness(model).load_vector()))
     assert texts[0] == texts[1] != ""

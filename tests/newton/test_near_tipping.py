@@ -3,7 +3,7 @@
 Tractions of degree k on facets have their resultant at least a share of a facet inside.
 
 - where facets are too large for any, `adapt` refines those that press until there is a pair;
-- in space on an edge and on a corner, in stacks, by both strategies;
+- in 3D on an edge and on a corner, in stacks, by both strategies;
 - `equilibrate` alone says that the mesh is to be refined there;
 - pressures become uniform only where they still balance the loads.
 """

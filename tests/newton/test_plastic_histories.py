@@ -5,7 +5,7 @@
 - Children of cells have the state of their parents; a new mesh tells what it moved.
 - Ranks and folders give the same history.
 - On rings a quadratic potential is linear elasticity, and J + J* = e^2/2.
-- A thick sphere and a thick tube under pressure that is let go: their closed forms.
+- A thick sphere and a thick tube under pressure that is unloaded: their closed forms.
 - What is refused: plane stress, no hardening, another law on the way.
 """
 
@@ -13,11 +13,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+from domains import refused
 from energies import energies_of_law
 from laws import Quadratic
 from mpi4py import MPI
+from scenes import certified
 from scipy.optimize import brentq
-from test_bad_input import refused
 from test_potential import INNER, OUTER, quarter_tube, tube_displacement
 
 import erc_contact as ec
@@ -31,10 +32,6 @@ from erc_contact.newton.after import last_step
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1000.0, nu=0.3, yield_stress=1.0, hardening=30.0, kinematic=70.0)
 RINGS = dataclasses.replace(STEEL, hypothesis="axisymmetric")
-
-
-def certified(scene, domain, **options):
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, **options)))
 
 
 # -- a bar that is pulled and pressed
@@ -96,7 +93,7 @@ def test_a_bar_that_is_pulled_and_pressed(body, degree):
         assert abs(row.imbalance) < 1e-8 * volume * work
 
 
-# -- a body that is pressed and let go
+# -- a body that is pressed and unloaded
 # -------------------------------------------------------------------------------------
 
 PRESS = {1.0: 0.5, 2.0: 1.0, 3.0: 0.9, 4.0: 0.5}
@@ -117,7 +114,7 @@ def layer(comm=COMM, cells=(4, 2)):
 
 @pytest.mark.parametrize(("law", "degree"), [(STEEL, 1), (STEEL, 2), (RINGS, 2)])
 @pytest.mark.serial
-def test_energies_of_a_body_that_is_pressed_and_let_go(law, degree):
+def test_energies_of_a_body_that_is_pressed_and_unloaded(law, degree):
     accuracy = 0.1
     evolution = ec.evolve(
         pressed_at(law), layer(), sorted(PRESS), accuracy, degree=degree, strategy=ec.Mark()
@@ -377,7 +374,7 @@ MOVING = dataclasses.replace(WALL, hardening=0.01, kinematic=0.04)
 
 @pytest.mark.serial
 @pytest.mark.parametrize("law", [WALL, MOVING], ids=["isotropic", "both"])
-def test_a_thick_sphere_under_pressure_that_is_let_go(law):
+def test_a_thick_sphere_under_pressure_that_is_unloaded(law):
     pressure = 0.0115
     exact = thick_sphere(law, pressure)
     assert INNER * 1.2 < exact.yielded < 0.95 * OUTER
@@ -405,7 +402,7 @@ def test_a_thick_sphere_under_pressure_that_is_let_go(law):
 
 
 @pytest.mark.serial
-def test_a_thick_tube_on_rings_that_is_let_go():
+def test_a_thick_tube_on_rings_that_is_unloaded():
     """Held at its ends it is in plane strain, whose displacements the differential equation has."""
     pressure = 0.008
     inner, outer = tube_displacement(WALL, pressure)

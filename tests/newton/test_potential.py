@@ -14,10 +14,11 @@ from itertools import product
 import gmsh
 import numpy as np
 import pytest
+from domains import refused
 from energies import energies_of_law
 from laws import Fibres, Quadratic, TwoModuli
 from mpi4py import MPI
-from test_bad_input import refused
+from scenes import certified, pressed
 
 import erc_contact as ec
 from erc_contact.error.load_work import load_work
@@ -29,7 +30,7 @@ STEEL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05)
 
 
 def slab(d, cells=None):
-    """A slab (0, 2) x (0, 1), in space of depth 1."""
+    """A slab (0, 2) x (0, 1), in 3D of depth 1."""
     if d == 2:
         return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells or (6, 3))
     return ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=cells or (3, 2, 2))
@@ -39,15 +40,10 @@ def vector(d, along, press):
     return (along, press) if d == 2 else (along, 0.5 * along, press)
 
 
-def pressed(material, d, friction=0.0, **entries):
+def pushed_slab(material, d, friction=0.0, **entries):
     """A slab that is pressed on its foundation and pushed along it."""
-    top = ec.Displacement("top", vector(d, 0.004, -0.03))
-    return ec.Scene(material, top, contacts=ec.Contact("bottom", friction=friction), **entries)
-
-
-def certified(scene, domain, method=None, degree=1, **options):
-    solution = ec.solve(scene, domain, method, degree=degree, **options)
-    return ec.constitutive_error(ec.equilibrate(solution))
+    scene = pressed(material, vector(d, 0.004, -0.03), friction=friction)
+    return dataclasses.replace(scene, **entries)
 
 
 def misfits(solution):
@@ -67,7 +63,7 @@ def misfits(solution):
 def test_a_quadratic_potential_is_linear_elasticity(d, degree, method):
     errors = []
     for material in (ec.Elastic(1.0, 0.3), Quadratic(1.0, 0.3)):
-        scene = pressed(material, d, friction=0.3)
+        scene = pushed_slab(material, d, friction=0.3)
         errors.append(certified(scene, slab(d), method(), degree=degree))
     linear, convex = errors
     assert misfits(convex.solution)[0] < 1e-12
@@ -86,7 +82,7 @@ def test_a_quadratic_potential_that_varies_in_cells():
     """Moduli by a callable of x: the same numbers as by the linear law."""
     errors = []
     for kind in (ec.Elastic, Quadratic):
-        scene = pressed(kind(lambda x: 1.0 + x[0] * x[1], 0.3), 2)
+        scene = pushed_slab(kind(lambda x: 1.0 + x[0] * x[1], 0.3), 2)
         errors.append(certified(scene, slab(2)))
     # Both integrals of the error leave something unknown.
     assert errors[1].relative == pytest.approx(errors[0].relative, rel=2e-4)
@@ -101,13 +97,13 @@ def test_a_quadratic_potential_that_varies_in_cells():
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("d", "degree", "friction"),
-    # In space friction adds a term to what a smooth contact has.
+    # In 3D friction adds a term to what a smooth contact has.
     [*product((2,), (1, 2), (0.0, ec.Tresca(0.002))), (3, 1, ec.Tresca(0.002))],
 )
 def test_energies_add_up_to_the_error(d, degree, friction):
     """By one rule in all sub-simplices for psi and psi*, and by the integrals of the package."""
     load = ec.Traction("right", vector(d, 0.003, 0.001))
-    error = certified(pressed(STEEL, d, friction, loads=load), slab(d), degree=degree)
+    error = certified(pushed_slab(STEEL, d, friction, loads=load), slab(d), degree=degree)
     pair, model = error.admissible, error.model
     psi, psi_star = energies_of_law(error)
     loads = load_work(model, pair.displacement).value
@@ -129,11 +125,11 @@ def test_energies_add_up_to_the_error(d, degree, friction):
 
 
 SEEDS = [0, 1, 3, 4, 5, 6, 7, 9, 10, 14, 18]
-"""Each law in the plane with each degree; the first slab is in space."""
+"""Each law in the plane with each degree; the first slab is in 3D."""
 
 
 def random_scene(seed):
-    """A slab of a random law, hardening 1% to 100%, smooth or with given friction, with or without gap and load."""
+    """A slab of a random law, hardening 1% to 100%, smooth or with Tresca friction, with or without gap and load."""
     rng = np.random.default_rng(seed)
     d = 2 if seed % 8 else 3
     degree = 1 + seed % 2 if d == 2 else 1
@@ -161,7 +157,7 @@ def test_the_exact_energy_lies_in_the_interval(seed):
     scene, d, degree = random_scene(seed)
     domain = slab(d, (4, 2) if d == 2 else (2, 1, 1))
     error = certified(scene, domain, degree=degree)
-    # In space, degree 2 on the same cells tells enough.
+    # In 3D, degree 2 on the same cells tells enough.
     reference = certified(scene, domain.refined().refined() if d == 2 else domain, degree=2)
     assert reference.absolute < error.absolute
     bounds, exact = ec.potential_energy(error), ec.potential_energy(reference)
@@ -175,7 +171,7 @@ def test_the_exact_energy_lies_in_the_interval(seed):
 
 
 def test_newton_converges_quadratically():
-    error = certified(pressed(STEEL, 2), slab(2, (12, 6)))
+    error = certified(pushed_slab(STEEL, 2), slab(2, (12, 6)))
     *_, before, last, end = misfits(error.solution)
     assert last < 100 * before**2
     assert end < 1e-10
@@ -299,7 +295,7 @@ def history(comm, degree, method=None):
 def two_regions(first, second):
     """A slab in two halves, each of a material of its own, pressed."""
     halves = {"left": ec.where(x=(None, 1.0)), "right": ec.where(x=(1.0, None))}
-    scene = pressed({"left": first, "right": second}, 2, friction=0.2)
+    scene = pushed_slab({"left": first, "right": second}, 2, friction=0.2)
     return scene, slab(2).named(regions=halves)
 
 
@@ -339,31 +335,32 @@ def test_ranks_without_cells(degree):
     eps = []
     for comm in (MPI.COMM_SELF, COMM):
         domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1), comm=comm)
-        eps.append(certified(pressed(STEEL, 2), domain, degree=degree).relative)
+        eps.append(certified(pushed_slab(STEEL, 2), domain, degree=degree).relative)
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
 
 
 def test_multigrid_finds_the_same():
     direct, iterative = (
-        certified(pressed(STEEL, 3), slab(3), solver=solver) for solver in ("direct", "iterative")
+        certified(pushed_slab(STEEL, 3), slab(3), solver=solver)
+        for solver in ("direct", "iterative")
     )
     assert iterative.relative == pytest.approx(direct.relative, rel=1e-7)
 
 
 def test_a_run_goes_on_from_what_it_keeps(tmp_path):
     folder = COMM.bcast(str(tmp_path / "run"))
-    scene = pressed(STEEL, 2)
+    scene = pushed_slab(STEEL, 2)
     options = {"max_steps": 2, "checkpoint": folder}
     first = ec.adapt(scene, slab(2), 1e-6, **options)
     again = ec.adapt(scene, slab(2), 1e-6, **options)
     assert again.error.relative == pytest.approx(first.error.relative, rel=1e-9)
-    other = pressed(dataclasses.replace(STEEL, hardening=0.06), 2)
+    other = pushed_slab(dataclasses.replace(STEEL, hardening=0.06), 2)
     refused(lambda: ec.adapt(other, slab(2), 1e-6, **options), "hardening is 0.06")
 
 
 def test_the_stress_out_of_plane_is_that_of_the_law():
     """sigma_zz makes psi* least: for a stress on the law it is the derivative of psi."""
-    solution = ec.solve(pressed(STEEL, 2), slab(2))
+    solution = ec.solve(pushed_slab(STEEL, 2), slab(2))
     law = solution.model.linearised.law
     strains = 0.03 * np.random.default_rng(0).normal(size=(50, 1, 3))
     places = np.zeros((50, 1, 2)), np.zeros(50, dtype=np.int32)
@@ -408,7 +405,7 @@ class Wrong(Quadratic):
     ],
 )
 def test_laws_that_are_no_pair(material, words):
-    refused(lambda: ec.solve(pressed(material, 2), slab(2)), "Wrong", words)
+    refused(lambda: ec.solve(pushed_slab(material, 2), slab(2)), "Wrong", words)
 
 
 @pytest.mark.parametrize(
@@ -427,7 +424,7 @@ def test_numbers_of_plasticity(numbers, words):
 
 @pytest.fixture(scope="module")
 def error():
-    return certified(pressed(STEEL, 2, friction=0.3), slab(2))
+    return certified(pushed_slab(STEEL, 2, friction=0.3), slab(2))
 
 
 @pytest.mark.parametrize(

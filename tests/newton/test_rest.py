@@ -1,6 +1,6 @@
 """Bodies that nothing loads or moves: rest is exact, certified, and told once.
 
-- u, r^ and e are zero to the last bit, in the plane and in space, with both methods and
+- u, r^ and e are zero to the last bit, in the plane and in 3D, with both methods and
   solvers, with and without gap, held by a support or by contact alone.
 - A run has one mesh. A history starts from rest, and comes back to it when the body is
   released: up to round-off of the history, in all units, and where a checkpoint restores it.
@@ -93,7 +93,7 @@ def test_a_history_from_rest_and_back(degree, caplog):
 
 
 def test_released_curved_body_makes_no_meshes():
-    """Its facets do not carry the gap, and all of its error would be relative to nothing."""
+    """Its facets do not represent the gap, and all of its error would be relative to nothing."""
 
     def scene_at(t):
         load = ec.Traction(

@@ -25,7 +25,12 @@ import erc_contact as ec
 from erc_contact.model.promises import bind
 from erc_contact.newton.linear import mumps, stiffness
 from erc_contact.newton.linear.stiffness import Stiffness
-from erc_contact.newton.linear.substructures import Interface, Separator, Substructures, _family
+from erc_contact.newton.linear.substructures import (
+    SchurComplement,
+    Separator,
+    Substructures,
+    _family,
+)
 
 COMM = MPI.COMM_WORLD
 
@@ -144,7 +149,7 @@ def test_joints_eliminate_what_lies_between_parts(parts):
     whole, left = np.zeros((20, 20)), []
     for numbers in touched:
         a = rng.standard_normal((len(numbers), 30))
-        left.append(Interface(numbers, np.ones(len(numbers), int), total[numbers], a @ a.T))
+        left.append(SchurComplement(numbers, np.ones(len(numbers), int), total[numbers], a @ a.T))
         whole[np.ix_(numbers, numbers)] += a @ a.T
     joint = left[0]
     for part in left[1:]:
@@ -175,7 +180,7 @@ def test_what_cannot_be_factorised_is_told_on_all_ranks(monkeypatch):
 
 
 def test_a_joint_that_is_not_definite_is_told():
-    flat = Interface(np.arange(2), np.ones(2, int), np.array([2, 3]), -np.eye(2))
+    flat = SchurComplement(np.arange(2), np.ones(2, int), np.array([2, 3]), -np.eye(2))
     with pytest.raises(ec.InputError, match="cannot be factorised"):
         Separator(flat, flat)
 

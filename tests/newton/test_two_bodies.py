@@ -13,9 +13,10 @@ from itertools import product
 import numpy as np
 import pytest
 from bricks import NAMES, bricks, glued, lower_brick, small_bricks
+from domains import refused
 from mpi4py import MPI
 from reference import _barycentric, _sigma
-from test_bad_input import refused
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible
@@ -46,14 +47,10 @@ def fixed(d: int) -> ec.Displacement:
     return ec.Displacement("lower outer", (0.0,) * d)
 
 
-def pressed(d: int, **options: object) -> ec.Scene:
+def pressed_pair(d: int, **options: object) -> ec.Scene:
     """The upper body's top is moved down and a little along; the lower one is held."""
     down = ec.Displacement("upper outer", vector(d, 0.01, -0.05))
     return ec.Scene(MATERIAL, [down, fixed(d)], [], [contact(**options)])
-
-
-def certified(scene: ec.Scene, domain: ec.Domain, *args, **options) -> ec.ConstitutiveError:
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, *args, **options)))
 
 
 # -- patches
@@ -205,10 +202,10 @@ def half_both(d: int) -> ec.Scene:
 
 
 SCENES = {
-    "pressed": lambda d: pressed(d, friction=0.3),
-    "gap": lambda d: pressed(d, friction=0.2, gap=parabola),
-    "Tresca": lambda d: pressed(d, friction=ec.Tresca(0.5), gap=parabola),
-    "bilateral": lambda d: pressed(d, bilateral=True),
+    "pressed": lambda d: pressed_pair(d, friction=0.3),
+    "gap": lambda d: pressed_pair(d, friction=0.2, gap=parabola),
+    "Tresca": lambda d: pressed_pair(d, friction=ec.Tresca(0.5), gap=parabola),
+    "bilateral": lambda d: pressed_pair(d, bilateral=True),
     "interference": lambda d: ec.Scene(
         MATERIAL,
         [ec.Displacement("upper outer", (0.0,) * d), fixed(d)],
@@ -222,7 +219,7 @@ SCENES = {
     "half lower": half_lower,
     "half both": half_both,
 }
-# The laws of a scene make its forms: in space and at degree 2 a few are enough.
+# The laws of a scene make its forms: in 3D and at degree 2 a few are enough.
 CASES = [*product((2,), (1,), SCENES), *product((2,), (2,), ("gap", "corner"))]
 CASES += product((3,), (1,), ("gap", "corner"))
 
@@ -347,7 +344,7 @@ def test_the_loop_of_a_report_is_that_of_the_side_that_moves(first):
 
 def test_scenes_of_a_history_name_the_sides_alike():
     """The slip of the last step is the slip of the side named first."""
-    scene = pressed(2, friction=0.3)
+    scene = pressed_pair(2, friction=0.3)
     last = ec.solve(scene, small_bricks(2))
     turned = replace(scene, contacts=[ec.Contact(LOWER, against=UPPER, friction=0.3)])
     refused(lambda: ec.solve(turned, small_bricks(2), after=last), "another order", "alike")
@@ -493,7 +490,7 @@ def test_two_bricks_are_one(d, degree, method):
 def test_order_of_the_bodies(friction, lower, degree, method):
     """Which body is named first changes nothing, where both are as stiff, too."""
     domain = order_domain()
-    scene = pressed(2, friction=friction, gap=parabola)
+    scene = pressed_pair(2, friction=friction, gap=parabola)
     material = ec.Elastic(E={"upper": 1000.0, "lower": lower}, nu=MATERIAL.nu)
     other = ec.Contact(LOWER, against=UPPER, friction=friction, gap=parabola)
     one, two = (
@@ -607,7 +604,7 @@ def test_wrong_input(name):
 
 
 def test_one_body_has_no_pairs():
-    scene = pressed(2)
+    scene = pressed_pair(2)
     whole = glued(2, (4, 2))
     refused(lambda: ec.solve(scene, whole), UPPER)
 

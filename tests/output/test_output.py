@@ -10,7 +10,7 @@ read back as a number, however small.
 
 Of degree 2 all nodes are written, drawn and can be integrated; the area under a drawn
 pressure is the resultant, also of a curved or closed contact; a picture magnifies gap
-and displacement alike, so that no body enters its foundation; a contact in space is
+and displacement alike, so that no body enters its foundation; a contact in 3D is
 seen; directions have clean names; a stress out of plane that nobody knows is not shown
 as zero; files are no larger than what they hold.
 """
@@ -26,16 +26,16 @@ import pytest
 import ufl
 from mpi4py import MPI
 from processes import ROOT
-from scenes import block, mostly_serial, patch_test, random_scene, resultant
+from scenes import block, measured, mostly_serial, patch_test, random_scene, resultant
 
 import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.output import contact_plots, gathered, views
-from erc_contact.output.drawing import new_figure
+from erc_contact.output import contact_plots, gathered
 from erc_contact.output.gallery import Gallery
 from namedmesh.base.percent import percent
 from namedmesh.base.releases import cell_nodes
+from namedmesh.pictures import new_figure, views
 
 COMM = MPI.COMM_WORLD
 PLOTTING = {"pyvista", "vtkmodules", "matplotlib"}
@@ -59,15 +59,9 @@ def punch(d: int) -> tuple[ec.Scene, ec.Domain]:
     return scene, (ec.rectangle if d == 2 else ec.box)((0.0,) * d, size, cells=cells)
 
 
-def error_of(scene: ec.Scene, domain: ec.Domain, degree: int = 1) -> ec.ConstitutiveError:
-    return ec.constitutive_error(
-        ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian(), degree=degree))
-    )
-
-
 @pytest.fixture(scope="module", params=[2, 3])
 def error(request):
-    return error_of(*punch(request.param))
+    return measured(*punch(request.param))
 
 
 def read(path):
@@ -203,7 +197,7 @@ def test_body_file_holds_the_fields(error, shared_tmp_path):
 
 def test_displacement_belongs_to_its_point(shared_tmp_path):
     scene, (b, c, e) = patch_test(0.3, 0.2)
-    error = error_of(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.3))
+    error = measured(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), size=0.3))
     output.write_fields(error, shared_tmp_path)
     if COMM.rank == 0:
         grid = read(shared_tmp_path / "body.vtkhdf")
@@ -279,7 +273,9 @@ def test_contact_file_holds_the_traction(error, shared_tmp_path):
 def contact_with(direction):
     """Return what pictures read of a contact whose facets have given normals."""
     trace = SimpleNamespace(corner_normals=None, normals=direction[:, None])
-    return SimpleNamespace(direction=direction, trace=trace, bilateral=False, sampled=False)
+    return SimpleNamespace(
+        direction=direction, trace=trace, bilateral=False, sampled=False, against=None
+    )
 
 
 @pytest.mark.serial
@@ -294,7 +290,7 @@ def test_pictures_show_something(error, shared_tmp_path):
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     output.plot_contact(error, "bottom", shared_tmp_path / "contact.png")
-    if domain.dim == 2:  # in space they are drawn as the sizes and the deformed body are
+    if domain.dim == 2:  # in 3D they are drawn as the sizes and the deformed body are
         names += ["error", "as_it_is"]
         output.draw_error(error, shared_tmp_path / "error.png")
         output.draw_deformed(error, shared_tmp_path / "as_it_is.png", factor=1.0)
@@ -308,7 +304,7 @@ def test_pictures_show_something(error, shared_tmp_path):
 def test_picture_of_a_contact_on_a_slope(shared_tmp_path):
     scene, domain = punch(2)
     contact = ec.Contact("bottom", friction=0.3, normal=(0.1, -1.0))
-    error = error_of(replace(scene, contacts=[contact]), domain)
+    error = measured(replace(scene, contacts=[contact]), domain)
     output.plot_contact(error.admissible, "bottom", shared_tmp_path / "contact.png")
     check_picture(shared_tmp_path / "contact.png")
 
@@ -381,7 +377,7 @@ def test_degree_2_is_written_at_all_nodes(d, shared_tmp_path):
     scene, domain = (
         punch(d) if d == 2 else (punch(3)[0], ec.box((0.0,) * 3, (4.0, 4.0, 1.0), cells=(3, 3, 1)))
     )
-    error = error_of(scene, domain, degree=2)
+    error = measured(scene, domain, degree=2)
     u, (traction,) = error.admissible.displacement, error.admissible.tractions
     integral = [
         COMM.allreduce(fem.assemble_scalar(fem.form(u[i] * ufl.dx)), MPI.SUM) for i in range(d)
@@ -439,7 +435,7 @@ def test_name_of_a_contact_with_a_slash(shared_tmp_path):
     names = {name.replace("bottom", "Shapes/bottom"): tag for name, tag in domain.names.items()}
     domain = ec.Domain(domain.mesh, domain.facet_tags, names)
     scene = replace(scene, contacts=[ec.Contact("Shapes/bottom", friction=0.3)])
-    output.write_fields(error_of(scene, domain), shared_tmp_path)
+    output.write_fields(measured(scene, domain), shared_tmp_path)
     if COMM.rank == 0:
         (file,) = shared_tmp_path.glob("contact_Shapes-bottom-*.vtkhdf")
         assert read(file)["pressure"].max() > 0
@@ -451,7 +447,7 @@ def test_name_of_a_contact_with_a_slash(shared_tmp_path):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_files_are_small(degree, shared_tmp_path):
     for cells in ((4, 2), (32, 16)):
-        error = error_of(
+        error = measured(
             punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=cells), degree=degree
         )
         output.write_fields(error, shared_tmp_path)
@@ -478,7 +474,7 @@ def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, see
             scene,
             contacts=[ec.Contact("arc", friction=0.4, normal=(0.0, -1.0), gap=lambda x: x[1])],
         )
-    error = error_of(scene, domain, degree=degree)
+    error = measured(scene, domain, degree=degree)
     output.plot_contact(error.admissible, scene.contacts[0].facets, shared_tmp_path / "contact.png")
     force = resultant(error.admissible.tractions[0])
     if COMM.rank == 0:
@@ -528,7 +524,9 @@ def test_area_under_the_pressure_of_any_contact(shape):
     zero = np.zeros(ends.shape)
     status = np.full(len(ends), results.STICK)
     axes = contact_plots.contact_curves(
-        gathered.WholeContact(traction, x, ends, zero, zero, 0 * x, x, zero, status)
+        gathered.WholeContact(
+            traction, x, ends, zero, zero, 0 * x, x, zero, status, partners=ends[:0]
+        )
     )
     force = float(area @ pressure.mean(axis=1))
     assert areas(axes, FACETS) == pytest.approx([force, 0.1 * force], rel=1e-9)
@@ -569,7 +567,7 @@ def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
         material=ec.Elastic(E=1.0, nu=nu), supports=[ec.Displacement(name, u) for name in sides]
     )
     make = ec.rectangle if d == 2 else ec.box
-    error = error_of(scene, make((0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d]), degree=2)
+    error = measured(scene, make((0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d]), degree=2)
     assert error.relative < 1e-8
     output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
     if COMM.rank == 0:
@@ -606,7 +604,7 @@ def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path
     """
     scene, domain = punch(2)
     scene = replace(scene, contacts=[replace(scene.contacts[0], gap=GAPS[gap])])
-    error, factor = error_of(scene, domain), 7.0
+    error, factor = measured(scene, domain), 7.0
     output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
     ground, nodes = ground_and_nodes(error, seen)
     if COMM.rank == 0:
@@ -642,7 +640,7 @@ def test_curved_foundation_is_drawn_as_it_is(factor, shared_tmp_path, seen):
 
     The default magnification is so small that the body hardly enters it.
     """
-    error = error_of(*punch(2))
+    error = measured(*punch(2))
     output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
     ground, nodes = ground_and_nodes(error, seen)
     if COMM.rank == 0:
@@ -673,7 +671,7 @@ def test_plane_below_a_curved_body_is_flat(shared_tmp_path, seen):
         supports=ec.Displacement("top", (0.0, -0.01)),
         contacts=ec.Contact("arc", gap=lambda x: x[1], normal=(0.0, -1.0)),
     )
-    error = error_of(scene, ec.read_mesh(ROOT / "meshes" / "half_disc.geo", scripts=True), degree=2)
+    error = measured(scene, ec.read_mesh(ROOT / "meshes" / "half_disc.geo", scripts=True), degree=2)
     for factor in (None, 20.0):
         output.draw_deformed(error, shared_tmp_path / "deformed.png", factor=factor)
         ground, _ = ground_and_nodes(error, seen)
@@ -692,7 +690,7 @@ def test_magnification_of_a_body_that_nothing_presses(kind, shared_tmp_path, see
         ec.Displacement("top", (0.0, down)),
         contacts=ec.Contact("bottom", gap=0.02),
     )
-    error = error_of(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)))
+    error = measured(scene, ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2)))
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     ground, nodes = ground_and_nodes(error, seen)
     if COMM.rank == 0:
@@ -713,7 +711,7 @@ def test_contact_in_space_is_seen(axis, shared_tmp_path, seen):
         supports=[ec.Displacement(high, tuple(-0.01 * np.eye(3)[axis]))],
         contacts=[ec.Contact(low, friction=0.3)],
     )
-    error = error_of(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(2, 2, 2)))
+    error = measured(scene, ec.box((0.0,) * 3, (1.0, 1.0, 1.0), cells=(2, 2, 2)))
     output.draw_error(error, shared_tmp_path / "error.png")
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     output.draw_meshes([(error.domain, error.indicators)], shared_tmp_path / "meshes.png")
@@ -803,7 +801,7 @@ def test_stress_out_of_plane_that_nobody_knows(shared_tmp_path, seen):
         (Telling(1.0), True),
         (Telling(E[False]), True),
     ):
-        error = error_of(replace(scene, material=material), domain)
+        error = measured(replace(scene, material=material), domain)
         folder = shared_tmp_path / f"{type(material).__name__}{callable(material.E)}"
         output.write_fields(error, folder)
         output.draw_deformed(error, folder / "deformed.png")
@@ -906,7 +904,7 @@ def test_words_in_space_are_legible_on_a_page(what, error, shared_tmp_path, seen
 @pytest.mark.serial
 def test_map_of_nothing_has_the_lowest_colour(shared_tmp_path, seen):
     scene = ec.Scene(material=ec.Elastic(1.0, 0.3), supports=[ec.Displacement("top", (0, 0))])
-    error = error_of(scene, block(2))
+    error = measured(scene, block(2))
     output.draw_error(error, shared_tmp_path / "error.png")
     if COMM.rank == 0:
         from matplotlib import colormaps
@@ -918,7 +916,7 @@ def test_map_of_nothing_has_the_lowest_colour(shared_tmp_path, seen):
 @pytest.mark.serial
 def test_colours_of_any_range_are_told(shared_tmp_path, seen):
     """Each colour bar has some ticks, with plain numbers, however narrow or wide its range is."""
-    error = error_of(*punch(2))
+    error = measured(*punch(2))
     for ratio in (1.0, 1.5, 2.0, 8.0, 1e3, 1e6):
         indicators = np.geomspace(2.1e-3 / ratio, 2.1e-3, len(error.indicators))
         output.draw_error(replace(error, indicators=indicators), shared_tmp_path / "error.png")
@@ -947,7 +945,7 @@ def test_ball_has_no_edges(gmsh_session, shared_tmp_path, seen):
         material=ec.Elastic(1.0, 0.3),
         supports=[ec.Displacement("surface", (0.0, 0.0, lambda x: 0.01 * x[2]))],
     )
-    error = error_of(scene, ec.from_gmsh(model))
+    error = measured(scene, ec.from_gmsh(model))
     output.draw_deformed(error, shared_tmp_path / "deformed.png")
     if COMM.rank == 0:
         assert len(seen.views) == 2

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import certified
 from test_output import read, texts
 from test_split import SIDES, layers, tagged
 
@@ -35,7 +36,7 @@ GAPS = {
 }
 
 
-def pressed(d, *, down=-0.06, gap=0.0, on_foundation=False):
+def tilted_pair(d, *, down=-0.06, gap=0.0, on_foundation=False):
     """A punch that tilts onto a block: a part of the contact opens.
 
     The block is held, or lies on a foundation, and then the contact is the block's.
@@ -105,7 +106,7 @@ def apart(pair, x):
 )
 def test_distances_are_drawn_as_they_are(gap, d, degree, drawn):
     down = -0.06 - 0.05 * (gap == "constant")
-    error = error_of(pressed(d, down=down, gap=GAPS[gap]), d, degree)
+    error = error_of(tilted_pair(d, down=down, gap=GAPS[gap]), d, degree)
     (traction,) = error.admissible.tractions
     pair = whole_contact(error.admissible, traction)
     for factor in (None, 4.0):
@@ -166,7 +167,7 @@ def test_a_constant_clearance_is_no_kink(d, drawn):
 @pytest.mark.parametrize("d", [2, 3])
 def test_foundation_goes_with_its_body(d, drawn):
     """The block makes room for the gap, downward, and its foundation with it."""
-    error = error_of(pressed(d, down=-0.15, gap=0.05, on_foundation=True), d)
+    error = error_of(tilted_pair(d, down=-0.15, gap=0.05, on_foundation=True), d)
     block, bottom = (
         whole_contact(error.admissible, traction) for traction in error.admissible.tractions
     )
@@ -182,7 +183,7 @@ def test_foundation_goes_with_its_body(d, drawn):
 
 @pytest.mark.serial
 def test_bodies_are_pulled_apart(drawn):
-    error = error_of(pressed(2, gap=GAPS["parabola"]), 2)
+    error = error_of(tilted_pair(2, gap=GAPS["parabola"]), 2)
     pair = whole_contact(error.admissible, error.admissible.tractions[0])
     axes = output.draw_deformed(error, factor=2.0, pull=0.3)
     with pytest.raises(ec.InputError, match="a distance > 0"):
@@ -210,7 +211,7 @@ def test_bodies_behind_move_along(drawn):
     ]
     supports = [ec.Displacement("top", (0.0, -0.2)), ec.Displacement("bottom", (0.0, 0.0))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, [], contacts)
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian())))
+    error = certified(scene, domain, ec.AugmentedLagrangian())
     pairs = [whole_contact(error.admissible, traction) for traction in error.admissible.tractions]
     output.draw_deformed(error, factor=2.0)
     if COMM.rank == 0:
@@ -225,7 +226,7 @@ def test_bodies_behind_move_along(drawn):
 @pytest.mark.on_ranks("2-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
 def test_profile_has_both_sides(d, degree):
-    error = error_of(pressed(d, gap=GAPS["parabola"]), d, degree)
+    error = error_of(tilted_pair(d, gap=GAPS["parabola"]), d, degree)
     for result in (error, error.solution):
         table = result.profile("punch")
         axes = "xyz"[:d]
@@ -256,7 +257,7 @@ def test_profile_has_both_sides(d, degree):
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_files_hold_both_bodies_and_the_jump(d, shared_tmp_path):
-    error = error_of(pressed(d, gap=GAPS["parabola"]), d)
+    error = error_of(tilted_pair(d, gap=GAPS["parabola"]), d)
     surface = whole_contact(error.admissible, error.admissible.tractions[0])
     force = error.force("punch").force
     output.write_fields(error, shared_tmp_path)
@@ -281,7 +282,7 @@ def test_files_hold_both_bodies_and_the_jump(d, shared_tmp_path):
 @pytest.mark.serial
 def test_contact_plots_name_both_sides():
     for d in (2, 3):
-        error = error_of(pressed(d), d)
+        error = error_of(tilted_pair(d), d)
         axes = output.plot_contact(error.admissible, "punch")
         if COMM.rank == 0:
             words = texts(np.ravel(axes)[0].figure)
@@ -292,7 +293,7 @@ def test_contact_plots_name_both_sides():
 
 @pytest.mark.serial
 def test_report_says_what_is_internal(shared_tmp_path):
-    scene = pressed(2)
+    scene = tilted_pair(2)
     history = ec.adapt(scene, layers(2).split(SIDES), accuracy=0.9, tighten=0)
     history.save(shared_tmp_path, pictures=True)
     forces = history.reactions()
@@ -314,7 +315,7 @@ def test_report_says_what_is_internal(shared_tmp_path):
 
 
 def test_supports_that_push_bodies_into_each_other_are_told():
-    scene = pressed(2, gap=-0.02)
+    scene = tilted_pair(2, gap=-0.02)
     held = replace(scene, supports=[ec.Displacement("left", (0.0, 0.0))])
     with pytest.raises(ec.InputError, match=r"Supports push 'punch' into 'block' by 0\.02"):
         ec.solve(held, layers(2).split(SIDES))
@@ -333,7 +334,7 @@ def test_body_inside_another_one(gap, drawn):
     contact = ec.Contact("punch", against="block", friction=0.3, gap=gap)
     load = ec.BodyForce((0.0, lambda x: -0.01 * (1.0 - abs(x[0] - 1.0))))
     scene = ec.Scene(MATERIAL, sides, [load], [contact])
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, ec.AugmentedLagrangian())))
+    error = certified(scene, domain, ec.AugmentedLagrangian())
     pair = whole_contact(error.admissible, error.admissible.tractions[0])
     output.draw_deformed(error, factor=3.0)
     if COMM.rank == 0:
@@ -355,7 +356,7 @@ def test_small_body_is_not_drawn_out_of_shape():
         [],
         [ec.Contact("small bottom", against="plate top", friction=0.3)],
     )
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain)))
+    error = certified(scene, domain)
     factor = magnification(error)
     u = error.at([(0.0, 0.2), (0.0, 1e-6)]).displacement[:, 1]
     size = 0.2 * 2**0.5

@@ -9,9 +9,9 @@ Vectors, axes of the user's, nothing cut off, nothing that was not computed.
   edges there, too.
 - Axes that are given are drawn on and returned, with the style of their figure; in 3D
   they are refused in words.
-- Maps of a contact in space are what an eye in the foundation sees.
+- Maps of a contact in 3D are what an eye in the foundation sees.
 - All words of a figure are inside it, no panel covers another one, and both views of a
-  body in space are images of their own.
+  body in 3D are images of their own.
 """
 
 import re
@@ -20,7 +20,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_output import error_of, punch
+from scenes import measured
+from test_output import punch
 
 import erc_contact as ec
 from erc_contact import output
@@ -32,17 +33,17 @@ from erc_contact.output.contact_plots import (
     contact_curves,
 )
 from erc_contact.output.deformed import magnification, near_window
-from erc_contact.output.drawing import new_figure
 from erc_contact.output.foundations import UNSEEN, foundation_of, round_factor
 from erc_contact.output.gathered import whole_contact, whole_contacts
 from erc_contact.results.stresses import cell_stresses, linear_mises, vertex_stress
+from namedmesh.pictures import new_figure
 
 COMM = MPI.COMM_WORLD
 
 
 @pytest.fixture(scope="module", params=[1, 2])
 def error(request):
-    return error_of(
+    return measured(
         punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(16, 4)), degree=request.param
     )
 
@@ -69,7 +70,7 @@ def test_curves_keep_means_lines_and_signs():
 
 @pytest.mark.serial
 def test_peaks_stay_in_the_picture():
-    (traction,) = (pair := error_of(*punch(2)).admissible).tractions
+    (traction,) = (pair := measured(*punch(2)).admissible).tractions
     surface = whole_contact(pair, traction)
     linear = contact_curves(surface)
     assert linear.get_yscale() == "linear"
@@ -132,7 +133,7 @@ def small_contact(**options):
     domain = ec.rectangle((-1.0, 0.0), (1.0, 1.0), cells=(48, 24))
     contact = ec.Contact("bottom", gap=lambda x: x[0] ** 2, **options)
     support = ec.Displacement("top", (0.0, -0.005))
-    return error_of(ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=contact), domain)
+    return measured(ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=contact), domain)
 
 
 @pytest.mark.serial
@@ -151,7 +152,7 @@ def test_maps_without_friction_have_no_shear():
     for friction, count in ((0.0, 2), (0.4, 3)):
         scene, domain = punch(3)
         contact = replace(scene.contacts[0], friction=friction)
-        pair = error_of(replace(scene, contacts=[contact]), domain).admissible
+        pair = measured(replace(scene, contacts=[contact]), domain).admissible
         panels = output.plot_contact(pair, "bottom")
         assert len(panels) == count
 
@@ -169,7 +170,7 @@ def test_a_picture_near_a_contact_shows_it_alone():
     assert low < closed.min() < closed.max() < high
     assert high - low < 1.0
     with pytest.raises(ec.InputError, match="no small part"):
-        output.draw_near(error_of(*punch(2)), "bottom")
+        output.draw_near(measured(*punch(2)), "bottom")
     with pytest.raises(ec.InputError, match="nowhere"):
         output.draw_near(error, "nowhere")
 
@@ -233,7 +234,7 @@ def test_stress_of_degree_2_is_linear_in_elements(d):
     domain = (ec.rectangle if d == 2 else ec.box)(
         (0.0,) * d, (2.0, 1.0, 1.0)[:d], cells=(2, 1, 1)[:d]
     )
-    error = error_of(scene, domain, degree=2)
+    error = measured(scene, domain, degree=2)
     assert error.relative < 1e-8
     model = error.solution.model
     x = model.space.V.tabulate_dof_coordinates()[
@@ -264,7 +265,7 @@ def test_best_stress_is_drawn_where_it_is_asked_for(error):
 
 @pytest.mark.serial
 def test_contact_in_space_is_seen_from_the_foundation():
-    error = error_of(*punch(3))
+    error = measured(*punch(3))
     panels = output.plot_contact(error.admissible, "bottom")
     with pytest.raises(ec.InputError, match="leave ax out"):
         output.draw_error(error, ax=object())
@@ -278,7 +279,7 @@ def test_contact_in_space_is_seen_from_the_foundation():
 
 @pytest.mark.serial
 def test_words_have_room_and_views_differ():
-    whole = error_of(*punch(3))
+    whole = measured(*punch(3))
     axes = output.draw_deformed(whole)
     panels = [axes, output.plot_contact(whole, "bottom"), output.draw_error(whole)]
     for shown in panels:

@@ -18,7 +18,7 @@ def scene_at(t, material=LAW):
     )
 
 
-def block(size):
+def plate(size):
     return ec.rectangle((0.0, 0.0), (2.0, 1.0), size=size)
 
 
@@ -34,11 +34,11 @@ def words_of(error):
 
 @pytest.fixture(scope="module")
 def first():
-    return ec.solve(scene_at(1.0), block(0.5))
+    return ec.solve(scene_at(1.0), plate(0.5))
 
 
 def test_a_new_mesh_tells_what_it_moved_of_the_state(first):
-    error = second_step(first, block(0.37))
+    error = second_step(first, plate(0.37))
     moved = error.model.linearised.law.state.moved
     assert 1e-3 < moved < 1.0
     assert "of the state of the material" in words_of(error)
@@ -60,7 +60,7 @@ def test_the_verdict_of_a_potential_claims_no_norm_of_errors(first):
 
 @pytest.mark.parametrize(("material", "drawn"), [(LAW, True), (ec.Elastic(1e3, 0.3), False)])
 def test_energies_draw_plastic_work_where_there_is_some(material, drawn):
-    evolution = ec.evolve(lambda t: scene_at(t, material), block(0.5), [0.5, 1.0], accuracy=0.5)
+    evolution = ec.evolve(lambda t: scene_at(t, material), plate(0.5), [0.5, 1.0], accuracy=0.5)
     panels = plot_energies(evolution)
     if MPI.COMM_WORLD.rank == 0:
         assert ("plastic work" in panels[0].get_legend_handles_labels()[1]) == drawn

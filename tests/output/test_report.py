@@ -236,7 +236,7 @@ def test_verdict_follows_from_friction_data_and_shape():
     assert "coulomb_certificate" in claims[1][1]
     error, claims = said(0.0, top=lambda x: -0.05 - 0.01 * x[0] ** 3)
     assert not error.guaranteed
-    assert "with the data that the mesh carries" in claims[0][1]
+    assert "with the data that the mesh represents exactly" in claims[0][1]
     (estimate,) = [words for kind, words in claims if kind == "estimate"]
     assert "prescribed displacements" in estimate
     assert percent(error.oscillations.supports / error.scale) in estimate
@@ -256,7 +256,7 @@ def bump(x):
 MATERIAL = ec.Elastic(1.0, 0.3)
 
 
-def pressed(t):
+def down_in_time(t):
     """A scene that takes a module, a part of it and a function from around it."""
     return ec.Scene(
         MATERIAL, ec.Displacement("top", (0.0, -np.sin(t))), contacts=ec.Contact("bottom", gap=bump)
@@ -294,8 +294,8 @@ def test_values_as_code():
     assert source.startswith("def bump(x):")
     assert source.endswith('return x[0] ** 2 / R + len("...")')
     names = {"ec": ec}
-    exec("\n".join(definitions(pressed)), names)
-    assert names["pressed"](1.0).supports == pressed(1.0).supports
+    exec("\n".join(definitions(down_in_time)), names)
+    assert names["down_in_time"](1.0).supports == down_in_time(1.0).supports
     assert names["bump"]([1.0]) == 0.5 + len("...")
     for unknown in (np.sin, eval("lambda x: x[0]"), partial(bump, 2.0)):
         assert code_of(unknown) == "callable"

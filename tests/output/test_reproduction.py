@@ -1,6 +1,6 @@
 """The code under "How to reproduce it" runs as it is, beside its report, and gives the same run.
 
-Scenes: a block with data of lambdas; one in space with a named part, meshed anew; two
+Scenes: a block with data of lambdas; one in 3D with a named part, meshed anew; two
 bodies with a pair; a loading history of a function with a material of the user's; bodies
 with their own true shapes, apart.
 """
@@ -12,7 +12,7 @@ import re
 import numpy as np
 import pytest
 import ufl
-from scenes import two_halves
+from domains import two_halves
 
 import erc_contact as ec
 
@@ -52,7 +52,7 @@ class Stiffening:
         return E
 
 
-def block():
+def from_lambdas():
     def stiffness(x):
         return 1.0 + SLOPE * x[0]
 
@@ -108,7 +108,7 @@ def apart():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("make", [block, in_space, two_bodies, loading, apart])
+@pytest.mark.parametrize("make", [from_lambdas, in_space, two_bodies, loading, apart])
 def test_code_of_a_report_gives_the_same_run(make, tmp_path, monkeypatch):
     run = make()
     run.save(tmp_path)
@@ -122,29 +122,3 @@ def test_code_of_a_report_gives_the_same_run(make, tmp_path, monkeypatch):
     assert [step.cells for step in again.steps] == [step.cells for step in run.steps]
     assert again.error.relative == pytest.approx(run.error.relative, rel=1e-9)
     assert os.fspath(tmp_path) not in page
-
-
-@pytest.mark.on_ranks("split")
-@pytest.mark.parametrize("kind", ["plain", "split"])
-def test_domains_are_written_and_read(kind, shared_tmp_path):
-    domain = two_halves(ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 8)))
-    if kind == "split":
-        domain = domain.split({"above": "upper", "below": "lower"})
-    ec.write_domain(domain, shared_tmp_path / "domain.vtkhdf")
-    read = ec.read_domain(shared_tmp_path / "domain.vtkhdf", domain.comm)
-    assert read.cells == domain.cells
-    assert read.pairs == domain.pairs
-    assert dict(read.names) == dict(domain.names)
-    assert read.geometry == domain.geometry
-    assert str(read.parts()) == str(domain.parts())
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"erc_contact level, format 2\n"])
-def test_other_files_are_refused(content, tmp_path):
-    path = tmp_path / "domain.vtkhdf"
-    path.write_bytes(content)
-    with pytest.raises(ec.InputError, match="damaged"):
-        ec.read_domain(path)
-    with pytest.raises(ec.InputError, match="cannot be read"):
-        ec.read_domain(tmp_path / "nothing")

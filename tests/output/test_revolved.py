@@ -1,4 +1,4 @@
-"""Pictures of axisymmetric bodies: r and z, pressures per area, and the body in space.
+"""Pictures of axisymmetric bodies: r and z, pressures per area, and the body in 3D.
 
 - Labels say r and z, and curves of a contact show the pressure per area.
 - A mirrored picture has each element and line on both sides of the axis, and no r < 0.
@@ -11,6 +11,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.output import (
@@ -25,7 +26,7 @@ COMM = MPI.COMM_WORLD
 SQUASHED = 0.2
 
 
-def certified(hypothesis: str, degree: int) -> ec.ConstitutiveError:
+def squashed_tube(hypothesis: str, degree: int) -> ec.ConstitutiveError:
     """A tube from 1 to 3 of height 2, squashed without friction: its stress is uniform."""
     tube = ec.rectangle((1.0, 0.0), (3.0, 2.0), cells=(4, 4))
     material = ec.Elastic(10.0, 0.25, hypothesis=hypothesis)
@@ -33,12 +34,12 @@ def certified(hypothesis: str, degree: int) -> ec.ConstitutiveError:
     if hypothesis != "axisymmetric":
         supports.append(ec.Displacement("left", (0.0, None)))
     scene = ec.Scene(material, supports, contacts=[ec.Contact("bottom")])
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, tube, degree=degree)))
+    return certified(scene, tube, degree=degree)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_pictures_of_the_half_plane(degree):
-    error = certified("axisymmetric", degree)
+    error = squashed_tube("axisymmetric", degree)
     for draw in (draw_error, draw_deformed):
         axes = draw(error)
         if COMM.rank == 0:
@@ -52,7 +53,7 @@ def test_pictures_of_the_half_plane(degree):
 
 @pytest.mark.parametrize("draw", [draw_error, draw_deformed])
 def test_mirrored_pictures(draw):
-    error = certified("axisymmetric", 2)
+    error = squashed_tube("axisymmetric", 2)
     half, whole = draw(error), draw(error, mirrored=True)
     if COMM.rank == 0:
         low, high = whole.get_xlim()
@@ -65,7 +66,7 @@ def test_mirrored_pictures(draw):
         assert r == pytest.approx(-r[::-1])
         assert whole.xaxis.get_major_formatter()(-2.0) == "2"
     with pytest.raises(ec.InputError, match="not axisymmetric"):
-        draw(certified("plane strain", 1), mirrored=True)
+        draw(squashed_tube("plane strain", 1), mirrored=True)
 
 
 def test_report_has_no_moments(shared_tmp_path):
@@ -85,7 +86,7 @@ def test_report_has_no_moments(shared_tmp_path):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_surface_in_space(degree, shared_tmp_path):
-    error = certified("axisymmetric", degree)
+    error = squashed_tube("axisymmetric", degree)
     path = shared_tmp_path / "revolved.vtkhdf"
     angle = 270.0
     assert draw_revolved(error, path, angle=angle) is None
@@ -114,7 +115,7 @@ def test_surface_in_space(degree, shared_tmp_path):
 
 @pytest.mark.serial
 def test_picture_in_space(shared_tmp_path):
-    axes = draw_revolved(certified("axisymmetric", 2), shared_tmp_path / "revolved.png")
+    axes = draw_revolved(squashed_tube("axisymmetric", 2), shared_tmp_path / "revolved.png")
     (image,) = axes.images
     pixels = image.get_array()[..., :3].reshape(-1, 3)
     seen = (pixels != 255).any(axis=1)
@@ -123,8 +124,8 @@ def test_picture_in_space(shared_tmp_path):
 
 def test_what_cannot_be_revolved_is_told():
     with pytest.raises(ec.InputError, match="not axisymmetric"):
-        draw_revolved(certified("plane strain", 1))
-    error = certified("axisymmetric", 1)
+        draw_revolved(squashed_tube("plane strain", 1))
+    error = squashed_tube("axisymmetric", 1)
     for angle in (0.0, 361.0):
         with pytest.raises(ec.InputError, match=r"degrees in \(0, 360\]"):
             draw_revolved(error, angle=angle)

@@ -11,10 +11,10 @@ error does, by its own fields: its forces are the forces of the discrete equatio
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
 from processes import ROOT
-from scenes import block, common_block, mostly_serial, moved_box, random_scene, resultant
-from test_bad_input import refused
+from scenes import block, common_block, measured, mostly_serial, moved_box, random_scene, resultant
 
 import erc_contact as ec
 from erc_contact import results
@@ -26,16 +26,11 @@ COMM = MPI.COMM_WORLD
 USUAL = ec.AugmentedLagrangian()
 
 
-def error_of(scene, domain, degree=1, method=USUAL):
-    """Of the augmented Lagrangian unless said otherwise: its forms are few."""
-    return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, method, degree=degree)))
-
-
 @pytest.mark.on_ranks("case0")
 @pytest.mark.parametrize("case", mostly_serial([(2, 1), (2, 2), (3, 1), (3, 2)], [(2, 1), (3, 2)]))
 def test_forces_balance(case):
     seed, degree = case
-    error = error_of(*random_scene(seed), degree)
+    error = measured(*random_scene(seed), degree=degree)
     (traction,) = error.admissible.tractions
     name = traction.contact.name
     for result, tolerance in ((error, 1e-11), (error.solution, 1e-12)):
@@ -124,7 +119,7 @@ def test_solution_and_error_agree():
     """The multiplier of degree 1 is allowed and is r^, u does not penetrate and is u^; forces meet on fine meshes."""
     gaps = []
     for n in (4, 16):
-        error = error_of(common_block(), block(n))
+        error = measured(common_block(), block(n))
         solution = error.solution
         own, other = solution.profile("bottom"), error.profile("bottom")
         for column in own.dtype.names:
@@ -159,7 +154,7 @@ def test_contacts_that_meet_have_their_own_forces(method):
 
 @pytest.mark.parametrize("degree", [1, 2])
 def test_profile_of_a_line(degree):
-    error = error_of(common_block(), block(4), degree, ec.Nitsche())
+    error = measured(common_block(), block(4), degree=degree, method=ec.Nitsche())
     profile = error.profile("bottom")
     assert np.all(np.diff(profile["s"]) >= 0)
     assert np.allclose(profile["s"], profile["x"])
@@ -187,7 +182,7 @@ def test_profile_of_a_line(degree):
 
 def test_profile_in_space():
     scene, domain = random_scene(5)
-    error = error_of(scene, domain)
+    error = measured(scene, domain)
     (traction,) = error.admissible.tractions
     profile = error.profile(traction.contact.name)
     corners = profile["pressure"].reshape(-1, 3)
@@ -204,7 +199,7 @@ def test_profile_in_space():
 def test_weights_of_a_profile_integrate(d, degree):
     """The force of a contact is a sum over the rows of its profile."""
     scene, domain = (common_block(), block(4)) if d == 2 else random_scene(3)
-    error = error_of(scene, domain, degree)
+    error = measured(scene, domain, degree=degree)
     name = scene.contacts[0].facets
     profile, force, model = error.profile(name), error.force(name), error.solution.model
     contact = model.contact(name)
@@ -256,7 +251,7 @@ def test_values_at_points(dim, degree):
             *[0.0] * (dim - 1),
         )
         scene = ec.Scene(scene.material, scene.supports, [ec.BodyForce(force)])
-    error = error_of(scene, domain, degree)
+    error = measured(scene, domain, degree=degree)
     points = np.random.default_rng(1).uniform(0.0, 1.0, (40, dim))
     points[0], points[1] = 1 / 3, 0.0  # a vertex, a corner
     found = error.at(points)
@@ -281,7 +276,7 @@ def test_values_near_a_facet_are_those_of_the_cell_there():
         gap = ec.table([0.0, size, 3.0 * size], [0.0, 0.0, -0.006 * size])
         top = ec.Displacement("top", (0.0, 0.0, -0.05 * size))
         scene = ec.Scene(ec.Elastic(1.0, 0.3), [top], contacts=[ec.Contact("bottom", gap=gap)])
-        error = error_of(scene, domain)
+        error = measured(scene, domain)
         moved.append(error.at(size * points).displacement / size)
         on_contact = moved[-1][:47]
         assert (-on_contact[:, 2] - np.minimum(-0.003 * beyond, 0.0)).max() < 1e-14
@@ -291,7 +286,7 @@ def test_values_near_a_facet_are_those_of_the_cell_there():
 
 
 def test_errors_say_what_is_wrong():
-    error = error_of(common_block(), block(4))
+    error = measured(common_block(), block(4))
     with pytest.raises(ec.InputError, match=r"1 of the 2 points lie outside .* \(3\.0, 0\.0\)"):
         error.at([(1.0, 1.0), (3.0, 0.0)])
     with pytest.raises(ec.InputError, match=r"shape \(n, 2\)"):
@@ -313,7 +308,7 @@ def test_ranks_agree(seed):
     found, points = [], None
     for comm in (MPI.COMM_SELF, COMM):
         scene, domain = random_scene(seed, comm)
-        error = error_of(scene, domain)
+        error = measured(scene, domain)
         name = error.admissible.tractions[0].contact.name
         if points is None:  # one inside a cell, one at a vertex
             points = COMM.bcast(
@@ -353,7 +348,7 @@ def test_maxima_and_their_places(dim):
         [ec.Traction("top", pressure=0.01)],
         [ec.Contact("bottom", friction=0.3)],
     )
-    error = error_of(scene, domain)
+    error = measured(scene, domain)
     for result in (error, error.solution):
         assert result.maximum("von Mises").value == pytest.approx(0.01, rel=1e-9)
         deepest = result.maximum("displacement")
@@ -406,7 +401,7 @@ def test_the_place_of_equal_maxima_does_not_depend_on_the_ranks():
     )
     found = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        error = error_of(
+        error = measured(
             scene, ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 3, 2), comm=comm), degree=2
         )
         found.append(

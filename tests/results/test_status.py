@@ -1,7 +1,7 @@
 """The status of facets is what an engineer reads: where the contact is open, slips, sticks.
 
 - Zones of closed forms are met within a facet: Cattaneo and Mindlin in the plane, on the
-  way forward and back, and on a sphere in space; the solution and its pair agree.
+  way forward and back, and on a sphere in 3D; the solution and its pair agree.
 - A body that slides as a whole slips everywhere, also where friction varies; one that is
   held sticks everywhere, however near to its limit.
 - Without friction a facet is closed, and neither slips nor sticks; a tied joint sticks.
@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dolfinx.mesh import compute_midpoints
-from scenes import two_halves
+from domains import two_halves
+from scenes import pressed
 
 import erc_contact as ec
 from erc_contact.results import CLOSED, OPEN, SLIP, STICK, contact_status
@@ -29,16 +30,15 @@ def refined_at(domain, centre, radius):
     return domain.refined(np.flatnonzero(near).astype(np.int32))
 
 
-def pressed(domain, push, friction, radius, nu):
+def on_ball(domain, push, friction, radius, nu):
     """A body pressed on a cylinder or a sphere, and pushed along it."""
     d = domain.dim
-    top = ec.Displacement("top", (push, *[0.0] * (d - 2), -0.05))
 
     def gap(x):
         return sum(x[i] ** 2 for i in range(d - 1)) / (2 * radius)
 
-    contact = ec.Contact("bottom", friction=friction, gap=gap)
-    return ec.Scene(ec.Elastic(1.0, nu), top, contacts=contact)
+    way = (push, *[0.0] * (d - 2), -0.05)
+    return pressed(ec.Elastic(1.0, nu), way, friction=friction, gap=gap)
 
 
 def solve(scene, domain, **options):
@@ -64,10 +64,10 @@ def test_stick_zone_in_the_plane(degree, nu):
     domain = ec.rectangle((-10.0, 0.0), (10.0, 20.0), cells=(10, 10))
     for size in 2.0 / 2.0 ** np.arange(6):
         domain = refined_at(domain, (0.0, 0.0), max(0.6, 3 * size))
-    last = solve(pressed(domain, 0.0, 0.0, radius, nu), domain, degree=degree)
+    last = solve(on_ball(domain, 0.0, 0.0, radius, nu), domain, degree=degree)
     pushed = 0.0
     for push in (0.02, 0.0):
-        last = solve(pressed(domain, push, MU, radius, nu), domain, degree=degree, after=last)
+        last = solve(on_ball(domain, push, MU, radius, nu), domain, degree=degree, after=last)
         pair = ec.equilibrate(last)
         Q, P = ec.results.force(pair, "bottom").force * (-1, 1)
         # On the way back half of the change of the force counts.
@@ -96,8 +96,8 @@ def test_stick_zone_in_space(degree):
     domain = ec.read_mesh(MESHES / "dome.geo", scripts=True)
     for radius in (0.5, 0.4)[: 3 - degree]:
         domain = refined_at(domain, (0.0, 0.0, 0.0), radius)
-    last = solve(pressed(domain, 0.0, 0.0, 1.0, nu), domain, degree=degree)
-    last = solve(pressed(domain, 0.012, MU, 1.0, nu), domain, degree=degree, after=last)
+    last = solve(on_ball(domain, 0.0, 0.0, 1.0, nu), domain, degree=degree)
+    last = solve(on_ball(domain, 0.012, MU, 1.0, nu), domain, degree=degree, after=last)
     pair = ec.equilibrate(last)
     force = ec.results.force(pair, "bottom").force
     Q, P = -force[0], force[2]
@@ -118,7 +118,7 @@ def test_stick_zone_in_space(degree):
         assert slips == pytest.approx((1 - (c / a) ** 2) ** 1.5, abs=0.1)
 
 
-def block(d):
+def plate(d):
     cells = (16, 8) if d == 2 else (4, 4, 2)
     size = (2.0, 1.0) if d == 2 else (2.0, 2.0, 1.0)
     return (ec.rectangle if d == 2 else ec.box)((0.0,) * d, size, cells=cells)
@@ -131,7 +131,7 @@ def test_sliding_blocks_slip_everywhere(d, varies):
     friction = (lambda x: 0.1 + 0.2 * x[0]) if varies else 0.2
     top = ec.Displacement("top", (0.2, *[0.0] * (d - 2), -0.03))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), top, contacts=ec.Contact("bottom", friction=friction))
-    pair = ec.equilibrate(solve(scene, block(d)))
+    pair = ec.equilibrate(solve(scene, plate(d)))
     profile = ec.results.profile(pair, "bottom")
     assert share(profile, STICK) == 0.0
     assert share(profile, SLIP) > 0.7
@@ -157,7 +157,7 @@ def test_held_blocks_stick_everywhere(d):
         loads=[top, *sides],
         contacts=ec.Contact("bottom", friction=MU),
     )
-    pair = ec.equilibrate(solve(scene, block(d)))
+    pair = ec.equilibrate(solve(scene, plate(d)))
     assert set(contact_status(pair, "bottom")) == {STICK}
 
 
@@ -167,7 +167,7 @@ def test_contacts_without_friction_are_closed():
     top = ec.Displacement("top", (0.0, -0.01))
     symmetry = ec.Contact("left", bilateral=True)
     scene = ec.Scene(ec.Elastic(1.0, 0.3), top, contacts=[contact, symmetry])
-    pair = ec.equilibrate(solve(scene, block(2)))
+    pair = ec.equilibrate(solve(scene, plate(2)))
     assert set(contact_status(pair, "bottom")) == {OPEN, CLOSED}
     assert set(contact_status(pair, "left")) == {CLOSED}
     assert set(pair.solution.profile("bottom")["status"]) == {OPEN, CLOSED}
@@ -175,7 +175,7 @@ def test_contacts_without_friction_are_closed():
 
 @pytest.mark.serial
 def test_tied_joints_stick():
-    domain = two_halves(block(2)).split({"above": "upper", "below": "lower"})
+    domain = two_halves(plate(2)).split({"above": "upper", "below": "lower"})
     supports = [ec.Displacement("top", (0.1, 0.1)), ec.Displacement("bottom", (0.0, 0.0))]
     joint = ec.Tied("above", against="below")
     scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, ties=joint)

@@ -33,11 +33,11 @@ from scenes import block, prototype_block, random_scene
 
 import erc_contact as ec
 from erc_contact.output.paraview import write_fields
-from erc_contact.run import levels
 from erc_contact.run.fingerprint import fingerprint
-from erc_contact.run.levels import BLOCK, Damaged, Folder, pack, unpack
+from erc_contact.run.levels import Folder, unpack_level
 from erc_contact.run.states import level_of
 from namedmesh.base.releases import cell_nodes
+from namedmesh.keeping import BLOCK, Damaged, pack, packed
 from namedmesh.tables import CellRows, describe_shape, geometry_of, tag_tables
 from namedmesh.tags import NO_TAG
 
@@ -102,7 +102,7 @@ def of_curves(comm=COMM):
     )
 
 
-def pressed(parts, ends):
+def with_varying_gap(parts, ends):
     """Two bodies with a gap between them that varies."""
     supports = [ec.Displacement(ends[0], (0.02, -0.05)), ec.Displacement(ends[1], (0.0, 0.0))]
     contact = ec.Contact(parts[0], against=parts[1], friction=0.3, gap=lambda x: 0.02 * x[0] ** 2)
@@ -112,7 +112,7 @@ def pressed(parts, ends):
 def of_pair(comm=COMM):
     """Two bodies of one mesh, which is split again on each mesh."""
     domain = bricks(2, (4, 2), comm=comm)
-    return pressed(NAMES, ("upper outer", "lower outer")), domain, {"method": ec.Nitsche()}
+    return with_varying_gap(NAMES, ("upper outer", "lower outer")), domain, {"method": ec.Nitsche()}
 
 
 def of_joined(comm=COMM):
@@ -121,7 +121,7 @@ def of_joined(comm=COMM):
     lower = ec.rectangle((-1.0, -1.0), (1.0, 0.0), size=0.7, comm=comm)
     parts = ("upper bottom", "lower top")
     domain = ec.assembly({"upper": upper, "lower": lower}).joined(*parts)
-    scene = pressed(parts, ("upper top", "lower bottom"))
+    scene = with_varying_gap(parts, ("upper top", "lower bottom"))
     return scene, domain, {"strategy": ec.SizeMap(leap=2.0), "method": ec.Nitsche()}
 
 
@@ -359,17 +359,17 @@ def test_every_changed_byte_is_found(whole):
     """
     good = Folder(whole[0]).file(1).read_bytes()
     rng = np.random.default_rng(0)
-    assert unpack(good).about["dim"] == 2
+    assert unpack_level(good).about["dim"] == 2
     for place in [*range(BLOCK), *rng.integers(BLOCK, len(good), 300)]:
         wrong = bytearray(good)
         wrong[place] ^= 1 << int(rng.integers(8))
         with pytest.raises(Damaged):
-            unpack(bytes(wrong))
+            unpack_level(bytes(wrong))
     for length in [0, 1, BLOCK, *rng.integers(0, len(good), 100)]:
         with pytest.raises(Damaged):
-            unpack(good[:length])
+            unpack_level(good[:length])
     with pytest.raises(Damaged):
-        unpack(good + b"\0")
+        unpack_level(good + b"\0")
 
 
 @pytest.mark.serial
@@ -395,7 +395,7 @@ def test_a_damaged_run_goes_on_from_its_last_good_level(number, damage, whole, t
 def test_a_newer_format_is_refused(whole, tmp_path, monkeypatch):
     folder = shutil.copytree(whole[0], tmp_path / "kept")
     level = Folder(folder).read(2)
-    monkeypatch.setattr(levels, "FORMAT", levels.FORMAT + 1)
+    monkeypatch.setattr(packed, "FORMAT", packed.FORMAT + 1)
     Folder(folder).file(2).write_bytes(b"".join(pack(level)))
     monkeypatch.undo()
     for call in (lambda: run(of_flat_body, 3, folder), lambda: ec.read_history(folder)):

@@ -24,9 +24,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from domains import refused
 from mpi4py import MPI
 from scenes import moved_box
-from test_bad_input import refused
 from test_report import Page, page_alone
 
 import erc_contact as ec
@@ -116,7 +116,7 @@ def test_steps_are_those_by_hand(whole):
 
 @pytest.mark.serial
 def test_energy(whole):
-    """What the balance leaves on fixed meshes is below the square of the error of the pairs; see the formulas."""
+    """The energy residual on fixed meshes is below the square of the error of the pairs; see the formulas."""
     for times in (np.linspace(0.0, 2.0, 9), np.linspace(0.0, 2.0, 17)):
         history = cycle(
             accuracy=0.9, times=times, domain=ec.rectangle((0.0, 0.0), (1.0, 0.7), cells=(8, 6))
@@ -138,7 +138,7 @@ def test_dissipation_of_a_body_that_slides(d):
 
     Friction takes mu N times the way.
 
-    In space the directions of slip get nearer to the direction of the way with each
+    In 3D the directions of slip get nearer to the direction of the way with each
     step.
     """
     times, tolerance = [1.0, 1.5, 2.0, 2.5, 3.0], {2: 1e-10, 3: 1e-6}[d]

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import erc_contact as ec
-from erc_contact.run.levels import pack, unpack
+from erc_contact.run.levels import unpack_level
+from namedmesh.keeping import pack
 
 pytestmark = pytest.mark.serial
 ACTS = 'SystemCall "touch acted";\nPoint(1) = {0, 0, 0};\n'
@@ -36,7 +37,7 @@ def whole(tmp_path_factory):
 def test_a_shape_of_a_script_is_kept_as_a_table(whole, tmp_path, monkeypatch):
     """Its groups keep their tags, so that a new mesh has the names."""
     monkeypatch.chdir(tmp_path)
-    level = unpack(whole)
+    level = unpack_level(whole)
     geometry = level.about["geometry"]
     assert geometry["suffix"] == ".json"
     assert "Point(" not in geometry["text"]
@@ -103,7 +104,7 @@ CHANGES = {
 @pytest.mark.parametrize("name", CHANGES)
 def test_what_makes_no_sense_is_left_out(name, whole, tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
-    level = unpack(whole)
+    level = unpack_level(whole)
     CHANGES[name](level)
     head, content = pack(level)
     (tmp_path / "level_0001.vtkhdf").write_bytes(head + bytes(content))

@@ -19,6 +19,7 @@ from scenes import block, common_block
 
 import erc_contact as ec
 from erc_contact.admissible.cones import Cones
+from erc_contact.model.contact.friction_set import DISC
 from erc_contact.model.contact.trace import split
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
@@ -124,7 +125,7 @@ def test_projection_of_a_law(d, name):
     n = rng.standard_normal(d)
     n /= np.linalg.norm(n)
     z, direction = (fem.Constant(domain.mesh, v) for v in (np.zeros(d), n))
-    nearest = project(z, direction, bound, bilateral=bilateral)
+    nearest = project(z, direction, bound, DISC.gauge_in_ufl, bilateral=bilateral)
     projection = fem.Expression(nearest, np.zeros((1, d)))
     cell = np.zeros(1, dtype=np.int32)
     for trial in (*rng.standard_normal((20, d)), np.zeros(d), n):

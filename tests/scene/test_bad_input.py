@@ -16,11 +16,13 @@ import pytest
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
+from domains import refused
 from mpi4py import MPI
 from processes import output, started
-from scenes import two_squares
+from scenes import certified, two_squares
 
 import erc_contact as ec
+import namedmesh as nm
 from erc_contact.model.promises import bind
 from erc_contact.newton.contact_solve import ContactSolve
 from erc_contact.newton.direct import Direct
@@ -31,20 +33,6 @@ COMM = MPI.COMM_WORLD
 STEEL = ec.Elastic(E=1.0, nu=0.3)
 PUSH = ec.Traction("top", (0.0, -0.01))
 SINK = ec.Displacement("top", (0.0, -0.01))
-
-
-def refused(call, *words, error=ec.InputError):
-    """Every rank raises ``error`` with all words in its message; collective."""
-    try:
-        call()
-        got = None
-    except Exception as reason:
-        got = reason
-    kinds = COMM.allgather(type(got).__name__)
-    assert len(set(kinds)) == 1, f"ranks ended differently: {kinds}"
-    assert isinstance(got, error), f"{got!r}"
-    missing = [word for word in words if word not in str(got)]
-    assert not missing, f"{missing} not in: {got}"
 
 
 def refused_scene(domain, *words, error=ec.InputError, **entries):
@@ -473,7 +461,7 @@ def test_body_that_the_loads_take_from_its_foundation(supports, friction, force,
 def attempts_fail(scene, block):
     """Make all attempts of a scene that statics would refuse; return their error."""
     with pytest.raises(ec.NotConverged) as caught:
-        ContactSolve(Direct(bind(scene, block)), None, None).solve(None)
+        ContactSolve(Direct(bind(scene, block)), None).solve(None)
     return caught.value
 
 
@@ -777,7 +765,7 @@ MODELS = pytest.mark.parametrize(
     ("build", "words"),
     [
         (empty, ("dimension 0", "volume")),
-        (upright, ("surface in space", "plane")),
+        (upright, ("surface in 3D", "plane")),
     ],
 )
 
@@ -1321,7 +1309,7 @@ def test_sizes_of_another_shape(block):
 @pytest.mark.parametrize("accuracy", [0.0, -0.1, float("nan"), float("inf"), "2%"])
 def test_size_map_to_an_accuracy_not_positive(accuracy, block):
     scene = ec.Scene(STEEL, [ec.Displacement("bottom", (0.0, 0.0))], [PUSH])
-    error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, block)))
+    error = certified(scene, block)
     refused(lambda: ec.size_map(error, accuracy), "accuracy", repr(accuracy), "> 0")
 
 
@@ -1534,3 +1522,10 @@ def test_the_distance_that_joined_tells_is_enough(d):
     told = float(str(caught.value).split("apart= (")[1].split()[0])
     assert 0.03 <= told <= 0.04
     assert bodies.joined("upper bottom", "lower top", apart=told).cells > 0
+
+
+@pytest.mark.serial
+def test_errors_of_meshes_have_the_same_root():
+    assert issubclass(nm.InputError, ec.ErcContactError)
+    with pytest.raises(ec.ErcContactError, match="nowhere"):
+        nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1)).tag("nowhere")

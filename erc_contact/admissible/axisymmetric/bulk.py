@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from erc_contact.admissible.axisymmetric.elements import Elements, Energies, law_of_cells
+from erc_contact.admissible.axisymmetric.elements import CellEnergies, Elements, law_of_cells
 from erc_contact.admissible.axisymmetric.missing import missing_forces
 from erc_contact.admissible.axisymmetric.tighten import tighten_forces
 from erc_contact.admissible.cells import CellGeometry, moments_of_cells
@@ -15,7 +15,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
-from erc_contact.model.meridian import nodes_on_axis, off_axis, without_axis
+from erc_contact.model.meridian import nodes_off_axis, without_axis
 from erc_contact.model.space import Space
 from namedmesh.simplex import mass
 
@@ -36,7 +36,7 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     elements = Elements(model.space, cells, given.force)
     law = _law(given)
 
-    def balanced(forces: np.ndarray, energies: Energies) -> Tight:
+    def balanced(forces: np.ndarray, energies: CellEnergies) -> Tight:
         of_cells = moments_of_cells(cells, forces)[:owned]
         return Tight(forces, of_cells, elements.stresses(of_cells, energies))
 
@@ -64,6 +64,8 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
         correction=correction,
         square=tight.square,
         missing=missing_forces(elements, tight.stress, tight.forces),
+        # Springs pull at the axis, too, where sigma^ vanishes.
+        boundary=np.matmul(to_moments, without_axis(given.boundary, off)),
     )
 
 
@@ -72,25 +74,13 @@ def _law(given: Reconstruction) -> CellLaw:
     model, cells = given.model, given.cells
     owned = model.domain.owned_cells
     elastic = elastic_coefficients(model, cells, given.displacement, owned)
-    if model.hoop_load is not None:
-        places = macro_places(model.space, cells, owned)
-        elastic[..., -1] -= model.hoop_load(places, model.space.owned_cells)
-    points = macro_points(2, cells.degree).points
+    places = macro_places(model.space, cells, owned)
+    elastic = model.hoop_load.minus(elastic, places, model.space.owned_cells)
+    _, points, _ = macro_points(2, cells.degree)
     return CellLaw(elastic, law_of_cells(model.constitution.metric, cells.corners, points))
-
-
-def boundary_off_axis(space: Space, cells: CellGeometry, boundary: np.ndarray) -> np.ndarray:
-    """Return moments of given tractions that vanish on the axis [force].
-
-    Args:
-        space: The mesh.
-        cells: Geometry.
-        boundary: Moments of the tractions that are given, shape (facets, m, 2).
-    """
-    to_moments = mass(1, cells.degree, cells.degree)
-    return np.matmul(to_moments, without_axis(boundary, _off_axis(space, cells)))
 
 
 def _off_axis(space: Space, cells: CellGeometry) -> np.ndarray:
     """Tell which nodes of facets are off the axis, shape (facets, m)."""
-    return off_axis(~nodes_on_axis(space)[cells.vertices_of_facets], cells.degree)
+    nodes_on_axis = space.section.on_axis(space.V.tabulate_dof_coordinates())
+    return nodes_off_axis(~nodes_on_axis[cells.vertices_of_facets], cells.degree)

@@ -53,7 +53,7 @@ VERTICES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Energies:
+class CellEnergies:
     """Hold the complementary energies of cells, quadratic forms of the facet forces.
 
     The energy ``|S - S_0|^2`` of a cell, with the least amounts y, is ``x.A x + 2 g.x +
@@ -92,7 +92,7 @@ class Elements:
         axial = np.zeros((len(self.corners), b)) if force is None else force[..., 1]
         self.force = np.ascontiguousarray(axial)
 
-    def energies(self, elastic: np.ndarray, compliance: np.ndarray) -> Energies:
+    def energies(self, elastic: np.ndarray, compliance: np.ndarray) -> CellEnergies:
         """Compute the energies of cells.
 
         Args:
@@ -120,9 +120,9 @@ class Elements:
             *(*strides(compliance), compliance, self.force, np.ascontiguousarray(elastic)),
             *(matrix, slope, least, upper),
         )
-        return Energies(matrix, slope, least, upper)
+        return CellEnergies(matrix, slope, least, upper)
 
-    def stresses(self, x: np.ndarray, energies: Energies) -> np.ndarray:
+    def stresses(self, x: np.ndarray, energies: CellEnergies) -> np.ndarray:
         """Return the stresses of the owned cells with the least energies.
 
         Args:

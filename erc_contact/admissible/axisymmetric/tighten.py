@@ -24,7 +24,7 @@ from itertools import product
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.axisymmetric.elements import Elements, Energies
+from erc_contact.admissible.axisymmetric.elements import CellEnergies, Elements
 from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.tighten.iteration import Ending, SharedMoments, minimise
@@ -35,7 +35,7 @@ from erc_contact.model.space import Space
 def tighten_forces(
     space: Space,
     elements: Elements,
-    energies: Energies,
+    energies: CellEnergies,
     forces: np.ndarray,
     free: np.ndarray,
     ending: Ending,
@@ -79,7 +79,7 @@ class _Energy:
         energies: The energies of the cells.
     """
 
-    def __init__(self, cells: CellGeometry, energies: Energies) -> None:
+    def __init__(self, cells: CellGeometry, energies: CellEnergies) -> None:
         owned = len(energies.slope)
         of_cells = (cells.degree, owned, cells.facets, cells.side, energies.matrix)
         self._least = float(energies.least.sum())
@@ -103,7 +103,7 @@ class _Patches:
     Args:
         space: The mesh.
         cells: Geometry.
-        matrix: Energies of the cells, see :class:`Energies`.
+        matrix: Energies of the cells, see :class:`CellEnergies`.
         free: Coefficients that are not given, shape (F, m, 2).
     """
 

@@ -1,1 +1,1 @@
-"""Lower the error for the same displacement by a stress of less energy."""
+"""Tighten the stress: minimise its complementary energy for the same displacement."""

@@ -1,12 +1,16 @@
-"""Tighten the admissible stress: less complementary energy, always in equilibrium.
+"""Tighten the admissible stress: minimise its complementary energy in equilibrium.
 
-The bulk part of the error is ``|sigma^ - C eps(u^)|``, and sigma^ is linear in the
-moments of the facet tractions. Corrections of these moments that leave every cell in
-equilibrium, and are zero where the traction is given, lower it. They are found by
-conjugate gradients. The preconditioner adds up the results of the same minimisation on
-small patches, and of that on facets for their quadratic part. The iteration may end
+The bulk part of the error is ``|sigma^ - C eps(u^)|``. For a given u^ its square is
+twice the complementary energy of sigma^, up to a constant. The minimisation of this
+energy over stresses in equilibrium is called *tightening* in this package.
+
+The stress sigma^ is linear in the moments of the facet tractions. Corrections of these
+moments that leave every cell in equilibrium, and are zero where the traction is given,
+lower the energy. They are found by conjugate gradients. The preconditioner adds up the
+results of the same minimisation on small patches, and on facets for the quadratic part
+of the tractions. The iteration may end
 after any step. On other ranks round-off differs. Where many iterations let it grow, in
-space near incompressibility, e then differs by up to 1e-3 of it.
+3D near incompressibility, e then differs by up to 1e-3 of it.
 
 Source: Ladeveze, Leguillon, SIAM J. Numer. Anal. 20 (1983), for the energy of facet
 tractions; the patches are ours.

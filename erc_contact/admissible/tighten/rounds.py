@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.tighten import iteration
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.model.law.point_law import Search
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric
 
 ROUNDS = 4
@@ -74,14 +75,15 @@ class Tight:
         stress: Coefficients of the owned cells [force/area], shape (owned, d+1, N_k,
             s).
         iterations: Number of iterations.
-        square: Its gap with the linear law [force length]; None without tightening.
+        square: Bound of its gap with the linear law [force length]. Tightening makes it
+            sharp; without, the gap is not computed, and the bound is infinite.
     """
 
     moment: np.ndarray
     forces: np.ndarray
     stress: np.ndarray
     iterations: int = 0
-    square: float | None = None
+    square: float = inf
 
 
 Tighten = Callable[[np.ndarray, CellLaw, Ending], Tight]
@@ -100,20 +102,22 @@ def tightened_in_rounds(
         tighten: A round.
     """
     best = tighten(first, law, Ending(given.tighten, iteration.REMAINDER))
-    if given.model.linearised is None or best.square is None:
+    if given.model.linearised is None:
         return best
     if _is_linear(given, best.stress):
         return best
     about = _AboutStress(given)
     again, gap = about(best.stress)
     for _ in range(ROUNDS):
+        # A round may overwrite its moments, and the best moments are kept for the end.
         ending = Ending(given.tighten, FINER_REMAINDER, best.iterations)
         new = tighten(best.moment.copy(), again, ending)
+        # The linear law may promise a gain that the potential does not keep.
         before, (again, gap) = gap, about(new.stress)
         if not gap < before:
             break
         best = replace(new, iterations=best.iterations + new.iterations)
-        is_linear = new.square is not None and abs(gap - new.square) <= LINEAR * gap
+        is_linear = abs(gap - new.square) <= LINEAR * gap
         if is_linear or gap > (1 - GAIN) * before:
             break
     return best
@@ -131,6 +135,7 @@ def _is_linear(given: Reconstruction, stress: np.ndarray) -> bool:
     sigma = at.stress(stress.mean(axis=(1, 2))[:, None])
     gap, _ = at.gap(sigma)
     beyond = sigma - at.of_strain[..., : sigma.shape[-1]]
+    # The gap of a linear law is |sigma - S(eps(u^))|^2 in the norm of its compliance.
     tangent = at.law.tangent(at.strain, *at.places)
     square = (beyond * np.linalg.solve(tangent, beyond[..., None])[..., 0]).sum(axis=-1)
     return bool(at.total(abs(gap - square)) <= LINEAR * at.total(gap))
@@ -149,8 +154,8 @@ class _AtPoints:
         places: The points [length], shape (owned, q, d), and the cells.
         strain: eps(u^) [-], shape (owned, q, s).
         of_strain: psi' of it [force/area], see :meth:`.PointLaw.whole_stress`.
-        around: Circumferences of rings [length], else 1, shape (owned, q, 1).
-        hoop_load: Hoop load of rings [force], shape (owned, q); else 0.
+        around: Weights of the section, shape (owned, q, 1) or (1, 1, 1).
+        hoop_load: The body force that is a hoop stress.
     """
 
     def __init__(self, given: Reconstruction, points: np.ndarray, weights: np.ndarray) -> None:
@@ -163,12 +168,8 @@ class _AtPoints:
         strain = CellStrains.of(model.space, cells, given.displacement)
         self.strain = strain.at_points(slice(len(owned)), points, x)
         self.of_strain = self.law.whole_stress(self.strain, *self.places)
-        self.around = np.ones((*x.shape[:2], 1))
-        if model.space.axisymmetric:
-            self.around = circumferences(x)[..., None]
-        self.hoop_load: np.ndarray | float = 0.0
-        if model.hoop_load is not None:
-            self.hoop_load = model.hoop_load(*self.places)
+        self.around = model.space.section.weight(x)
+        self.hoop_load = model.hoop_load
         self._comm = model.space.comm
         self._weights = cells.volume[: len(owned), None] * weights * self.around[..., 0]
 
@@ -179,11 +180,11 @@ class _AtPoints:
             values: Shape (owned, q, s), on rings times the circumference and less the
                 hoop load. They are overwritten.
         """
-        values[..., -1] += self.hoop_load
-        return values / self.around
+        return self.hoop_load.plus(values, *self.places) / self.around
 
     def gap(self, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return Fenchel's gap of a stress [force/area], and the strain ``psi*'``."""
+        # psi(eps) - sigma : eps, and psi*(sigma) by a search: half the gap.
         work = (sigma * self.strain).sum(axis=-1)
         beside = self.law.energy(self.strain, *self.places) - work
         search = Search(self.of_strain[..., -1], beside, self.strain)
@@ -217,9 +218,9 @@ class _AboutStress:
         sigma = at.stress(np.matmul(self._shape, stress).reshape(at.strain.shape))
         gap, strain = at.gap(sigma)
         compliance = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
+        # S(eps(u^)) = sigma + C (eps(u^) - eps_1), on rings as the moments have it.
         beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
-        elastic = at.around * (sigma + beyond)
-        elastic[..., -1] -= at.hoop_load
+        elastic = at.hoop_load.minus(at.around * (sigma + beyond), *at.places)
         law = CellLaw(elastic, _with_ghosts(self._space.space, compliance)[:, None])
         return law, at.total(gap)
 

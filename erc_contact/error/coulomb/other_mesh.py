@@ -31,7 +31,7 @@ MOST_CELLS = {2: 1000, 3: 3000}
 MOST_REFINED = {2: 1000, 3: 12000}
 """Greatest number of cells of the mesh that is refined once, by dimension.
 
-In space a coarser mesh tells half of the change that the refined one tells (median of
+In 3D a coarser mesh tells half of the change that the refined one tells (median of
 22 random boxes), in the plane as much. So there more is spent on the refined one.
 """
 COARSER = 3.0

@@ -256,9 +256,10 @@ def coulomb_surface(model: Model) -> CoulombSurface:
         corners_of_contacts.append(here.corners[here.owned])
         normals_of_contacts.append(contact.trace.normals_at_vertices[here.owned])
         fixed_of_contacts.append(contact.trace.fixed(model.fixed)[here.owned])
-        if contact.against is None:
-            # At a node of a pair the body is seen by the jump, and not by u.
-            others.append(of_contact[model.connections.is_paired[facet_nodes]])
+        # At a node of a pair the body is seen by the jump, and not by u.
+        foundation = here.only(contact.trace.on_foundation)
+        nodes = foundation.nodes[foundation.owned]
+        others.append(space.global_numbers(nodes[model.connections.is_paired[nodes]]))
         # Where more than two bodies meet it is seen by the jump of one pair alone.
         others.append(of_contact[model.connections.is_joint[facet_nodes]])
     all_numbers = _gather(space, numbers_of_contacts)

@@ -51,12 +51,11 @@ class _Bodies:
         return frozenset(union(self.base.model.space.comm, self.body[nodes.ravel()].tolist()))
 
     def of_contact(self, contact: ContactOnMesh) -> tuple[frozenset[int], frozenset[int]]:
-        """Return the bodies on this side of a contact, and on the other side."""
-        trace = contact.trace
-        here = self.at(trace.here.nodes)
-        if trace.there is None:
-            return here, frozenset()
-        return here, self.at(trace.partners)
+        """Return the bodies on this side of a contact, and on the other side.
+
+        A foundation is no body.
+        """
+        return self.at(contact.trace.here.nodes), self.at(contact.trace.partners)
 
     def join(self, start: frozenset[int], without: ContactOnMesh) -> frozenset[int]:
         """Return bodies with all that contacts join them to, but for one contact."""

@@ -16,9 +16,9 @@ import numpy as np
 from erc_contact.base.exceptions import NotConverged
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.constants import CLOSE, COUNT, FACTOR, FIRST, GUESSES, LAST_COUNT, NEAR
+from erc_contact.error.goals.difference_quotient import Ends
 from erc_contact.error.goals.goal_error import goal_error, perturbation_or_number, with_lifting
 from erc_contact.error.goals.moved_pairs import moved_pairs
-from erc_contact.error.goals.three_pairs import Ends
 from erc_contact.error.goals.trials import GoalError, Trials
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.goal import Goal

@@ -1,9 +1,9 @@
 """Give the friction bounds of a pair to a scene.
 
-The interval of three pairs is of a problem whose friction bound does not change with
-the pressure (:mod:`erc_contact.error.goals.three_pairs`). A scene with Coulomb friction
-is solved there with the bound ``b(p^)`` of its pair: the pair is admissible for that
-problem, too, with the same e.
+The difference-quotient bound is of a problem whose friction bound does not change with
+the pressure (:mod:`erc_contact.error.goals.difference_quotient`). A scene with Coulomb
+friction is solved there with the bound ``b(p^)`` of its pair: the pair is admissible
+for that problem, too, with the same e.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Ask for single numbers of the solution in certified intervals.
 
 The interval of a number comes from three admissible pairs
-(:mod:`erc_contact.error.goals.three_pairs`), for any t. Here several t are tried, and
-the interval is the intersection of their intervals. Runs that aim at a number choose t
-in another way (:mod:`erc_contact.error.goals.controller`).
+(:mod:`erc_contact.error.goals.difference_quotient`), for any t. Here several t are
+tried, and the interval is the intersection of their intervals. Runs that aim at a
+number choose t in another way (:mod:`erc_contact.error.goals.controller`).
 """
 
 from __future__ import annotations
@@ -76,9 +76,9 @@ def perturbation_or_number(error: ConstitutiveError, goal: Goal) -> Perturbation
 
 
 def with_lifting(error: ConstitutiveError, goal: Goal, bounds: Bounds) -> Bounds:
-    """Narrow an interval by the interval of one lifting, on a contact; collective.
+    """Narrow an interval on a contact by the lifting bound; collective.
 
-    Far from the solution, and with Coulomb friction, one lifting may do better.
+    Far from the solution, and with Coulomb friction, the lifting bound may be better.
     """
     if not isinstance(goal, Resultant):
         return bounds

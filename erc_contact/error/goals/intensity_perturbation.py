@@ -94,7 +94,7 @@ def checked_compliance(model: Model, goal: StressIntensity) -> np.ndarray:
             of the plane as long as the radius, the radius reaches the boundary, or
             within it the material varies or a load, support, spring or given strain is.
     """
-    if model.space.d != 2 or model.space.axisymmetric:
+    if model.space.section.rows != 2:
         raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
     if model.strains is not None or model.body_force is not None:
         raise InputError(
@@ -223,17 +223,17 @@ def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
     total = BoundedNumber(0.0)
     for load in model.surface_loads:
         facets = model.domain.owned_facets(load.facets)
-        density = partial(_of_load, space, Everywhere(load.density, space.mesh), facets)
+        density = partial(_of_load, space, space.everywhere(load.density), facets)
         value, _ = _on_faces(space, frame, facets, density)
         total += BoundedNumber(value, 0.0, value == 0.0 or not load.varies)
     for traction in error.admissible.tractions:
         trace = traction.contact.trace
         here = trace.here
         for side, sign in ((trace.here, 1.0), (trace.there, -1.0)):
-            if side is None:
-                continue
-            density = partial(_of_contact, space.degree, sign * traction.values[here.owned])
-            value, size = _on_faces(space, frame, side.facets[here.owned], density)
+            count = len(side.facets)
+            owned = here.owned[:count]
+            density = partial(_of_contact, space.degree, sign * traction.values[:count][owned])
+            value, size = _on_faces(space, frame, side.facets[owned], density)
             total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
     return total
 

@@ -35,7 +35,7 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.contact.contact_values import ContactData
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from erc_contact.scene.goal import GoalOfContact, Opening, Slip
 from erc_contact.scene.load import Drive
 from erc_contact.scene.scene import Scene
@@ -91,7 +91,7 @@ def _contact(model: Model, goal: GoalOfContact) -> ContactOnMesh:
         if contact.bilateral:
             raise InputError(f"{goal!r}: a bilateral contact does not open.")
     elif goal.direction is None and model.space.d == 3:
-        raise InputError(f"{goal!r}: give a direction in space, e.g. (1.0, 0.0, 0.0).")
+        raise InputError(f"{goal!r}: give a direction in 3D, e.g. (1.0, 0.0, 0.0).")
     return contact
 
 
@@ -104,9 +104,7 @@ def _drives(goal: GoalOfContact, contact: ContactOnMesh, factor: float) -> list[
         factor: One over the area of the contact [1/area].
     """
     drives = []
-    for side, sign in zip(contact.side_names, (1.0, -1.0), strict=True):
-        if side is None:
-            continue
+    for side, sign in zip(contact.side_names, (1.0, -1.0), strict=False):
         along: Callable[[Ufl], Ufl] = _inward
         if isinstance(goal, Slip):
             along = _turn
@@ -156,8 +154,7 @@ def _volume_of_gap(space: Space, contact: ContactOnMesh) -> BoundedNumber:
     def volume(
         facet: np.ndarray, shape: np.ndarray, w: np.ndarray, n: np.ndarray, x: np.ndarray
     ) -> np.ndarray:
-        gap = data.gap(facet, x)
-        return gap * circumferences(x) if space.axisymmetric else gap
+        return space.section.times(data.gap(facet, x), x)
 
     return BoundedNumber.summed(
         space.comm, contact_integral(space, contact, space.function(), volume)

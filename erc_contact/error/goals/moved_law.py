@@ -1,6 +1,6 @@
-"""Give what moved strains and shifts of preloads add to an interval of three pairs.
+"""Give what moved strains and shifts of preloads add to a difference-quotient bound.
 
-Symbols of :mod:`erc_contact.error.goals.three_pairs` and
+Symbols of :mod:`erc_contact.error.goals.difference_quotient` and
 :mod:`erc_contact.model.preload`: p difference of two shifts over t, psi the field of
 the jump of one preload, E = - eps(psi) its given strain.
 """

@@ -1,7 +1,7 @@
 """A perturbation: what a goal moves, and how its number follows from the energy.
 
 A goal is the derivative of the energy by data of the scene, a load or the place of
-supports (:mod:`erc_contact.error.goals.three_pairs`).
+supports (:mod:`erc_contact.error.goals.difference_quotient`).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Perturbation:
         sign: Factor of Q in the number [-].
         constant: What is added to it.
         step: A first t.
-        varies: Whether the moved load varies in space: a mesh may not carry it.
+        varies: Whether the moved load varies in space: a mesh may not represent it.
         size: Size of psi, its value for a unit displacement; 0 if no load moves.
         least: What the number is at least.
     """

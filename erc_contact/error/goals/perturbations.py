@@ -22,7 +22,6 @@ from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
-from erc_contact.model.meridian import vertices_off_axis
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
@@ -164,7 +163,7 @@ def _check_on_rings(space: Space, goal: GoalOfPart, vector: np.ndarray) -> None:
     if isinstance(goal, MeanDisplacement) or vector[0] == 0.0:
         return
     corners = space.facet_corners(space.domain.facets(goal.part))
-    meets_axis = not vertices_off_axis(space, corners).all()
+    meets_axis = bool(space.section.on_axis(corners).any())
     if space.comm.allreduce(meets_axis, MPI.LOR):
         raise InputError(
             f"{goal!r}: a part that meets the axis cannot move radially, so that its radial"
@@ -193,7 +192,7 @@ def _checked_vector(goal: GoalOfPart, d: int) -> np.ndarray:
         raise InputError(f"{goal!r}: about has {len(goal.about)} numbers, but the mesh is {d}D.")
     if d == 3:
         if goal.axis is None:
-            raise InputError(f"{goal!r}: give an axis in space, e.g. axis=(0.0, 0.0, 1.0).")
+            raise InputError(f"{goal!r}: give an axis in 3D, e.g. axis=(0.0, 0.0, 1.0).")
         return _check_vector(goal, goal.axis, d)
     if goal.axis is not None:
         raise InputError(f"{goal!r}: in the plane the axis is the one out of it; leave axis out.")

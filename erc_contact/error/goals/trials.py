@@ -1,7 +1,7 @@
 """Try values of t for the interval of a number, and hold what each of them gives.
 
-For any t the interval holds (:mod:`erc_contact.error.goals.three_pairs`), and so does
-the intersection of the intervals of several t.
+For any t the interval holds (:mod:`erc_contact.error.goals.difference_quotient`), and
+so does the intersection of the intervals of several t.
 """
 
 from __future__ import annotations
@@ -16,8 +16,14 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError, NotBalanced, NotConverged, NotHeldError
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.goals.constants import COUNT_OF_T, FACTOR, GROWTH, LEAST_ERROR, POWER
+from erc_contact.error.goals.difference_quotient import (
+    Ends,
+    Unmoved,
+    ends_of,
+    measure_unmoved,
+    rough_ends,
+)
 from erc_contact.error.goals.perturbation import Perturbation
-from erc_contact.error.goals.three_pairs import Ends, Unmoved, ends_of, measure_unmoved, rough_ends
 from erc_contact.error.numbers import Bounds
 from erc_contact.scene.scene import Scene
 
@@ -100,7 +106,7 @@ class Trials:
             # A body that the load pulls off may have a displacement without end.
             return None
         if self.perturbation.varies:
-            # Of loads that the mesh carries this is exactly zero, however small t is.
+            # Zero, however small t is, for loads that the mesh represents exactly.
             carried = constitutive_error(plus).oscillations.loads == 0.0
             ends = replace(ends, resolved=ends.resolved and carried)
         self.tried.append(ends)

@@ -27,7 +27,7 @@ class VirtualMotion:
 
     Attributes:
         translation: a, shape (d,).
-        rotation: omega, shape (1,) in the plane, counterclockwise, (3,) in space.
+        rotation: omega, shape (1,) in the plane, counterclockwise, (3,) in 3D.
         centre: c [length], shape (d,).
     """
 

@@ -14,8 +14,8 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.contact.groups import NOBODY, Groups
-from erc_contact.model.contact.trace import Trace, dofs_of
+from erc_contact.model.contact.groups import Groups
+from erc_contact.model.contact.trace import NOBODY, Trace, dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries, product
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import distinct_rows
@@ -43,8 +43,8 @@ class Connections:
 
     def __init__(self, space: Space, traces: Sequence[Trace], fixed: np.ndarray) -> None:
         self._space = space
-        self.any = any(trace.there is not None for trace in traces)
         self.pairs = [_pairs(space, trace) for trace in traces]
+        self.any = any(len(pairs) > 0 for pairs in self.pairs)
         nothing = np.zeros((0, 2), dtype=np.int64)
         between = np.unique(np.concatenate([nothing, *self.pairs]), axis=0)
         # Where a contact ends inside a body both sides have one node, and no jump.
@@ -203,16 +203,14 @@ def gather_prescribed(space: Space, numbers: np.ndarray, fixed: np.ndarray) -> n
 
 def _pairs(space: Space, trace: Trace) -> np.ndarray:
     """Gather the pairs of nodes of a contact, each once, shape (p, 2); collective."""
-    if trace.there is None:
-        return np.zeros((0, 2), dtype=np.int64)
-    node_pairs = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    here = trace.here.nodes[trace.facing]
+    node_pairs = np.column_stack([here.ravel(), trace.partners.ravel()])
     of_rank = space.global_numbers(np.unique(node_pairs, axis=0))
     return distinct_rows(space.comm, of_rank)
 
 
 def _on_foundations(space: Space, traces: Sequence[Trace]) -> np.ndarray:
     """Gather the global numbers of the nodes on foundations; collective."""
-    nothing = np.zeros((0, 1), dtype=np.int32)
-    nodes = [trace.here.nodes.reshape(-1, 1) for trace in traces if trace.there is None]
-    of_rank = space.global_numbers(np.unique(np.concatenate([nothing, *nodes])))
+    nodes = [trace.here.nodes[trace.on_foundation].ravel() for trace in traces]
+    of_rank = space.global_numbers(np.unique(np.concatenate(nodes)))
     return distinct_rows(space.comm, of_rank)

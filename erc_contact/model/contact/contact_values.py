@@ -10,9 +10,9 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
-from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import varies_in_cells
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from namedmesh.simplex import lagrange
 
 
@@ -30,7 +30,7 @@ def friction_parameters(
         return {}
     values = {}
     for name, value in contact.friction.parameters.items():
-        values[name] = evaluate(value, space.mesh, points, contact.facets)
+        values[name] = space.evaluate(value, points, contact.facets)
     return values
 
 
@@ -38,13 +38,13 @@ def gap_at_nodes(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Evaluate the gap at the nodes of a contact [length], shape (f, m)."""
     if contact.gap is None:
         return np.zeros((len(contact.facets), len(space.facet_points)))
-    return evaluate(contact.gap, space.mesh, space.facet_points, contact.facets)
+    return space.evaluate(contact.gap, space.facet_points, contact.facets)
 
 
 def spring_displacement(
     space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """Compute by how much a foundation gives way tangentially, ``-r_t/k_t`` [length].
+    """Compute the tangential deflection of a foundation, ``-r_t/k_t`` [length].
 
     Args:
         space: The mesh.
@@ -55,20 +55,19 @@ def spring_displacement(
     Returns:
         Shape (f, q, d); 0 on the axis of rings, where no shear acts.
     """
-    stiffness = evaluate(contact.tangential_stiffness, space.mesh, points, contact.facets)
+    stiffness = space.evaluate(contact.tangential_stiffness, points, contact.facets)
     r_t = split(r, contact.trace.normals_at(points)).tangential
     k = stiffness[..., None]
     return np.divide(-r_t, k, out=np.zeros_like(r_t), where=k > 0)
 
 
 def give_way(space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Compute by how much the foundation gives way tangentially [length], (f, q, d).
+    """Compute the tangential deflection of the foundation [length], (f, q, d).
 
     The tractions r [force/area] are not about rings, as its stiffness is.
     """
-    if space.axisymmetric:
-        r = circumferences(contact.trace.here.points_at(points))[..., None] * r
-    return spring_displacement(space, contact, r, points)
+    on_mesh = space.section.times(r, contact.trace.here.points_at(points))
+    return spring_displacement(space, contact, on_mesh, points)
 
 
 def slip_at(
@@ -76,8 +75,8 @@ def slip_at(
 ) -> np.ndarray:
     """Compute the slip w_t at points of the facets [length], shape (f, q, d).
 
-    It counts from the end of the last step of a history, without what a foundation
-    gives way tangentially.
+    It counts from the end of the last step of a history, without the tangential
+    deflection of a compliant foundation.
 
     Args:
         space: The mesh.
@@ -201,7 +200,7 @@ def _values(space: Space, contact: ContactOnMesh, value: Ufl) -> Ufl:
     """Return data that vary in cells by their values at the nodes, UFL."""
     if not varies_in_cells(value):
         return value
-    values = evaluate(value, space.mesh, space.facet_points, contact.facets)
+    values = space.evaluate(value, space.facet_points, contact.facets)
     function = space.function()
     function.x.array.reshape(-1, space.d)[:, 0] = contact.trace.here.values_of_nodes(values)
     return function[0]

@@ -33,7 +33,6 @@ from erc_contact.model.contact.normals import (
     turns,
 )
 from erc_contact.model.contact.trace import Side, Trace
-from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
 from erc_contact.model.data.values import components, number, parameter
@@ -47,8 +46,8 @@ from namedmesh.simplex import lagrange, nodes, rule
 
 SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
-Sides = tuple[Side, Side | None]
-"""Side of a body at a contact, and the side of the other body; None on a foundation."""
+Sides = tuple[Side, Side]
+"""Side of a body at a contact, and the side of the other body or of the foundation."""
 PARALLEL = 1e-6
 """Sine of the angle between a normal and an axis of friction that is zero [-]."""
 FLAT_NORMALS = 1e-8
@@ -80,7 +79,7 @@ def bind_contact(
     if contact.gap != 0:
         gaps.append(number(space, contact.gap, f"{what}: gap", surface))
     if callable(contact.gap):
-        values = evaluate(gaps[0], space.mesh, space.facet_points, facets)
+        values = space.evaluate(gaps[0], space.facet_points, facets)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what}: the gap is not finite everywhere; look at it.")
     sides = here, there
@@ -93,7 +92,7 @@ def bind_contact(
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
-    trace = Trace(here, normals.direction, None, there, of_corners)
+    trace = Trace(here, there, normals.direction, corner_normals=of_corners)
     between = None
     if space.domain.distance(contact.facets, contact.against) > 0:
         # Facing facets are one facet in their parameters, so this is linear on each. A
@@ -144,7 +143,7 @@ def bind_contact(
     )
 
 
-def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side | None]:
+def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side]:
     """Return the part on this side of a contact, and both sides; collective.
 
     Nitsche's method tests the stress on this side. So it is the side of the softer
@@ -153,8 +152,8 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     which the scene names them changes nothing.
     """
     if contact.against is None:
-        facets = space.domain.facets(contact.facets)
-        return contact.facets, space.side(facets, modulus), None
+        here = space.side(space.domain.facets(contact.facets), modulus)
+        return contact.facets, here, here.only(slice(0))
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
@@ -191,12 +190,12 @@ def _friction(
         parameters[name] = number(space, value, f"{what}: {name}")
         if not callable(value):
             continue
-        at_nodes = evaluate(parameters[name], space.mesh, space.facet_points, facets)
+        at_nodes = space.evaluate(parameters[name], space.facet_points, facets)
         low, high = space.extremes(at_nodes)
         if not 0 <= low <= high < np.inf:
             raise InputError(f"{what}: {name} is {low:g} somewhere; it must be >= 0 and finite.")
     bound = f"{what}: the friction bound"
-    friction = bind_friction(space.mesh, bound, law, parameters, space.circumference)
+    friction = bind_friction(space.mesh, bound, law, parameters, space.section.circumference)
     return replace(friction, allowed=_allowed(space, contact, law, facets, direction))
 
 
@@ -206,8 +205,8 @@ def _allowed(
     """Return the set of tangential tractions that a law allows; collective.
 
     Raises:
-        InputError: If a law has axes in the plane, on a foundation that gives way
-            tangentially, or along the normal, or if its ratio is no number > 0.
+        InputError: If a law has axes in the plane, on a tangentially compliant
+            foundation, or along the normal, or if its ratio is no number > 0.
     """
     axes = getattr(law, "axes", None)
     if axes is None:
@@ -220,12 +219,12 @@ def _allowed(
         )
     if getattr(contact.foundation, "tangential", None) is not None:
         raise InputError(
-            f"{what} has axes, and the foundation gives way tangentially; the nearest point of an"
-            " ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
+            f"{what} has axes, and the foundation is tangentially compliant; the nearest point of"
+            " an ellipse has no closed form. Give an isotropic law, or Foundation(normal=k) alone."
         )
     ratio = positive(f"{what}: ratio", parameter(law, "ratio"), "> 0")
     axis = components(space, axes, f"{what}: axes")
-    on_facets = evaluate(axis, space.mesh, nodes(2, 0), facets)[:, 0]
+    on_facets = space.evaluate(axis, nodes(2, 0), facets)[:, 0]
     across = np.cross(direction, on_facets)
     length = np.linalg.norm(across, axis=1, keepdims=True)
     size = np.linalg.norm(on_facets, axis=1, keepdims=True)
@@ -276,7 +275,7 @@ def _normal(space: Space, contact: Contact, sides: Sides, surface: Ufl, sign: fl
     Args:
         space: The mesh.
         contact: What the scene declares.
-        sides: This side, and the other side of two bodies.
+        sides: This side, and the other side.
         surface: Position at which the normal is taken, UFL.
         sign: -1 where this side is the facing part of the scene's contact, else 1.
     """
@@ -320,7 +319,7 @@ def _varying_normal(
     facets = sides[0].facets
     given = None
     if contact.normal is None:
-        flat = Trace(sides[0], space.outward_normals(facets), there=sides[1])
+        flat = Trace(*sides, space.outward_normals(facets))
         of_corners = _common_normals(space, contact, flat)
         if greatest(space.comm, of_corners - flat.normals_at_vertices) <= SAME_NORMAL:
             return _Normals(space.n, flat.direction)
@@ -346,7 +345,6 @@ def _common_normals(space: Space, contact: Contact, sides: Trace) -> np.ndarray:
     """
     here = sides.here
     there = sides.there
-    assert there is not None
     of_here = normals_of_side(space, here.facets, here.corners)
     if space.domain.distance(contact.facets, contact.against) == 0:
         return of_here
@@ -380,7 +378,7 @@ def _at_vertices(space: Space, contact: Contact, facets: np.ndarray, given: Ufl)
     Raises:
         InputError: If it is zero or not finite there.
     """
-    values = evaluate(given, space.mesh, nodes(space.d - 1, 1), facets)
+    values = space.evaluate(given, nodes(space.d - 1, 1), facets)
     length = np.linalg.norm(values, axis=2)
     error = None
     if not (np.isfinite(length).all() and np.all(length > 0)):
@@ -406,21 +404,21 @@ def foundation_motion(
 
     Returns:
         The displacement of the foundation [length], zero off the contact, and what
-        facets do not carry of its tangential part, ``int_F |d_t - I d_t|^2``
-        [length^(d+1)], shape (f,), or None where they carry all.
+        facets do not represent of its tangential part, ``int_F |d_t - I d_t|^2``
+        [length^(d+1)], shape (f,), or None where they represent all.
 
     Raises:
         InputError: If the motion is not finite.
     """
     facets = trace.here.facets
-    at_nodes = evaluate(motion, space.mesh, space.facet_points, facets)
+    at_nodes = space.evaluate(motion, space.facet_points, facets)
     if not np.isfinite(space.extremes(at_nodes)).all():
         raise InputError(f"{what}: the motion is not finite everywhere; look at it.")
     field = space.function()
     field.x.array.reshape(-1, space.d)[space.facet_nodes(facets)] = at_nodes
     points, weights = rule(space.d - 1, 2 * space.degree + 2)
     shape = lagrange(space.d - 1, space.degree, points)
-    difference = evaluate(motion, space.mesh, points, facets) - np.matmul(shape, at_nodes)
+    difference = space.evaluate(motion, points, facets) - np.matmul(shape, at_nodes)
     size = greatest(space.comm, at_nodes)
     return field, lost_on_facets(space, trace, difference, size, points, weights)
 
@@ -436,9 +434,9 @@ def add_foundation_motion(
     Args:
         before: Displacement relative to the foundation at the end of the last step
             [length]; None without one.
-        lost: What facets do not carry of its tangential part, or None.
+        lost: What facets do not represent of its tangential part, or None.
         moved: Displacement of the foundation [length].
-        lost_of_motion: What facets do not carry of it, or None.
+        lost_of_motion: What facets do not represent of it, or None.
     """
     if before is None:
         return moved, lost_of_motion

@@ -16,7 +16,7 @@ from erc_contact.model.contact.friction_set import DISC, Disc
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.data.symbolic import has_arguments, varies_in_cells
 from erc_contact.scene.law import project
-from erc_contact.scene.words import contact_in_words
+from erc_contact.scene.words import contact_in_words, names_of_sides
 
 
 def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
@@ -54,9 +54,9 @@ class ContactOnMesh:
         stiffness: Stiffness k_n of a compliant foundation along the normal
             [force/length^3], UFL; None where it is rigid.
         tangential_stiffness: Stiffness k_t tangentially, likewise; with friction alone.
-        lost: What this mesh does not carry of it, ``int_F |s - I s|^2`` of its
+        lost: What this mesh does not represent of it, ``int_F |s - I s|^2`` of its
             tangential part s on each facet [length^(d+1)], shape (f,); None where it
-            carries all.
+            represents all.
         variable: The displacement whose jump a solver varies, and this jump, Functions;
             None outside a solver, and on a foundation.
         tests_jump: Whether the jump of test functions counts: a solver asks for
@@ -100,14 +100,13 @@ class ContactOnMesh:
     @property
     def title(self) -> str:
         """Return its name, with the name of the part that it is against."""
-        return contact_in_words(self.name, self.against)
+        return contact_in_words(names_of_sides(self.name, self.against))
 
     @property
-    def side_names(self) -> tuple[str, str | None]:
-        """Return the names of the parts on this side and on the other side."""
-        if self.is_exchanged and self.against is not None:
-            return self.against, self.name
-        return self.name, self.against
+    def side_names(self) -> tuple[str, ...]:
+        """Return the names of the parts on this side and, of a body, the other side."""
+        names = names_of_sides(self.name, self.against)
+        return names[::-1] if self.is_exchanged else names
 
     @property
     def sign(self) -> float:
@@ -138,7 +137,7 @@ class ContactOnMesh:
 
     @property
     def is_compliant(self) -> bool:
-        """Tell whether the foundation gives way, along the normal or tangentially."""
+        """Tell whether the foundation is compliant, normally or tangentially."""
         return self.stiffness is not None or self.tangential_stiffness is not None
 
     @property
@@ -226,8 +225,8 @@ class ContactOnMesh:
         On a foundation it is u, between two bodies the difference of u on this side and
         on the other one. In a history its tangential part is counted from the end of
         the last step, of which friction remembers the tangential part s: ``w - s``. On
-        a foundation that gives way tangentially s is the slip at the end of that step,
-        without what the foundation gave way.
+        a tangentially compliant foundation s is the slip at the end of that step,
+        without the deflection of the foundation.
 
         Its variation has no s. So the work of a traction r is ``inner(r, jump(v))``
         with a test function v.
@@ -241,7 +240,7 @@ class ContactOnMesh:
         """
         if has_arguments(u):
             return u if self.tests_jump else 0.0 * u
-        w = u if self.trace.there is None else self._difference(u)
+        w = u if self.against is None else self._difference(u)
         before = self.trace.before
         if before is None:
             return w
@@ -291,10 +290,10 @@ class ContactOnMesh:
         """Return the traction that the law allows [force/area], UFL.
 
         On a compliant foundation springs k and gamma carry the trial traction ``r -
-        gamma (w - g n)``, and k gives way, too: the traction ``-k (w - g n)`` of the
-        spring is the share ``k/(k + gamma)`` of it, along the normal and tangentially.
-        The law allows what is nearest to this share. It tends to 1 on a stiff
-        foundation and to 0 on a soft one.
+        gamma (w - g n)`` together: the traction ``-k (w - g n)`` of the spring k is the
+        share ``k/(k + gamma)`` of it, along the normal and tangentially. The law allows
+        what is nearest to this share. It tends to 1 on a stiff foundation and to 0 on a
+        soft one.
 
         Args:
             z: Trial traction [force/area], UFL.

@@ -25,10 +25,9 @@ from functools import cached_property
 
 import numpy as np
 
+from erc_contact.model.contact.trace import NOBODY
 from namedmesh.for_solvers import components
 
-NOBODY = -1
-"""Stands for no node."""
 NEARLY = 0.9
 """Share of a projector above which it is one, up to round-off [-]."""
 

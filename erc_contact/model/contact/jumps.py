@@ -19,7 +19,6 @@ from ufl.corealg.traversal import traverse_unique_terminals
 from erc_contact.base.ufl_tables import TableFunction
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.quadrature import Cuts, facet_pieces, piece_points, polynomials
 from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric, node_vertices, nodes
@@ -61,7 +60,7 @@ def jumps(
     places, residual = _samples(space.d - 1, space.degree)
     count = len(space.facet_points)
     x = np.matmul(places[count:], contact.trace.here.corners[chosen])
-    inside = Everywhere(contact.gap, space.mesh)(x, contact.facets[chosen])
+    inside = space.everywhere(contact.gap)(x, contact.facets[chosen])
     # At a node the gap may have the value of the other side of a jump.
     values = np.concatenate([at_nodes[chosen], inside], axis=1)
     distance = abs(values @ residual).max(axis=1, initial=0.0)
@@ -152,7 +151,7 @@ def kinks_on_facets(
     simplex = [np.empty(0, dtype=int)]
     place = [np.empty(0)]
     for function in functions:
-        coordinates = Everywhere(function.coordinates, space.mesh)(x, facets)
+        coordinates = space.everywhere(function.coordinates)(x, facets)
         for number, points in enumerate(function.data.source.kinks):
             facet, at = _crossings(coordinates[:, :, number], points)
             simplex.append(facet)

@@ -38,7 +38,7 @@ def bind_tie(space: Space, tie: Tied, modulus: Ufl) -> ContactOnMesh:
     return ContactOnMesh(
         name=tie.facets,
         against=tie.against,
-        trace=Trace(here, direction, None, there),
+        trace=Trace(here, there, direction),
         ds=space.ds,
         normal=space.n,
         bilateral=True,
@@ -64,8 +64,7 @@ def tie_forces(
     """
     sides = []
     shared = []
-    assert tie.against is not None
-    for indicator in space.sides_of_joint((tie.name, tie.against)):
+    for indicator in space.sides_of_joint(tie.side_names):
         sides.append(residual(indicator * ufl.TestFunction(space.V)))
         with_others = np.zeros((space.node_count, 1), dtype=bool)
         for cells, nodes in claims:

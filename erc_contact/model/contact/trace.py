@@ -2,21 +2,23 @@
 
 A contact reads of a displacement u only w, its value at the contact. On a rigid
 foundation w is u itself; between two bodies it is the jump, u on this side less u at
-the facing points of the other side. In a history friction counts the tangential part of
-w from the end of the last step. All modules that need w, its Bernstein coefficients, or
-the forces that do work on it, ask the contact's :class:`Trace`, so that they need not
-know which kind of contact it is.
+the facing points of the other side. Every contact has both sides: a foundation is a
+side without facets and nodes, because no unknown moves it. In a history friction counts
+the tangential part of w from the end of the last step. All modules that need w, its
+Bernstein coefficients, or the forces that do work on it, ask the contact's
+:class:`Trace`, so that they need not know which kind of contact it is.
 
 The map from nodal values to w on facets is linear. It has one entry of 1 in each row
-for this side, and one of -1 for the other side. Its transpose takes forces on facets to
-nodal forces, opposite on the two sides.
+for this side, and between two bodies an entry of -1 for the other side. Its transpose
+takes forces on facets to nodal forces, opposite on the two sides.
 
-Symbols: f facets of this side on this rank, m nodes of a facet, d dimension.
+Symbols: f facets of this side on this rank, p facets of the other side (f, or none on a
+foundation), m nodes of a facet, d dimension.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -29,6 +31,8 @@ CONTINUOUS = 1e-9
 """Difference of two facets at a node that counts as none, over the greatest value."""
 type Facets = np.ndarray | slice
 """Numbers of facets of a contact, or all of them."""
+NOBODY = -1
+"""Stands for no node."""
 ALL = slice(None)
 """All facets."""
 
@@ -125,6 +129,17 @@ class Side:
     node_count: int
     cell_count: int
 
+    def only(self, which: slice) -> Side:
+        """Return the side with some of its facets."""
+        return replace(
+            self,
+            facets=self.facets[which],
+            nodes=self.nodes[which],
+            corners=self.corners[which],
+            owned=self.owned[which],
+            modulus=self.modulus[which],
+        )
+
     @property
     def d(self) -> int:
         """Return the dimension of space."""
@@ -197,12 +212,12 @@ class Trace:
 
     Attributes:
         here: The side whose body the contact traction acts on.
+        there: The other side, facet i of it facing facet i of this side. A foundation
+            has no facets.
         direction: Unit normal of the contact in the middle of each facet, from this
             side into the other, shape (f, d).
         before: Displacement at the end of the last step of a history [length], a
             Function; None without one.
-        there: The other side, facet i of it facing facet i of this side; None for a
-            rigid foundation.
         corner_normals: Unit normals at the vertices of each facet, shape (f, d, d);
             None, on all ranks, where no facet has normals that turn.
 
@@ -216,10 +231,20 @@ class Trace:
     """
 
     here: Side
+    there: Side
     direction: np.ndarray
     before: fem.Function | None = None
-    there: Side | None = None
     corner_normals: np.ndarray | None = None
+
+    @property
+    def facing(self) -> slice:
+        """Return which facets of this side face another body."""
+        return slice(len(self.there.facets))
+
+    @property
+    def on_foundation(self) -> slice:
+        """Return which facets of this side are on a foundation."""
+        return slice(len(self.there.facets), None)
 
     def normals_at(self, points: np.ndarray) -> np.ndarray:
         """Return the unit normals at points of the facets [-].
@@ -268,18 +293,20 @@ class Trace:
         """
         nodal = u.reshape(-1, self.here.d)
         w = nodal[self.here.nodes]
-        if self.there is None:
-            return w
-        return w - nodal[self.partners]
+        w[self.facing] -= nodal[self.partners]
+        return w
 
     def fixed(self, of_nodes: np.ndarray) -> np.ndarray:
         """Tell which components of w supports prescribe, shape (f, m, d).
 
+        The displacement of a foundation is known.
+
         Args:
             of_nodes: Components of u that supports prescribe, shape (nodes, d).
         """
-        here = of_nodes[self.here.nodes]
-        return here if self.there is None else here & of_nodes[self.partners]
+        fixed = of_nodes[self.here.nodes]
+        fixed[self.facing] &= of_nodes[self.partners]
+        return fixed
 
     @cached_property
     def of_before(self) -> np.ndarray:
@@ -346,8 +373,7 @@ class Trace:
             complete.
         """
         nodal = self.back_here(forces)
-        if self.there is not None:
-            nodal += self.back_there(forces)
+        np.subtract.at(nodal, self.partners, forces[self.facing])
         return nodal
 
     def back_here(self, forces: np.ndarray) -> np.ndarray:
@@ -359,16 +385,19 @@ class Trace:
     def back_there(self, forces: np.ndarray) -> np.ndarray:
         """Return :meth:`back`'s forces on the other side [force], shape (nodes, d)."""
         nodal = np.zeros((self.here.node_count, self.here.d))
-        np.subtract.at(nodal, self.partners, forces)
+        np.subtract.at(nodal, self.partners, forces[self.facing])
         return nodal
 
     def on_there(self, values: np.ndarray) -> np.ndarray:
-        """Return values at the nodes of this side in the order of the other side.
+        """Return values at the nodes of this side on the facets of the other side.
 
         Args:
             values: Values at the nodes of the facets, shape (f, m, ...).
+
+        Returns:
+            The values in the order of the other side, shape (p, m, ...).
         """
-        return np.take_along_axis(values, self._order_there[..., None], axis=1)
+        return np.take_along_axis(values[self.facing], self._order_there[..., None], axis=1)
 
     @cached_property
     def stiffness(self) -> np.ndarray:
@@ -376,7 +405,7 @@ class Trace:
 
         Two bodies are two springs in a row. Shape (f,).
         """
-        return _in_a_row(self.here.stiffness, None if self.there is None else self.there.stiffness)
+        return _in_a_row(self.here.stiffness, self.there.stiffness)
 
     @cached_property
     def modulus(self) -> np.ndarray:
@@ -384,12 +413,12 @@ class Trace:
 
         It is the modulus of two springs in a row.
         """
-        return _in_a_row(self.here.modulus, None if self.there is None else self.there.modulus)
+        return _in_a_row(self.here.modulus, self.there.modulus)
 
     def share(self, values: np.ndarray) -> np.ndarray:
         """Add up values of owned facets in their cells.
 
-        Two bodies get shares in proportion to their compliances.
+        Two bodies get shares in proportion to their compliances, a foundation has none.
 
         Args:
             values: A value of each facet, zero where this rank does not own it, shape
@@ -400,30 +429,36 @@ class Trace:
             its owner: the other body may be on another rank.
         """
         cells = np.zeros(self.here.cell_count)
-        share = np.ones(len(values))
-        if self.there is not None:
-            share = self.stiffness / self.here.stiffness
-            np.add.at(cells, self.there.facets[:, 0], (1 - share) * values)
+        share = self.stiffness / self.here.stiffness
+        of_there = (1 - share) * values
+        np.add.at(cells, self.there.facets[:, 0], of_there[self.facing])
         np.add.at(cells, self.here.facets[:, 0], share * values)
         return cells
 
     @cached_property
     def partners(self) -> np.ndarray:
-        """Find the nodes of the other side that face this side, shape (f, m)."""
-        if self.there is None:
-            raise TypeError("A contact with a rigid foundation has no other side.")
+        """Find the nodes of the other side that face this side, shape (p, m)."""
         # Node i of the other side faces the node of this side that the order tells.
         facing = np.argsort(self._order_there, axis=1)
         return np.take_along_axis(self.there.nodes, facing, axis=1)
 
+    @property
+    def nodes_there(self) -> np.ndarray:
+        """Return what faces each node of the facets, shape (f, m).
+
+        It is a node of the other body, or ``NOBODY`` on a foundation.
+        """
+        nodes = np.full(self.here.nodes.shape, NOBODY)
+        nodes[self.facing] = self.partners
+        return nodes
+
     @cached_property
     def to_partners(self) -> np.ndarray:
-        """Return the vectors from vertices of facets to their partners, (f, d, d).
+        """Return the vectors from vertices of facets to their partners, (p, d, d).
 
         They are zero where both sides are in one place [length].
         """
-        assert self.there is not None
-        return self.at_partners(self.there.corners) - self.here.corners
+        return self.at_partners(self.there.corners) - self.here.corners[self.facing]
 
     def at_partners(self, of_vertices: np.ndarray) -> np.ndarray:
         """Return values at vertices of the other side in the order of this side.
@@ -436,9 +471,8 @@ class Trace:
 
     @cached_property
     def _order_there(self) -> np.ndarray:
-        """Find the place of the node here that each node there faces, shape (f, m)."""
-        assert self.there is not None
-        here = _about_middle(self.here.places)
+        """Find the place of the node here that each node there faces, shape (p, m)."""
+        here = _about_middle(self.here.places[self.facing])
         there = _about_middle(self.there.places)
         # Facets that face each other may be apart, of other sizes, and turned against
         # each other; their vertices are in any order. Vertices face vertices, and
@@ -452,9 +486,15 @@ class Trace:
         return np.concatenate(orders, axis=1)
 
 
-def _in_a_row(here: np.ndarray, there: np.ndarray | None) -> np.ndarray:
-    """Return the stiffness of two springs in a row, or of the first spring alone."""
-    return here if there is None else here * there / (here + there)
+def _in_a_row(here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    """Return the stiffness of springs here (f,) in a row with springs there (p,), (f,).
+
+    A rigid foundation is no spring.
+    """
+    of_both = here.copy()
+    facing = here[: len(there)]
+    of_both[: len(there)] = facing * there / (facing + there)
+    return of_both
 
 
 def _about_middle(x: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import at_cells, evaluate
+from erc_contact.model.data.expressions import at_cells
 from erc_contact.model.data.tables import on_mesh
 from erc_contact.model.data.users import call_of_user, scalar, vector
 from erc_contact.model.space import Space
@@ -141,7 +141,7 @@ def moduli(space: Space, material: Material | Potential) -> dict[str, Ufl]:
             parameters[name] = number(space, value, what, of_material=True)
         if isinstance(value, Mapping) or callable(value):
             points = lattice(space.d, DATA_DEGREE)
-            values = evaluate(parameters[name], space.mesh, points, space.owned_cells)
+            values = space.evaluate(parameters[name], points, space.owned_cells)
             low, high = space.extremes(values)
             call_of_user(space.comm, what, material.check, name, low, high)
     return parameters

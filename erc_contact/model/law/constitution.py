@@ -19,7 +19,7 @@ import numpy as np
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.expressions import Everywhere, OfNumbers, stand_in
 from erc_contact.model.data.symbolic import constant_value, varies_in_cells
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.space import Space
 from erc_contact.scene.material import Elastic, Material, mandel_matrix, tensor_basis
 from namedmesh.base.communicators import lasting
 
@@ -120,7 +120,7 @@ class ElasticMatrix:
 
     Attributes:
         size: Number s of Mandel components.
-        on_rings: Whether it is times the circumference.
+        section: What the body is; its weights are factors of C, and divide C^-1.
         varies_in_cells: Whether it varies inside cells.
     """
 
@@ -133,11 +133,11 @@ class ElasticMatrix:
         inverse: bool = False,
     ) -> None:
         d, mesh = space.d, space.mesh
-        self.size = len(tensor_basis(material, d))
-        self.on_rings = space.axisymmetric
-        self._exponent = -1 if inverse else 1
+        self.section = space.section
+        self.size = len(self.section.basis)
+        self._weighted = self.section.over if inverse else self.section.times
         self._parameters_vary = any(varies_in_cells(value) for value in parameters.values())
-        self.varies_in_cells = self.on_rings or self._parameters_vary
+        self.varies_in_cells = self.section.varies or self._parameters_vary
         self._constant: np.ndarray | None = None
         self._parameters = {name: Everywhere(value, mesh) for name, value in parameters.items()}
         constants = {}
@@ -159,7 +159,7 @@ class ElasticMatrix:
     @property
     def plain(self) -> np.ndarray | None:
         """Return the matrix (s, s) where it does not vary, else None."""
-        return None if self.on_rings else self._constant
+        return None if self.varies_in_cells else self._constant
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix at points.
@@ -171,20 +171,15 @@ class ElasticMatrix:
         Returns:
             Shape (n, q, s, s).
         """
-        matrix = self.of_material(x, cells)
-        if self.on_rings:
-            matrix = self._circumferences(x)[..., None] * matrix
+        matrix = self._weighted(self.of_material(x, cells), x)
         return np.broadcast_to(matrix, (*x.shape[:2], self.size, self.size))
 
     def times(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Multiply the matrix and tensors (n, q, s) at points, see :meth:`__call__`."""
-        result = act(self.of_material(x, cells), tensor)
-        if self.on_rings:
-            result *= self._circumferences(x)
-        return result
+        return self._weighted(act(self.of_material(x, cells), tensor), x)
 
     def of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Evaluate the matrix of the material, without a circumference, at points.
+        """Evaluate the matrix of the material, without weights, at points.
 
         Args:
             x: Points of each cell [length], shape (n, q, d).
@@ -202,10 +197,6 @@ class ElasticMatrix:
         for name, parameter in self._parameters.items():
             values[self._numbers[name]] = parameter(x, cells).reshape(-1, 1)
         return self._matrix(values, n * q).reshape(n, q, self.size, self.size)
-
-    def _circumferences(self, x: np.ndarray) -> np.ndarray:
-        """Return the factor of the matrix of the material on rings, shape (n, q, 1)."""
-        return circumferences(x)[..., None] ** self._exponent
 
 
 def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, Ufl]) -> Ufl:

@@ -21,7 +21,7 @@ import ufl
 from mpi4py import MPI
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import Everywhere, OfNumbers, stand_in
+from erc_contact.model.data.expressions import OfNumbers, stand_in
 from erc_contact.model.data.ranges import Ranges, ranges_of
 from erc_contact.model.data.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.model.law.law_entries import StateField, entries, size_of, state_after
@@ -241,9 +241,9 @@ class PointLaw:
         parameters: Mapping[str, Ufl],
         state: StateField | None = None,
     ) -> None:
-        self._parameters = [Everywhere(value, space.mesh) for value in parameters.values()]
+        self._parameters = [space.everywhere(value) for value in parameters.values()]
         self.state = state
-        self.is_plane = space.d == 2 and not space.axisymmetric
+        self.is_plane = space.section.rows == 2
         # The last of these, out of plane or hoop, is no component of plane strain.
         known = list(HOOP_ROWS) if space.d == 2 else list(range(6))
         self.rows = known[:-1] if self.is_plane else known
@@ -257,7 +257,7 @@ class PointLaw:
         self._convexity = None
         if tells_convexity(potential):
             share = ufl.as_ufl(potential.convexity(**parameters))
-            self._convexity = Everywhere(share, space.mesh)
+            self._convexity = space.everywhere(share)
         comm = lasting(space.comm)
         self._code = law_code(potential, list(parameters), self.is_plane, known, comm)
 

@@ -20,7 +20,7 @@ Symbols: s number of components that the body has, n cells, q points of a cell.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import ufl
@@ -28,12 +28,11 @@ from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.law.constitution import Constitution, ElasticMatrix, StrainField
 from erc_contact.model.law.law_state import LawState
 from erc_contact.model.law.point_law import Derivatives, PointLaw, Search
-from erc_contact.model.meridian import in_space, strain_of
-from erc_contact.model.space import Space, circumferences
+from erc_contact.model.meridian import in_space
+from erc_contact.model.space import Space
 from erc_contact.scene.material import mandel_basis, strain
 from erc_contact.scene.potential import Potential, remembers
 
@@ -51,8 +50,8 @@ class StrainOf:
         self._u = u
         size = space.d * (space.d + 1) // 2
         self._in_plane = space.domain.function("DG", space.degree - 1, (size,))
-        self._of_in_plane = Everywhere(self._in_plane, space.mesh)
-        self._of_displacement = Everywhere(u, space.mesh)
+        self._of_in_plane = space.everywhere(self._in_plane)
+        self._of_displacement = space.everywhere(u)
         self.update()
 
     def update(self) -> None:
@@ -67,10 +66,8 @@ class StrainOf:
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the strain in Mandel components, shape (n, q, s)."""
         in_plane = self._of_in_plane(x, cells)
-        if not self._space.axisymmetric:
-            return in_plane
-        radial = self._of_displacement(x, cells)[..., :1]
-        return np.concatenate([in_plane, radial / x[..., :1]], axis=-1)
+        displacement = partial(self._of_displacement, x, cells)
+        return self._space.section.strain_at(in_plane, displacement, x)
 
 
 class Linearised:
@@ -87,7 +84,7 @@ class Linearised:
 
     Attributes:
         law: As given.
-        on_rings: Whether the body is axisymmetric.
+        section: What the body is.
         u: The displacement [length].
         at_rest: Whether it has not been moved: C is psi'' without strain.
     """
@@ -99,7 +96,7 @@ class Linearised:
         self._potential = potential
         self._parameters = parameters
         self.law = law
-        self.on_rings = space.axisymmetric
+        self.section = space.section
         self.u = space.function()
         self.at_rest = True
         self._strain = StrainOf(space, self.u)
@@ -114,7 +111,7 @@ class Linearised:
     def varies_in_cells(self) -> bool:
         """Tell whether C varies inside cells."""
         strain_varies = self._space.degree > 1 and not self.at_rest
-        return self.law.varies_in_cells or self._space.axisymmetric or strain_varies
+        return self.law.varies_in_cells or self.section.varies or strain_varies
 
     # -- after a load step
 
@@ -149,7 +146,7 @@ class Linearised:
     @cached_property
     def given_stress(self) -> Ufl:
         """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, shaped as a strain."""
-        of_strain = self._tangent * self._components(strain_of(self._space, self.u))
+        of_strain = self._tangent * self._components(self.section.strain(self.u))
         return self._tensor(of_strain - self._derivatives.stress())
 
     @cached_property
@@ -160,7 +157,7 @@ class Linearised:
     @cached_property
     def _derivatives(self) -> Derivatives:
         """Return the derivatives of the potential at E."""
-        eps = strain_of(self._space, self.u)
+        eps = self.section.strain(self.u)
         if self.law.is_plane:
             eps = in_space(eps, 0)
         values = dict(self._parameters)
@@ -171,10 +168,7 @@ class Linearised:
     @cached_property
     def _tensors(self) -> list[Ufl]:
         """Return the basis of the strains of the body, UFL."""
-        basis = mandel_basis(self._space.d)
-        if self._space.axisymmetric:
-            basis = mandel_basis(3)[self.law.rows]
-        return [ufl.as_matrix(tensor.tolist()) for tensor in basis]
+        return [ufl.as_matrix(tensor.tolist()) for tensor in self.section.basis]
 
     def _components(self, tensor: Ufl) -> Ufl:
         """Return the components of a tensor of the body, UFL (s,)."""
@@ -211,8 +205,8 @@ class TangentMatrix(ElasticMatrix):
 
     def __init__(self, linearised: Linearised, *, inverse: bool = False) -> None:
         self.size = len(linearised.law.rows)
-        self.on_rings = linearised.on_rings
-        self._exponent = -1 if inverse else 1
+        self.section = linearised.section
+        self._weighted = self.section.over if inverse else self.section.times
         self._constant = None
         self._linearised = linearised
         self._inverse = inverse
@@ -275,7 +269,7 @@ class ConvexConstitution(Constitution):
             ``2 (psi + psi* -+ sigma : eps)`` [force/area], shape (n, q, 2), on rings
             times the circumference.
         """
-        factor = circumferences(x)[..., None] if self.stiffness.on_rings else 1.0
+        factor = self.stiffness.section.weight(x)
         sigma = stress / factor
         psi = law.energy(strain, x[:, : strain.shape[1]], cells)
         work = np.einsum("nqi,nqi->nq", sigma, np.broadcast_to(strain, sigma.shape))

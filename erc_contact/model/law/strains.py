@@ -24,7 +24,7 @@ from dolfinx import mesh as dmesh
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.data.users import call_of_user
 from erc_contact.model.data.values import (
@@ -35,7 +35,7 @@ from erc_contact.model.data.values import (
     without_plain_numbers,
 )
 from erc_contact.model.space import Space
-from erc_contact.scene.material import Material, mandel_basis, tensor_basis
+from erc_contact.scene.material import Material, mandel_basis
 from erc_contact.scene.strain import GivenStrain
 from namedmesh.simplex import rule
 
@@ -98,8 +98,7 @@ def bind_strains(
     if not strains and not of_preloads:
         return None
     d = space.d
-    basis = tensor_basis(material, d)
-    rows = basis.shape[1]
+    basis, rows = space.section.basis, space.section.rows
     tensor = sum(of_preloads, start=ufl.zero((rows, rows)))
     normal = ufl.as_ufl(0.0)
     for strain in strains:
@@ -112,7 +111,7 @@ def bind_strains(
                 normal += expression
                 tensor += expression * _out_of_plane(strain, material, parameters)
     points, _ = rule(d, DATA_DEGREE)
-    values = evaluate(tensor, space.mesh, points, space.owned_cells)
+    values = space.evaluate(tensor, points, space.owned_cells)
     if not np.isfinite(space.extremes(values)).all():
         raise InputError("A given strain is not finite everywhere; look at its callables.")
     return Strains(tensor, normal, space.mesh, basis)
@@ -174,10 +173,9 @@ def _expression(space: Space, strain: GivenStrain, what: str, values: Mapping[st
 
     returned = call_of_user(space.comm, what, call)
     expression = without_plain_numbers(returned, space.mesh, of_material=True)
-    rows = 3 if space.axisymmetric else space.d
+    rows = space.section.rows
     if expression.ufl_shape not in ((), (rows, rows)):
-        which = ", which acts in plane" if rows == 2 else ""
-        which = ", which are r, z and hoop" if space.axisymmetric else which
+        which = ", which acts in plane" if rows == 2 else space.section.tensor_words
         raise InputError(
             f"{what} has shape {expression.ufl_shape}; the mesh needs a scalar or the shape"
             f" {(rows, rows)}: a number is a strain in all directions of space, a tensor has"

@@ -126,25 +126,27 @@ def _by_contact(
     trace = contact.trace
     m = motions.shape[2]
     here = trace.here.nodes
-    # The bodies of each node of the facets, and their motions as jumps.
-    bodies = [body[here]]
-    jumps = [motions[here]]
-    if trace.there is not None:
-        bodies.append(body[trace.partners])
-        jumps.append(-motions[trace.partners])
-    resisted = np.concatenate(jumps, axis=-1)
+    # The bodies of each node of the facets, and their motions as jumps. The foundation
+    # is the last body, which has no motions.
+    bodies = np.stack([body[here], np.full(here.shape, count)], axis=-1)
+    bodies[trace.facing, :, 1] = body[trace.partners]
+    jumps = np.zeros((*here.shape, trace.here.d, 2, m))
+    jumps[..., 0, :] = motions[here]
+    jumps[trace.facing, ..., 1, :] = -motions[trace.partners]
+    resisted = jumps.reshape(*here.shape, trace.here.d, 2 * m)
     if contact.friction is None:
         normals = np.broadcast_to(trace.normals, (*here.shape, trace.here.d))
         normal_part = np.einsum("fndi,fnd->fni", resisted, normals)
         resisted = normal_part[:, :, None]
-    groups = np.stack(bodies, axis=-1).reshape(here.size, len(bodies))
+    groups = bodies.reshape(here.size, 2)
     at_nodes = resisted.reshape(here.size, *resisted.shape[2:])
-    total = np.zeros((count, m, count, m))
+    total = np.zeros((count + 1, m, count + 1, m))
     for group in np.unique(groups, axis=0):
         of_group = at_nodes[(groups == group).all(axis=1)]
         products = np.einsum("ndi,ndj->ij", of_group, of_group)
-        blocks = products.reshape(len(group), m, len(group), m)
+        blocks = products.reshape(2, m, 2, m)
         for i, row_body in enumerate(group):
             for j, column_body in enumerate(group):
                 total[row_body, :, column_body] += blocks[i, :, j]
-    return space.comm.allreduce(total.reshape(count * m, count * m), MPI.SUM)
+    of_bodies = total[:count, :, :count].reshape(count * m, count * m)
+    return space.comm.allreduce(of_bodies, MPI.SUM)

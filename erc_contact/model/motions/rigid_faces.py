@@ -145,9 +145,9 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
     shapes = motions_about_axes(x - about)
     given = zip(rigid.motions, rigid.resultants, strict=True)
     free = np.array([motion is None and resultant is not None for motion, resultant in given])
-    if space.axisymmetric:
-        # A ring moves along the axis only; what u_r is on the face is no motion of it.
-        shapes[:, :, [0, 2]] = 0.0
+    # What a displacement has beside the motions of the body is no motion of the face.
+    of_body = np.zeros_like(shapes)
+    of_body[:, :, space.section.motions] = shapes[:, :, space.section.motions]
     sizes = np.ones(len(free))
     sizes[d:] = space.domain.extent
     return RigidFace(
@@ -156,7 +156,7 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
         nodes=nodes,
         owned=nodes < space.V.dofmap.index_map.size_local,
         about=about,
-        shapes=shapes,
+        shapes=of_body,
         free=free,
         resultants=np.array([resultant or 0.0 for resultant in rigid.resultants]),
         sizes=sizes,
@@ -194,7 +194,7 @@ class Motion:
 
     Attributes:
         displacement: Of the point ``about`` [length], shape (d,).
-        rotation: Angle [rad]; in space about each axis, shape (3,).
+        rotation: Angle [rad]; in 3D about each axis, shape (3,).
         about: The point [length], shape (d,).
     """
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from dolfinx import fem
@@ -261,13 +260,8 @@ def body_motions(space: Space, body: np.ndarray, count: int) -> BodyMotions:
     low, high = boxes(space.comm, x, body, count)
     sizes = np.linalg.norm(high - low, axis=1)
     motions = translations_and_rotations((x - centres[body]) / sizes[body, None])
-    if space.axisymmetric:
-        # Rings resist all motions but along their axis.
-        return BodyMotions(motions[:, :, 1:2], ["translation along the axis z"], centres, sizes)
-    axes = "xyz"
-    names = [f"translation in {axes[i]}" for i in range(d)]
-    names += [f"rotation in the plane {axes[i]}{axes[j]}" for i, j in combinations(range(d), 2)]
-    return BodyMotions(motions, names, centres, sizes)
+    section = space.section
+    return BodyMotions(motions[:, :, section.motions], section.motion_names, centres, sizes)
 
 
 def block_diagonal(blocks: Iterable[np.ndarray]) -> np.ndarray:

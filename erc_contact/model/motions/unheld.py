@@ -178,8 +178,7 @@ def _anchors(
     weights[space.vertices] = 1.0
     for contact in contacts:
         weights[contact.trace.here.nodes] *= AT_CONTACT
-        if contact.trace.there is not None:
-            weights[contact.trace.partners] *= AT_CONTACT
+        weights[contact.trace.partners] *= AT_CONTACT
     weights[fixed] = 0.0
     weights = weights[:owned].ravel()
     left = values[:owned].reshape(len(weights), -1)
@@ -375,7 +374,7 @@ def _told(
     size: float,
     places: list[str],
 ) -> str:
-    """Return a force, and a moment about a point, in words; in space about x, y, z."""
+    """Return a force, and a moment about a point, in words; in 3D about x, y, z."""
     force = np.where(abs(force) <= least, 0.0, force)
     moment = np.where(abs(moment) <= least * size, 0.0, moment)
     if len(moment) == 3:

@@ -26,7 +26,7 @@ from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
 from erc_contact.newton.linear.glue import Glue
 
 
-class Elastic:
+class ElasticEquations:
     """Represent the elastic equations of a model with its supports.
 
     Args:

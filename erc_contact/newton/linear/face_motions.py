@@ -53,7 +53,7 @@ from petsc4py import PETSc
 
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.elastic import ElasticEquations
 
 type LinearSolve = Callable[[PETSc.Vec, PETSc.Vec], None]
 """Sets the second vector to the solution of a matrix for the first one."""
@@ -74,7 +74,7 @@ class EliminatedFaces:
         stiffness: K_RR [force/length], shape (J, J).
     """
 
-    def __init__(self, elastic: Elastic) -> None:
+    def __init__(self, elastic: ElasticEquations) -> None:
         self._model = model = elastic.model
         self._owned = elastic.owned
         self.shapes = _unit_motions(model)
@@ -136,13 +136,12 @@ class EliminatedFaces:
     def _nodal_forces(self) -> list[np.ndarray]:
         """Return the nodal forces K R_j of this rank [force/length], each (owned,)."""
         model = self._model
-        space = model.space
-        field = space.function()
-        action = compiled.form(model.stiffness(field, ufl.TestFunction(space.V)))
+        field = model.space.function()
+        action = compiled.form(model.stiffness(field, ufl.TestFunction(model.space.V)))
         nodal_forces = []
         for shape in self.shapes:
             field.x.array[:] = shape.x.array
-            forces = space.function()
+            forces = model.space.function()
             fem.assemble_vector(forces.x.array, action)
             forces.x.scatter_reverse(la.InsertMode.add)
             nodal_forces.append(forces.x.array[: self._owned].copy())
@@ -178,7 +177,9 @@ class FaceMotions:
         stiffness: S [force/length], shape (J, J).
     """
 
-    def __init__(self, elastic: Elastic, faces: EliminatedFaces, solve: LinearSolve) -> None:
+    def __init__(
+        self, elastic: ElasticEquations, faces: EliminatedFaces, solve: LinearSolve
+    ) -> None:
         self._elastic = elastic
         self._faces = faces
         self.displacements: list[fem.Function] = []

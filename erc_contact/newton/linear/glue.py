@@ -47,15 +47,14 @@ class Glue:
     def __init__(self, space: Space, contacts: Sequence[ContactOnMesh], fixed: np.ndarray) -> None:
         self._space = space
         self._fixed = fixed.ravel()
-        foundations = [contact for contact in contacts if contact.trace.there is None]
+        foundations = [contact.trace.here.only(contact.trace.on_foundation) for contact in contacts]
         on_nodes = nodal_glue(space, foundations).x.array
         on_nodes[self._fixed] = 0.0
         owned = space.V.dofmap.index_map.size_local * space.d
         rows = np.flatnonzero(on_nodes[:owned])
         parts = [(rows, rows, on_nodes[rows])]
         for contact in contacts:
-            if contact.trace.there is not None:
-                parts += _couple_sides(contact, space)
+            parts += _couple_sides(contact, space)
         self.rows, self.columns, self.values = (
             np.concatenate(part) for part in zip(*parts, strict=True)
         )
@@ -93,11 +92,10 @@ class Glue:
         return diagonal.x.array
 
 
-def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
-    """Sum up D_c of contacts at the nodes of this side [force/length]; collective."""
+def nodal_glue(space: Space, sides: Sequence[Side]) -> fem.Function:
+    """Sum up D_c of sides of contacts at their nodes [force/length]; collective."""
     glue = space.function()
-    for contact in contacts:
-        side = contact.trace.here
+    for side in sides:
         _add_of_facets(space, side, side.nodes, glue.x.array.reshape(-1, space.d))
     sum_over_ranks(glue)
     return glue
@@ -106,12 +104,16 @@ def nodal_glue(space: Space, contacts: Sequence[ContactOnMesh]) -> fem.Function:
 def _couple_sides(
     contact: ContactOnMesh, space: Space
 ) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values."""
+    """Return ``B_c^T D_c B_c`` of the facets of this rank: rows, columns and values.
+
+    They are the facets that face another body.
+    """
     trace = contact.trace
-    pairs = np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()])
+    side = trace.here.only(trace.facing)
+    pairs = np.column_stack([side.nodes.ravel(), trace.partners.ravel()])
     unique, place = np.unique(pairs, axis=0, return_inverse=True)
     glue = np.zeros((len(unique), space.d))
-    _add_of_facets(space, trace.here, place.reshape(trace.here.nodes.shape), glue)
+    _add_of_facets(space, side, place.reshape(side.nodes.shape), glue)
     here, there = (dofs_of(nodes, space.d) for nodes in unique.T)
     values = glue.ravel()
     return [

@@ -189,11 +189,10 @@ class Hierarchy:
         this rank without a ghost of it here.
         """
         model = self._model
-        space = model.space
-        near = space.function()
+        near = model.space.function()
         cells = np.concatenate([contact.facets[:, 0] for contact in model.contacts])
-        of_nodes = near.x.array.reshape(-1, space.d)
-        of_nodes[space.nodes[cells]] = 1.0
+        of_nodes = near.x.array.reshape(-1, model.space.d)
+        of_nodes[model.space.nodes[cells]] = 1.0
         of_nodes[model.connections.is_paired] = 1.0
         near.x.scatter_reverse(la.InsertMode.add)
         first, last = self._stiffness.getOwnershipRange()

@@ -23,7 +23,7 @@ from erc_contact.base.sparse import as_entries
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
-from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.elastic import ElasticEquations
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
 from erc_contact.newton.linear.krylov import conjugate_gradients, fgmres, shell
 from erc_contact.newton.linear.traces import IterativeTraces
@@ -45,7 +45,7 @@ ENOUGH = 1e3
 """A residual of so many tolerances is enough; what is left is balanced again [-]."""
 
 
-class Multigrid(Elastic):
+class Multigrid(ElasticEquations):
     """Solve the elastic equations of a model with multigrid.
 
     Args:
@@ -73,7 +73,7 @@ class Multigrid(Elastic):
 
     @property
     def matrix(self) -> PETSc.Mat:
-        """Return K, see :meth:`Elastic.stiffness`; the first call assembles it."""
+        """Return K; the first call assembles it."""
         if self._matrix is None:
             self._assemble()
         return self._matrix

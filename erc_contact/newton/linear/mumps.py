@@ -36,7 +36,7 @@ AMD, AMF = 0, 2
 MUMPS would take METIS where it can, and METIS takes SIGTERM for an error of its own: it
 jumps out of the signal's handler and leaves a broken heap. With these no signal does
 harm. With a Schur complement MUMPS has AMD and METIS only. AMD is faster by 10 to 50%
-in the plane, with 20% more memory; in space a contact solve takes the same time up to
+in the plane, with 20% more memory; in 3D a contact solve takes the same time up to
 13 000 tetrahedra, and 1.3 times as long at 37 000, where multigrid is faster than both.
 Plain factors by AMF take 0.9 of the time of AMD in the plane on two ranks, and 0.6 at
 37 000 tetrahedra.

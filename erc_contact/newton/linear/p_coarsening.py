@@ -2,7 +2,7 @@
 
 The fine matrix has degree 2. A displacement of degree 1 has degree 2, too:
 with this interpolation P the coarse matrix is ``P^T A P``, the stiffness of degree 1,
-with an eighth of the unknowns in space. Algebraic multigrid goes on from there. It
+with an eighth of the unknowns in 3D. Algebraic multigrid goes on from there. It
 makes aggregates of the few entries of degree 1, where rigid motions at the vertices say
 all; on the matrix of degree 2 its set-up costs more than all cycles of a linear solve.
 

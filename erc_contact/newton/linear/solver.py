@@ -110,13 +110,13 @@ class ElasticSolver(Protocol):
     def of_model(self, model: Model) -> Any:
         """Return the equations of a model with other loads and values; collective.
 
-        They share the factor or hierarchy, see :meth:`.elastic.Elastic.of_model`.
+        They share the factor or hierarchy.
         """
 
     def hand_to(self, model: Model) -> Any:
         """Return the equations of a model that own the factor or hierarchy; collective.
 
-        See :meth:`.elastic.Elastic.hand_to`.
+        See :meth:`.elastic.ElasticEquations.hand_to`.
         """
 
     def in_memory(self) -> AbstractContextManager[None]:

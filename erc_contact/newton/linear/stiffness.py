@@ -41,7 +41,7 @@ from erc_contact.model.contact.trace import places_of
 from erc_contact.model.data.over_ranks import marked_by_any
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT, SUBSET
-from erc_contact.newton.linear.elastic import Elastic
+from erc_contact.newton.linear.elastic import ElasticEquations
 from erc_contact.newton.linear.jump_basis import JumpBasis
 from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, factorise
 from erc_contact.newton.linear.substructures import Substructures
@@ -101,7 +101,7 @@ def contact_layer(model: Model) -> Layer:
     return Layer(len(on_contact), all_numbers, dofs, places_of(numbers, all_numbers))
 
 
-class Stiffness(Elastic):
+class Stiffness(ElasticEquations):
     """Solve the elastic equations of a model with a factor.
 
     Attributes:

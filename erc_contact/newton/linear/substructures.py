@@ -38,7 +38,7 @@ from erc_contact.newton.linear.mumps import Factor, dense_factor, dense_solve, f
 
 
 @dataclass(frozen=True, eq=False)
-class Interface:
+class SchurComplement:
     """Hold what is left of the part of the body that one rank has, or several ranks.
 
     Attributes:
@@ -79,7 +79,7 @@ class Substructure:
             if len(outer):
                 self._factor.interior_only()
 
-    def interface(self) -> Interface:
+    def interface(self) -> SchurComplement:
         """Return what is left of the part."""
         size = len(self._outer)
         if size == 0:
@@ -89,7 +89,7 @@ class Substructure:
         else:
             whole = self._matrix.convert("dense", PETSc.Mat())
             schur = whole.getDenseArray()[np.ix_(self._outer, self._outer)]
-        return Interface(self._numbers, np.ones_like(self._total), self._total, schur)
+        return SchurComplement(self._numbers, np.ones_like(self._total), self._total, schur)
 
     def up(self, b: np.ndarray) -> np.ndarray:
         """Return the condensed forces at B [force] of forces b at all rows [force]."""
@@ -145,7 +145,7 @@ class Separator:
         InputError: If what is between them cannot be factorised.
     """
 
-    def __init__(self, *parts: Interface) -> None:
+    def __init__(self, *parts: SchurComplement) -> None:
         all_numbers = np.concatenate([part.numbers for part in parts])
         all_counts = np.concatenate([part.count for part in parts])
         all_totals = np.concatenate([part.total for part in parts])
@@ -167,7 +167,7 @@ class Separator:
         self._lift = dense_solve(self._factor, whole[:i, i:])
         schur = whole[i:, i:] - whole[i:, :i] @ self._lift
         outer = order[i:]
-        self.interface = Interface(numbers[outer], count[outer], total[outer], schur)
+        self.interface = SchurComplement(numbers[outer], count[outer], total[outer], schur)
 
     def up(self, *forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return forces at I and condensed forces at B from the parts [force]."""
@@ -269,7 +269,7 @@ class Substructures:
             return None
         return dense_factor(self.interface.schur, "cholesky")
 
-    def _join(self) -> Interface | None:
+    def _join(self) -> SchurComplement | None:
         """Join this part with the parts of the children, for the parent; collective.
 
         A rank that fails sends None up the tree, so that no rank waits for ever, and
@@ -278,7 +278,7 @@ class Substructures:
         Returns:
             What is left, on rank 0; None elsewhere.
         """
-        interface: Interface | None = together(self._comm, self._part.interface)
+        interface: SchurComplement | None = together(self._comm, self._part.interface)
         error: Exception | None = None
         for child in self._children:
             of_child = self._comm.recv(source=child)

@@ -57,9 +57,8 @@ class DenseTraces:
         basis: JumpBasis,
         matrices: Callable[[], tuple[np.ndarray, np.ndarray]],
     ) -> None:
-        space = model.space
-        self.comm = space.comm
-        self.shape = len(numbers), space.d
+        self.comm = model.space.comm
+        self.shape = len(numbers), model.space.d
         self.motions = _motions(model, numbers)
         self._free = np.zeros(0, dtype=np.int64)
 
@@ -67,7 +66,7 @@ class DenseTraces:
             if self.comm.rank > 0:
                 return None
             stiffness, compliance = matrices()
-            read = basis.read(len(numbers) * space.d, *_jumps_at(model, numbers))
+            read = basis.read(len(numbers) * model.space.d, *_jumps_at(model, numbers))
             jumps = read[:, : basis.jump_count]
             squares = (jumps**2).sum(axis=1)
             # Components that supports fix are not in the matrices.
@@ -145,10 +144,9 @@ class IterativeTraces:
 
     def _nodal(self, values: np.ndarray) -> fem.Function:
         """Return values (n, d) as a Function, at nodes that this rank owns."""
-        space = self.space
-        nodal = space.function()
-        owned, local = space.find_owned(self.numbers)
-        nodal.x.array.reshape(-1, space.d)[local] = values[owned]
+        nodal = self.space.function()
+        owned, local = self.space.find_owned(self.numbers)
+        nodal.x.array.reshape(-1, self.space.d)[local] = values[owned]
         return nodal
 
 

@@ -1,7 +1,7 @@
 """Write a domain to a file of its own, and read it on any number of ranks.
 
-The file is a level of :mod:`erc_contact.run.levels` without results: mesh, names and
-true shape. The code in a report reads it.
+The file has mesh, names and true shape, and ParaView opens it. Who keeps results on a
+mesh puts them beside the same tables.
 
 Symbols: d dimension, n number of nodes, c number of cells, N nodes of a cell.
 """
@@ -16,28 +16,24 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.code import code_of, definitions
-from erc_contact.base.exceptions import InputError, on_rank
-from erc_contact.output.files import gather, vtk_cells
-from erc_contact.output.gathered import body_mesh
-from erc_contact.run.contents import check_domain
-from erc_contact.run.levels import Damaged, Level, pack, unpack
-from namedmesh import Domain
-from namedmesh.base.ranks import global_numbers
+from namedmesh.base.exceptions import InputError, on_rank
+from namedmesh.base.ranks import gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
-from namedmesh.for_solvers import Geometry, Interface, Rules
+from namedmesh.bodies import Geometry
+from namedmesh.domain import Domain
+from namedmesh.interface_map import Interface
+from namedmesh.keeping.checked import check_mesh
+from namedmesh.keeping.packed import Contents, Damaged, pack, unpack
+from namedmesh.naming import Rules
+from namedmesh.pictures.grids import body_mesh, vtk_cells
 from namedmesh.tables import (
     CellRows,
     corner_places,
     describe_shape,
     geometry_of,
     glued_mesh,
-    rules_of,
     tag_tables,
 )
-
-FILE_NAME = "domain.vtkhdf"
-"""Name of the file of the first mesh beside a report."""
 
 
 def write_domain(domain: Domain, path: str | Path) -> None:
@@ -52,8 +48,8 @@ def write_domain(domain: Domain, path: str | Path) -> None:
         OSError: If the file cannot be written.
 
     Example:
-        >>> ec.write_domain(block, "block.vtkhdf")
-        >>> ec.read_domain("block.vtkhdf")
+        >>> nm.write_domain(block, "block.vtkhdf")
+        >>> nm.read_domain("block.vtkhdf")
         <Domain in 2D: 16 cells, boundary parts left, right, bottom, top>
     """
     tags = tag_tables(domain)
@@ -61,13 +57,13 @@ def write_domain(domain: Domain, path: str | Path) -> None:
     geometry = domain.mesh.geometry
     cells = global_numbers(geometry.index_map(), cell_nodes(geometry)[: domain.owned_cells])
     drawn = body_mesh(domain)
-    points = gather(domain.comm, points=drawn["points"])
-    rows = gather(domain.comm, cells=cells, drawn=drawn["cells"], **tags)
+    points = gather_rows(domain.comm, points=drawn["points"])
+    rows = gather_rows(domain.comm, cells=cells, drawn=drawn["cells"], **tags)
 
     def write() -> None:
         tables = drawn_tables(points["points"], rows.pop("drawn"), domain.dim)
         with Path(path).open("wb") as file:
-            file.writelines(pack(Level(about, tables | rows)))
+            file.writelines(pack(Contents(about, tables | rows)))
 
     on_rank(domain.comm, 0, write)
 
@@ -93,44 +89,25 @@ def read_domain(
         InputError: If it is no such file, is damaged, or of a newer version.
 
     Example:
-        >>> ec.write_domain(block, "block.vtkhdf")
-        >>> ec.read_domain("block.vtkhdf").cells
+        >>> nm.write_domain(block, "block.vtkhdf")
+        >>> nm.read_domain("block.vtkhdf").cells
         16
     """
 
-    def read() -> Level:
+    def read() -> Contents:
         try:
-            return unpack(Path(path).read_bytes(), check_domain)
+            return unpack(Path(path).read_bytes(), check_domain, "file of a domain")
         except OSError as reason:
             words = f"it cannot be read ({reason.strerror})"
             raise InputError(f"read_domain: {str(path)!r}: {words}.") from reason
         except (Damaged, InputError) as reason:
             raise InputError(f"read_domain: {str(path)!r}: {reason}.") from reason
 
-    level = on_rank(comm, 0, read)
-    about = comm.bcast(level.about if level else None)
+    contents = on_rank(comm, 0, read)
+    about = comm.bcast(contents.about if contents else None)
     given = (Rules.of(parts, regions) for parts, regions in rules)
     shape = geometry_of(about["geometry"], given)
-    return mesh_of(comm, level or Level(about, {}), shape)[1]
-
-
-def keep_domain(domain: Domain, folder: Path) -> str:
-    """Write the first mesh of a run beside its report; collective.
-
-    Returns:
-        The code that reads it, or a comment that says why there is none.
-    """
-    try:
-        write_domain(domain, folder / FILE_NAME)
-    except InputError:
-        return "# domain = ...: its true shape is of a class of your own, make it as before"
-    needed = []
-    named = []
-    for rules in rules_of(domain.whole.geometry):
-        needed += definitions([rules.parts, rules.regions])
-        named.append(f"({code_of(rules.parts)}, {code_of(rules.regions)})")
-    more = f", rules=[{', '.join(named)}]" if named else ""
-    return "\n".join([*needed, f'domain = ec.read_domain("{FILE_NAME}"{more})'])
+    return mesh_of(comm, contents or Contents(about, {}), shape)[1]
 
 
 def about_mesh(domain: Domain, tags: Mapping[str, np.ndarray]) -> dict[str, Any]:
@@ -169,27 +146,29 @@ def drawn_tables(points: np.ndarray, cells: np.ndarray, d: int) -> dict[str, np.
     return {f"VTKHDF/{name}": array for name, array in whole.items()}
 
 
-def mesh_of(comm: MPI.Comm, level: Level, shape: Geometry | None = None) -> tuple[CellRows, Domain]:
-    """Return the rows of the cells of a level, and its domain; collective.
+def mesh_of(
+    comm: MPI.Comm, contents: Contents, shape: Geometry | None = None
+) -> tuple[CellRows, Domain]:
+    """Return the rows of the cells of a file, and its domain; collective.
 
     Args:
         comm: Communicator that shares the mesh.
-        level: What the file holds; tables are needed on rank 0 only.
-        shape: The true shape; None takes what the level keeps of it.
+        contents: What the file holds; tables are needed on rank 0 only.
+        shape: The true shape; None takes what the file keeps of it.
     """
-    about = level.about
-    points = level.tables.get("VTKHDF/Points")
-    cells = level.tables.get("cells")
+    about = contents.about
+    points = contents.tables.get("VTKHDF/Points")
+    cells = contents.tables.get("cells")
     is_split = "glued" in about["tags"]
     keep_shapes = "closed" in about["tags"]
     places = None
     if is_split and points is not None and cells is not None:
         places = corner_places(points, cells, about["dim"])
-        of_glued = level.tables["closed"].reshape(places.shape) if keep_shapes else places
-        points, cells = glued_mesh(of_glued, level.tables["glued"])
+        of_glued = contents.tables["closed"].reshape(places.shape) if keep_shapes else places
+        points, cells = glued_mesh(of_glued, contents.tables["glued"])
     rows = CellRows(comm, points, cells, about["dim"])
     kept_places = rows.of_corners(places) if keep_shapes else None
-    domain = _domain(level, rows, kept_places, shape)
+    domain = _domain(contents, rows, kept_places, shape)
     if not is_split:
         return rows, domain
     split = domain.cut(tuple(Interface.of(plain) for plain in about["interfaces"]))
@@ -197,29 +176,29 @@ def mesh_of(comm: MPI.Comm, level: Level, shape: Geometry | None = None) -> tupl
 
 
 def _domain(
-    level: Level, rows: CellRows, places: np.ndarray | None, shape: Geometry | None
+    contents: Contents, rows: CellRows, places: np.ndarray | None, shape: Geometry | None
 ) -> Domain:
     """Return the mesh with names, tags and true shape; collective.
 
     Args:
-        level: What the file holds.
+        contents: What the file holds.
         rows: The rows of its cells.
         places: Places of its corners if its bodies keep their shapes, else None.
-        shape: The true shape; None takes what the level keeps of it.
+        shape: The true shape; None takes what the file keeps of it.
     """
-    about = level.about
-    facets = rows.facet_tags(level.tables.get("facets"))
+    about = contents.about
+    facets = rows.facet_tags(contents.tables.get("facets"))
     # all ranks know from `about` which tags there are
     curved = None
     marks = None
     if "curved" in about["tags"]:
         if places is None:
-            curved = rows.facet_tags(level.tables.get("curved"))
+            curved = rows.facet_tags(contents.tables.get("curved"))
         else:
-            marks = rows.of_sides(level.tables.get("curved"))
+            marks = rows.of_sides(contents.tables.get("curved"))
     cells = None
     if "regions" in about["tags"]:
-        cells = rows.cell_tags(level.tables.get("regions"))
+        cells = rows.cell_tags(contents.tables.get("regions"))
     return Domain(
         rows.mesh,
         facets,
@@ -231,3 +210,20 @@ def _domain(
         places=places,
         marks=marks,
     )
+
+
+def check_domain(about: Any, tables: Mapping[str, np.ndarray], degree: int = 1) -> None:
+    """Check what a file tells of a mesh, its true shape included.
+
+    Args:
+        about: The plain data.
+        tables: The tables; the cells have the nodes of a degree.
+        degree: The degree, 1 or 2.
+
+    Raises:
+        InputError: If its true shape is none.
+        ValueError: If something else is not as it was written, or another error of
+            Python's if it is not there.
+    """
+    check_mesh(about, tables, degree)
+    geometry_of(about["geometry"])

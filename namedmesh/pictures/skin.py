@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.output.files import degree_of, grid_of, subdivide
+from namedmesh.pictures.grids import degree_of, grid_of, subdivide
 from namedmesh.simplex import bernstein, edges, lagrange, node_between, node_vertices
 
 DIVISIONS = 6

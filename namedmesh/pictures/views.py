@@ -2,7 +2,7 @@
 
 A part is a pair: data of pyvista, and the options with which they are drawn. Bodies in
 the plane are polygons and lines of matplotlib, which vector formats keep. Bodies in
-space are images by pyvista.
+3D are images by pyvista.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import InputError
+from namedmesh.base.exceptions import InputError
 
 ShownPart = tuple[Any, dict[str, Any]]
 """Data of pyvista, and options with which they are drawn."""
@@ -46,29 +45,6 @@ LINES_OF_PATH = 5000
 """Greatest number of lines in a path of matplotlib, whose renderer has a limit."""
 POINTS_OF_PIXEL = 0.3
 """Width of lines in matplotlib for one pixel of pyvista's [points]."""
-
-
-def upward(admissible: Admissible) -> np.ndarray:
-    """Find the upward direction of a picture, shape (3,); collective.
-
-    It is the coordinate axis, with its sign, that points away from the first
-    foundation. Between two bodies neither is the lower one: without a foundation it is
-    the axis across the first contact.
-    """
-    model = admissible.model
-    total = np.zeros(3)
-    on_foundations = [
-        traction for traction in admissible.tractions if traction.contact.against is None
-    ]
-    for traction in (on_foundations or admissible.tractions)[:1]:
-        owned = traction.contact.trace.here.owned
-        total[: model.space.d] = traction.area[owned] @ traction.contact.direction[owned]
-    total = np.array(model.space.comm.allgather(total)).sum(axis=0)
-    # Without a contact, y is upward.
-    axis = int(abs(total).argmax()) if total.any() else 1
-    # The normal points from the body to the foundation, which is below.
-    sign = -1.0 if on_foundations and total[axis] > 0 else 1.0
-    return np.eye(3)[axis] * sign
 
 
 def views_of(d: int, up: np.ndarray) -> dict[str, np.ndarray]:
@@ -133,7 +109,7 @@ def render(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[n
 
     lack = lack_of_window()
     if lack:
-        raise InputError(f"Bodies in space cannot be drawn: {lack}.")
+        raise InputError(f"Bodies in 3D cannot be drawn: {lack}.")
     images = []
     # Without a display VTK complains before it finds another way, which old releases of
     # pyvista cannot keep it from.

@@ -1,7 +1,8 @@
-"""Certified intervals of higher order for single numbers, from three admissible pairs.
+"""Difference-quotient bound: certified intervals of higher order for single numbers.
 
-Let the data of a scene move by t: loads by ``t psi``, supports by ``t U'``. The energy
-J of its solution then has the derivative
+Three admissible pairs give the interval, in which difference quotients take the place
+of derivatives. Let the data of a scene move by t: loads by ``t psi``, supports by ``t
+U'``. The energy J of its solution then has the derivative
 
     -J'(0) = psi(u) - (sigma n, U')  =: Q,
 
@@ -30,7 +31,7 @@ it is at least ``-(A + B)/t`` at the lower end, and at most that at the upper on
 
     V - max_m ( d m + (M^2 - m^2)/t ),    0 <= m <= M.
 
-With given friction b, A and B also contain what friction does, and V the difference
+With Tresca friction b, A and B also contain what friction does, and V the difference
 ``int b (|w^_t| - |w+_t|)/t``, at the upper end ``int b (|w-_t| - |w^_t|)/t``. If the
 friction bound depends on the pressure, the interval is an estimate.
 
@@ -58,7 +59,7 @@ like the root of the distance, and the gap like its third power: V is apart by a
 
 A friction bound that depends on the pressure is given the values that it has for the
 pair (:mod:`erc_contact.error.goals.given_bounds`): the interval holds for the problem
-with this given friction, and is an estimate for the scene itself.
+with this Tresca friction, and is an estimate for the scene itself.
 
 Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 """
@@ -97,7 +98,8 @@ class Ends:
         better_t: The t that would be best if d were the same for all t, ``2 M/d``.
         spread: V of the upper end less V of the lower end.
         d_squares: ``d^2`` on each owned cell, the mean of both ends, shape (owned,).
-        resolved: Whether its integrals are resolved, and the mesh carries moved loads.
+        resolved: Whether its integrals are resolved, and moved loads are represented
+            exactly by the mesh.
     """
 
     low: float
@@ -145,6 +147,7 @@ class Unmoved:
 
     def beyond(self, d: float, t: float) -> float:
         """Return how far an end is beyond V, ``max_m (d m + (M^2 - m^2)/t)``."""
+        # Concave in m: the maximum is at d t/2, or at the end M of the range.
         m = min(self.M, d * t / 2)
         return d * m + (self.M**2 - m**2) / t
 
@@ -159,6 +162,7 @@ def measure_unmoved(
         error: The error of the pair of the scene.
         psi: ``psi(u^)``.
     """
+    # What flat facets of a curved body change is estimated beside e, and joins it here.
     square = error.absolute**2 + error.geometry_error**2
     M = float(np.sqrt(max(square / 2 - error.bulk_error**2 / 4, 0.0)))
     base = Unmoved(error, psi, [], M)
@@ -179,6 +183,8 @@ def ends_of(base: Unmoved, plus: Admissible, minus: Admissible, t: float) -> End
         t: t.
     """
     pair = base.error.admissible
+    # phi and tau are quotients to opposite sides: so works of the moved pairs at the
+    # contact have the sign that the end needs, and only A and B are left to bound.
     lower = _end(base, (plus, pair, plus), (pair, minus), t)
     upper = _end(base, (pair, minus, minus), (plus, pair), t)
     return _ends(base, lower, upper, t)
@@ -240,6 +246,7 @@ def _ends(
         ends.append(V.value + sign * (V.bound + base.beyond(d, t)))
     d_squares = np.maximum(0.5 * (lower[1] + upper[1]), 0.0)
     d = max(sizes)
+    # At m = d t/2 an end is M^2/t + d^2 t/4 beyond V, least at t = 2 M/d.
     better_t = 2 * base.M / d if d > 0 else np.inf
     resolved = lower[0].resolved and upper[0].resolved
     spread = upper[0].value - lower[0].value
@@ -283,12 +290,14 @@ def _end(
     # The round-off of strains does work on the stress of phi.
     V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
+    # What moves beside loads and supports, given strains and preloads, works on phi.
     V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + law.work(pair, t)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
         V += contact_work(space, traction.contact, tau, u, base.floor / t)
+        # Friction adds int b (|w^_t| - |w+_t|)/t, at the upper end its mirror image.
         slides = friction_work(space, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
         V += (sign / t) * (slid - slides)
@@ -317,7 +326,9 @@ def _across(
     """
     error = base.error
     model = error.model
-    # |sigma^ + h tau - C eps(u^ + h phi)|^2 for h and -h tells d^2 and the product.
+    # q(h) = |sigma^ + h tau - C eps(u^ + h phi)|^2 is quadratic, so differences are
+    # exact: d^2 = (q(h) + q(-h) - 2 q(0))/(2 h^2), and the product is
+    # (q(h) - q(-h))/(8 h). With h phi about as large as e the fewest digits cancel.
     h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
     squares = []
     unresolved = 0.0

@@ -1,7 +1,7 @@
 """Draw the parts of a domain with their names.
 
 In the plane each part is a line of its own colour, drawn a little inside its body, so
-that both sides of a pair can be seen. In space each part is a surface, and its name
+that both sides of a pair can be seen. In 3D each part is a surface, and its name
 stands on a facet that nothing hides.
 """
 
@@ -13,17 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.base.exceptions import InputError
-from erc_contact.output.bodies import skin_of, straight
-from erc_contact.output.drawing import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
-from erc_contact.output.files import gather
-from erc_contact.output.gathered import body_mesh
-from erc_contact.output.views import SPACE, ShownPart, corners_seen, show, views_of
-from namedmesh import Domain
 from namedmesh.base.checks import description
+from namedmesh.base.exceptions import InputError
 from namedmesh.base.names import in_picture
+from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
-from namedmesh.for_solvers import NAMELESS, boundary_sides, facets_of_parts, in_space
+from namedmesh.domain import Domain
+from namedmesh.parts_table import NAMELESS, facets_of_parts
+from namedmesh.pictures.figures import COLOUR_CYCLE, draw_figure, new_figure, only_in_2d
+from namedmesh.pictures.grids import body_mesh
+from namedmesh.pictures.skin import skin_of, straight
+from namedmesh.pictures.views import SPACE, ShownPart, corners_seen, show, views_of
+from namedmesh.rows import in_space
+from namedmesh.sides import boundary_sides
 from namedmesh.simplex import of_facets, outward_normals
 
 INSIDE = 0.004
@@ -35,7 +37,7 @@ MARGIN = 0.07
 CANDIDATES = 30
 """Number of facets of a part, about, that are looked at as a place for its name."""
 FEW_FACETS = 4000
-"""Greatest number of facets in space whose edges are shown."""
+"""Greatest number of facets in 3D whose edges are shown."""
 GREY = "#d0d4d8"
 """Colour of facets without a name."""
 
@@ -55,7 +57,7 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
         InputError: If this is no domain, or axes are given in 3D.
 
     Example:
-        >>> ec.draw_parts(block, "results/parts.png")
+        >>> nm.draw_parts(block, "results/parts.png")
         <Axes: ...>
     """
     if not isinstance(domain, Domain):
@@ -66,8 +68,8 @@ def draw_parts(domain: Domain, path: str | Path | None = None, *, ax: Any = None
     cell, local = boundary_sides(domain.mesh, facets)
     of_cells = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[cell], :d]
     corners = of_facets(of_cells, local)
-    table = gather(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
-    body = gather(comm, **body_mesh(domain))
+    table = gather_rows(comm, part=part, corners=corners, normals=outward_normals(of_cells, local))
+    body = gather_rows(comm, **body_mesh(domain))
     size = domain.extent
     names = [*domain.names, NAMELESS]
     in_pairs = {name for pair in domain.pairs for name in pair}
@@ -179,7 +181,7 @@ def _draw_flat(ax: Any, body: dict[str, np.ndarray], shown: _Shown, in_pairs: se
 
 
 def _draw_in_space(shown: _Shown) -> Any:
-    """Draw parts of a body in space, from both sides."""
+    """Draw parts of a body in 3D, from both sides."""
     from matplotlib.patches import Patch  # noqa: PLC0415
 
     used = np.unique(shown.part)

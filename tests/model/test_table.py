@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import ufl
+from scenes import measured
 
 import erc_contact as ec
 from erc_contact.base.code import code_of
@@ -21,14 +22,8 @@ def body(d, cells=4):
     return ec.box((0.0, 0.0, 0.0), (1.0, 0.5, 0.5), cells=(cells, 2, 2))
 
 
-def pressed(d, down=-0.05):
+def push_of_top(d, down=-0.05):
     return ec.Displacement("top", (0.01, down) if d == 2 else (0.01, 0.0, down))
-
-
-def error_of(scene, domain, degree, method=None):
-    """Of the augmented Lagrangian unless said otherwise: its forms know no modulus."""
-    solution = ec.solve(scene, domain, method or ec.AugmentedLagrangian(), degree=degree)
-    return ec.constitutive_error(ec.equilibrate(solution))
 
 
 def test_numbers_are_those_of_numpy():
@@ -66,7 +61,7 @@ def test_a_wrong_number_of_coordinates_is_refused():
 def test_the_hint_for_numpy_names_it():
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
-        pressed(2),
+        push_of_top(2),
         contacts=ec.Contact("bottom", gap=lambda x: np.interp(x[0], POINTS, VALUES)),
     )
     with pytest.raises(ec.InputError, match=r"ec\.table"):
@@ -88,7 +83,7 @@ def scene_of(d, of):
     load = (0.0, lambda x: 0.01 * value(x)) if d == 2 else (0.0, 0.0, lambda x: 0.01 * value(x))
     return ec.Scene(
         ec.Elastic(E=value, nu=0.3),
-        pressed(d),
+        push_of_top(d),
         loads=[ec.Traction("right", load), ec.BodyForce(load)],
         contacts=ec.Contact("bottom", friction=value, gap=lambda x: 0.1 * value(x)),
         strains=ec.ThermalStrain(0.01, value),
@@ -103,8 +98,8 @@ def scene_of(d, of):
 )
 def test_a_table_of_a_line_is_the_line(d, degree, of, method):
     """The number of points changes the formula of the table, which knows no d and no degree."""
-    exact = error_of(scene_of(d, "formula"), body(d), degree, method)
-    error = error_of(scene_of(d, of), body(d), degree, method)
+    exact = measured(scene_of(d, "formula"), body(d), degree=degree, method=method)
+    error = measured(scene_of(d, of), body(d), degree=degree, method=method)
     assert error.relative == pytest.approx(exact.relative, rel=2e-5)
     u = error.admissible.displacement.x.array - exact.admissible.displacement.x.array
     assert abs(u).max() < 2e-6
@@ -114,8 +109,8 @@ def test_a_table_of_a_line_is_the_line(d, degree, of, method):
 def test_a_spike_between_all_samples_is_not_entered(degree):
     spike = ec.table([0.0, 0.61230, 0.61231, 0.61232, 1.0], [0.0, 0.0, -0.01, 0.0, 0.0])
     contact = ec.Contact("bottom", gap=lambda x: 0.01 + spike(x[0]))
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2, -0.03), contacts=contact)
-    error = error_of(scene, body(2, cells=1), degree)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), push_of_top(2, -0.03), contacts=contact)
+    error = measured(scene, body(2, cells=1), degree=degree)
     at = ec.results.at(error, [[0.61231, 0.0]])
     assert -at.displacement[0, 1] <= 1e-12
     assert error.oscillations.gaps == 0.0
@@ -131,8 +126,8 @@ def test_a_table_of_a_radius_gives_gap_and_normal():
     errors = []
     for gap in radius.values():
         contact = ec.Contact("bottom", gap=gap, normal="gap")
-        scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2), contacts=contact)
-        errors.append(error_of(scene, body(2), 1).relative)
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), push_of_top(2), contacts=contact)
+        errors.append(measured(scene, body(2), degree=1).relative)
     assert errors[1] == pytest.approx(errors[0], rel=2e-3)
 
 
@@ -142,9 +137,11 @@ def test_a_grid_in_space():
     errors = []
     for gap in gaps:
         scene = ec.Scene(
-            ec.Elastic(1.0, 0.3), pressed(3), contacts=ec.Contact("bottom", friction=0.3, gap=gap)
+            ec.Elastic(1.0, 0.3),
+            push_of_top(3),
+            contacts=ec.Contact("bottom", friction=0.3, gap=gap),
         )
-        errors.append(error_of(scene, body(3, cells=2), 1).relative)
+        errors.append(measured(scene, body(3, cells=2), degree=1).relative)
     assert errors[0] == pytest.approx(errors[1], rel=1e-4)
 
 
@@ -166,12 +163,12 @@ def rubbed(law):
 
 
 def test_a_friction_law_may_be_a_table_of_the_pressure():
-    measured = ec.table([0.0, 0.01, 0.04], [0.0, 0.004, 0.007])
-    error = error_of(rubbed(OfPressure(measured)), body(2), 1)
+    bound = ec.table([0.0, 0.01, 0.04], [0.0, 0.004, 0.007])
+    error = measured(rubbed(OfPressure(bound)), body(2))
     # All slides: the shear of the solver is the bound of its pressure.
     profile = error.profile("bottom")
     assert np.ptp(profile["pressure"]) > 0.01
-    limit = np.interp(profile["pressure"], measured.x, measured.values)
+    limit = np.interp(profile["pressure"], bound.x, bound.values)
     assert abs(profile["shear"]) == pytest.approx(limit, rel=1e-2)
     assert error.contact_error < 0.05 * error.absolute
 
@@ -196,7 +193,7 @@ def test_other_numbers_are_another_scene():
     for height in (0.01, 0.02):
         gap = ec.table([0.0, 1.0], [0.0, height])
         contact = ec.Contact("bottom", gap=lambda x, gap=gap: 2 * gap(x[0]))
-        scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2), contacts=contact)
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), push_of_top(2), contacts=contact)
         prints.append(fingerprint(scene, body(2), {}))
     changed = [name for name in prints[0] if prints[0][name] != prints[1][name]]
     assert changed == ["contacts[0].gap"]
@@ -206,7 +203,7 @@ def test_other_numbers_are_another_scene():
 def test_a_run_with_kinks_refines_and_says_its_numbers():
     scene = ec.Scene(
         ec.Elastic(1.0, 0.3),
-        pressed(2),
+        push_of_top(2),
         contacts=ec.Contact("bottom", friction=0.3, gap=ec.table(POINTS, VALUES)),
     )
     history = ec.adapt(scene, body(2), accuracy=0.2)
@@ -216,7 +213,7 @@ def test_a_run_with_kinks_refines_and_says_its_numbers():
 
 def test_a_report_counts_the_points_and_a_script_has_them():
     contact = ec.Contact("bottom", gap=ec.table(POINTS, VALUES))
-    scene = ec.Scene(ec.Elastic(1.0, 0.3), pressed(2), contacts=contact)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), push_of_top(2), contacts=contact)
     assert ("bottom", "contact, no friction, gap <table of 4 points>") in in_words(scene)
     again = eval(code_of(contact.gap), {"ec": ec})
     assert again(0.15) == pytest.approx(contact.gap(0.15))
