@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from namedmesh.closest import closest
 from namedmesh.domain import Domain
 from namedmesh.files.abaqus_cards import Card, cards_of
-from namedmesh.files.abaqus_tables import ElementCard, Space, Tables, shape_of, tables_of
+from namedmesh.files.abaqus_tables import DeckSpace, ElementCard, Tables, tables_of
 from namedmesh.files.building import Built, build_simplices, faces_within, spread_from
 from namedmesh.files.cleaning import Body, body_of
 from namedmesh.files.displacements import edge_nodes
@@ -30,18 +29,6 @@ from namedmesh.files.of_abaqus import FACES, blocks_of
 from namedmesh.files.simplices import split
 from namedmesh.graphs import components
 from namedmesh.simplex import measures
-
-__all__ = [
-    "Card",
-    "DeckMesh",
-    "FileMesh",
-    "Space",
-    "closest",
-    "components",
-    "domain_of",
-    "read",
-    "shape_of",
-]
 
 MOST_FACES = 6
 """Greatest number of faces of an element."""
@@ -92,7 +79,7 @@ class DeckMesh:
         return self.body.x
 
     @property
-    def spaces(self) -> list[Space]:
+    def spaces(self) -> list[DeckSpace]:
         """Return the space of the deck and of each instance, each with its cards."""
         return self.tables.spaces
 
@@ -142,7 +129,7 @@ class DeckMesh:
         is_corner[self.corners(faces)] = True
         return np.flatnonzero(is_corner[self.ends].all(axis=1))
 
-    def nodes(self, word: str, space: Space) -> np.ndarray:
+    def nodes(self, word: str, space: DeckSpace) -> np.ndarray:
         """Return the points that a number or a set means, without repetition."""
         return np.unique(np.asarray(space.rows(word, nodes=True), dtype=np.int64))
 
@@ -154,7 +141,7 @@ class DeckMesh:
             numbers[list(space.node_rows.values())] = list(space.node_rows)
         return numbers
 
-    def cells(self, word: str, space: Space) -> np.ndarray:
+    def cells(self, word: str, space: DeckSpace) -> np.ndarray:
         """Return the cells that a number or a set means; others are no cells."""
         rows = np.unique(np.asarray(space.rows(word, nodes=False), dtype=np.int64))
         cells = self._cell_of_row[rows]
@@ -165,7 +152,7 @@ class DeckMesh:
         cells = self._cell_of_row[part.begin : part.begin + len(part.block.nodes)]
         return cells[cells >= 0]
 
-    def cells_of_space(self, space: Space) -> np.ndarray:
+    def cells_of_space(self, space: DeckSpace) -> np.ndarray:
         """Return all cells of an instance, or of the deck."""
         rows = np.array(sorted(space.element_rows.values()), dtype=np.int64)
         cells = self._cell_of_row[rows]
@@ -181,7 +168,7 @@ class DeckMesh:
         return cells[cells >= 0]
 
     def cells_at(self, faces: np.ndarray) -> np.ndarray:
-        """Return all cells that have one of some faces."""
+        """Return all cells beside some faces."""
         return np.unique(self._cell_of_face_row[np.isin(self.faces.number, faces)])
 
     def nodes_of_cells(self, cells: np.ndarray) -> np.ndarray:
@@ -257,7 +244,7 @@ class DeckMesh:
             before += len(part.block.nodes)
         return table
 
-    def face_of_element(self, word: str, label: str, space: Space) -> np.ndarray:
+    def face_of_element(self, word: str, label: str, space: DeckSpace) -> np.ndarray:
         """Return the faces of elements that a label means, P1 for instance."""
         rows = np.asarray(space.rows(word, nodes=False), dtype=np.int64)
         return self._faces_at_label(rows, int(label[1:]) - 1)
@@ -399,7 +386,7 @@ class DeckMesh:
         return replace(self.mesh, element_sets=tuple(element_sets), facet_sets=tuple(facet_sets))
 
 
-def read(path: Path) -> DeckMesh:
+def read_deck_mesh(path: Path) -> DeckMesh:
     """Read the mesh of a deck with its cards, on this rank.
 
     Raises:

@@ -12,9 +12,9 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.decks.histories import Amplitude
-from erc_contact.decks.reading import Axes, Reading
+from erc_contact.decks.reading import Axes, DeckReading
 from erc_contact.decks.told import number_of, numbers_in
-from namedmesh.deck_mesh import Card, Space
+from namedmesh.for_solvers import Card, DeckSpace
 
 NAMED_SUPPORTS = {
     "ENCASTRE": (1, 6),
@@ -110,7 +110,7 @@ class Warmth:
 # --- steps
 
 
-def read_step(reading: Reading, card: Card, space: Space) -> None:
+def read_step(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Begin a step."""
     reading.current = None
     reading.steps.open(jumps=card.get("AMPLITUDE").upper() == "STEP")
@@ -120,19 +120,19 @@ def read_step(reading: Reading, card: Card, space: Space) -> None:
         reading.told.assume(card, "PERTURBATION: the step begins without the loads before")
 
 
-def read_static(reading: Reading, card: Card, space: Space) -> None:
+def read_static(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Take the period of a static step."""
     numbers = numbers_in(card)
     if len(numbers) > 1 and numbers[1] > 0:
         reading.steps.last(numbers[1])
 
 
-def read_end_step(reading: Reading, card: Card, space: Space) -> None:
+def read_end_step(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """End a step."""
     reading.steps.close()
 
 
-def read_amplitude(reading: Reading, card: Card, space: Space) -> None:
+def read_amplitude(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read a table of factors by time."""
     if card.get("DEFINITION").upper() not in ("", "TABULAR"):
         reading.told.refuse(card, f"DEFINITION={card.get('DEFINITION')}: tables are read.")
@@ -153,7 +153,7 @@ def read_amplitude(reading: Reading, card: Card, space: Space) -> None:
 # --- supports
 
 
-def read_transform(reading: Reading, card: Card, space: Space) -> None:
+def read_transform(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read local axes of nodes."""
     numbers = [*numbers_in(card), *([0.0] * 6)][:6]
     a = np.array(numbers[:3])
@@ -174,7 +174,7 @@ def read_transform(reading: Reading, card: Card, space: Space) -> None:
         reading.told.refuse(card, f"TYPE={kind}: R and C are read.")
 
 
-def read_boundary(reading: Reading, card: Card, space: Space) -> None:
+def read_boundary(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read prescribed displacements."""
     if card.has("FIXED"):
         reading.told.refuse(card, "FIXED: give the displacements of the last step in numbers.")
@@ -222,7 +222,7 @@ def _components(card: Card, row: list[str]) -> tuple[int, int, float]:
 # --- loads
 
 
-def read_cload(reading: Reading, card: Card, space: Space) -> None:
+def read_cload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read forces on nodes."""
     if any(card.has(name) for name in ("USER", "SUBMODEL", "SECTOR")):
         reading.told.refuse(card, f"{', '.join(card.parameters)}: values in lines alone are read.")
@@ -259,7 +259,7 @@ def read_cload(reading: Reading, card: Card, space: Space) -> None:
         reading.steps.add("forces", tuple(nodes), load, amplitude)
 
 
-def read_dload(reading: Reading, card: Card, space: Space) -> None:
+def read_dload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read loads on elements: pressures on faces, gravity and rotation."""
     amplitude = reading.amplitude(card)
     if card.get("OP").upper() == "NEW":
@@ -292,9 +292,9 @@ def read_dload(reading: Reading, card: Card, space: Space) -> None:
 
 
 def _read_body_load(
-    reading: Reading,
+    reading: DeckReading,
     card: Card,
-    space: Space,
+    space: DeckSpace,
     word: str,
     label: str,
     numbers: list[float],
@@ -319,7 +319,7 @@ def _read_body_load(
     reading.steps.add("body", (word.upper(), label), what, amplitude)
 
 
-def read_dsload(reading: Reading, card: Card, space: Space) -> None:
+def read_dsload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read loads on surfaces: pressures, and tractions along a vector."""
     amplitude = reading.amplitude(card)
     if card.get("OP").upper() == "NEW":
@@ -347,7 +347,7 @@ def read_dsload(reading: Reading, card: Card, space: Space) -> None:
 # --- temperatures
 
 
-def read_temperature(reading: Reading, card: Card, space: Space) -> None:
+def read_temperature(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read temperatures of nodes in a step."""
     if card.has("FILE") or card.has("USER"):
         reading.told.refuse(card, "temperatures in lines alone are read; write them there.")
@@ -360,7 +360,7 @@ def read_temperature(reading: Reading, card: Card, space: Space) -> None:
         reading.steps.add("warmth", key, Warmth(nodes, values, card), amplitude)
 
 
-def read_initial(reading: Reading, card: Card, space: Space) -> None:
+def read_initial(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read temperatures of nodes at the beginning."""
     kind = card.get("TYPE").upper()
     if kind != "TEMPERATURE":
@@ -371,7 +371,7 @@ def read_initial(reading: Reading, card: Card, space: Space) -> None:
 
 
 def _nodal_values(
-    reading: Reading, card: Card, space: Space
+    reading: DeckReading, card: Card, space: DeckSpace
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return nodes and values of the lines of a card; single nodes are together."""
     singles: dict[int, float] = {}

@@ -110,7 +110,7 @@ class Steps:
         self.is_inside = False
 
     def renew(self, kind: str) -> None:
-        """Say that a card with OP=NEW replaces all earlier ones of its kind."""
+        """Say that a card with OP=NEW replaces all earlier entries of its kind."""
         if self.is_inside:
             self._renewed.setdefault(kind, set())
 

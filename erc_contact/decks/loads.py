@@ -13,9 +13,9 @@ from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spi
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.nodal import NodalTable
 from erc_contact.decks.plan import Heat, Volume
-from erc_contact.decks.reading import MaterialCards, Reading
+from erc_contact.decks.reading import MaterialCards, DeckReading
 from erc_contact.decks.supports import HeldFaces
-from namedmesh.deck_mesh import components
+from namedmesh.for_solvers import components
 
 
 @dataclass
@@ -43,7 +43,7 @@ class LoadedFaces:
 
 
 def loaded_faces(
-    reading: Reading, held: list[HeldFaces], sides: np.ndarray, *, ring: bool, thickness: float
+    reading: DeckReading, held: list[HeldFaces], sides: np.ndarray, *, ring: bool, thickness: float
 ) -> list[LoadedFaces]:
     """Return the faces that the deck loads.
 
@@ -81,7 +81,7 @@ def loaded_faces(
 
 
 def _of_nodes(
-    reading: Reading,
+    reading: DeckReading,
     entry: Entry,
     held: list[HeldFaces],
     sides: np.ndarray,
@@ -142,7 +142,7 @@ def _of_nodes(
     return loads
 
 
-def _in_coordinates(reading: Reading, load: NodalForces) -> np.ndarray:
+def _in_coordinates(reading: DeckReading, load: NodalForces) -> np.ndarray:
     """Return forces on nodes by components of the coordinates, shape (n, d)."""
     d = reading.mesh.d
     forces = load.forces[:, :d].copy()
@@ -153,7 +153,7 @@ def _in_coordinates(reading: Reading, load: NodalForces) -> np.ndarray:
     return forces
 
 
-def _with_middles(reading: Reading, nodes: np.ndarray) -> np.ndarray:
+def _with_middles(reading: DeckReading, nodes: np.ndarray) -> np.ndarray:
     """Return nodes with the corners between which they lie.
 
     Consistent forces of elements of second order may leave corners out.
@@ -170,7 +170,7 @@ def _is_free(held: list[HeldFaces], face: int, forces: np.ndarray) -> bool:
     return True
 
 
-def _connected(reading: Reading, faces: np.ndarray) -> list[np.ndarray]:
+def _connected(reading: DeckReading, faces: np.ndarray) -> list[np.ndarray]:
     """Return faces in groups that are connected by common points."""
     if not len(faces):
         return []
@@ -185,7 +185,7 @@ def _connected(reading: Reading, faces: np.ndarray) -> list[np.ndarray]:
 
 
 def _traction(
-    reading: Reading, faces: np.ndarray, nodes: np.ndarray, forces: np.ndarray, *, ring: bool
+    reading: DeckReading, faces: np.ndarray, nodes: np.ndarray, forces: np.ndarray, *, ring: bool
 ) -> tuple[Affine, ...]:
     """Return the traction with the force and the moment of forces on nodes."""
     mesh = reading.mesh
@@ -208,7 +208,7 @@ def _traction(
 
 
 def volumes_of(
-    reading: Reading,
+    reading: DeckReading,
     regions: Mapping[str, np.ndarray],
     materials: Mapping[str, MaterialCards],
 ) -> list[Entry]:
@@ -254,7 +254,7 @@ def _force_per_mass(load: Gravity | Spin, d: int) -> tuple[Affine, ...]:
     return tuple(result)
 
 
-def heat_of(reading: Reading) -> list[Entry]:
+def heat_of(reading: DeckReading) -> list[Entry]:
     """Return the changes of temperature, as values in the whole body."""
     mesh = reading.mesh
     every = np.flatnonzero(mesh.corner_count)
@@ -279,7 +279,7 @@ def heat_of(reading: Reading) -> list[Entry]:
     return result
 
 
-def temperature_of(reading: Reading) -> float | None:
+def temperature_of(reading: DeckReading) -> float | None:
     """Return the temperature at the end of the deck; None if it is not one number."""
     values = set()
     for entry in reading.steps.entries.get("warmth", [])[-1:]:

@@ -65,7 +65,7 @@ class Radial:
 
 
 @dataclass(frozen=True)
-class Joint:
+class DeckJoint:
     """Hold two parts that are joined: a contact, a tied joint or a cut.
 
     Attributes:
@@ -108,7 +108,7 @@ class RigidPart:
 
 
 @dataclass
-class Plan:
+class DeckPlan:
     """Hold all that scenes of a deck are made of.
 
     Attributes:
@@ -130,7 +130,7 @@ class Plan:
     alphas: Mapping[str, float] = field(default_factory=dict)
     planes: list[Plane] = field(default_factory=list)
     radials: list[Radial] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[DeckJoint] = field(default_factory=list)
     rigids: list[RigidPart] = field(default_factory=list)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     times: list[float] = field(default_factory=list)

@@ -8,7 +8,7 @@ import ufl
 
 from erc_contact.decks.affine import Affine, constant
 from erc_contact.decks.histories import Key
-from erc_contact.decks.plan import Joint, Plan, Plane, Radial, RigidPart
+from erc_contact.decks.plan import DeckJoint, DeckPlan, Plane, Radial, RigidPart
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.load import BodyForce, Traction
 from erc_contact.scene.scene import Scene
@@ -17,7 +17,7 @@ from erc_contact.scene.support import Displacement, Rigid
 from erc_contact.scene.tied import Preload, Tied
 
 
-def scene_of(plan: Plan, t: float) -> Scene:
+def scene_of(plan: DeckPlan, t: float) -> Scene:
     """Return the scene of a deck at a time.
 
     Raises:
@@ -44,7 +44,7 @@ def scene_of(plan: Plan, t: float) -> Scene:
     )
 
 
-def _displacements(plan: Plan, t: float) -> list[Displacement]:
+def _displacements(plan: DeckPlan, t: float) -> list[Displacement]:
     """Return the prescribed displacements at a time."""
     found: dict[tuple[str, int], dict[Key, Affine]] = {}
     for entry in plan.at("held", t):
@@ -62,7 +62,7 @@ def _displacements(plan: Plan, t: float) -> list[Displacement]:
     return [Displacement(part, vector) for part, vector in vectors.items()]
 
 
-def _loads(plan: Plan, t: float) -> list[Any]:
+def _loads(plan: DeckPlan, t: float) -> list[Any]:
     """Return the loads at a time, without those that are zero."""
     loads: list[Any] = []
     tractions: dict[str, list[Affine]] = {}
@@ -95,7 +95,7 @@ def _loads(plan: Plan, t: float) -> list[Any]:
     return loads
 
 
-def _strains(plan: Plan, t: float) -> list[ThermalStrain]:
+def _strains(plan: DeckPlan, t: float) -> list[ThermalStrain]:
     """Return the strain of heat at a time."""
     if not any(plan.alphas.values()):
         return []
@@ -114,7 +114,7 @@ def _strains(plan: Plan, t: float) -> list[ThermalStrain]:
     return [ThermalStrain(alpha, change) for change in changes]
 
 
-def _contact(joint: Joint) -> Contact:
+def _contact(joint: DeckJoint) -> Contact:
     """Return a contact of two parts."""
     foundation = None
     tangential = joint.tangential if joint.friction else None
@@ -129,7 +129,7 @@ def _contact(joint: Joint) -> Contact:
     )
 
 
-def _tie(plan: Plan, joint: Joint, t: float) -> Tied:
+def _tie(plan: DeckPlan, joint: DeckJoint, t: float) -> Tied:
     """Return a tied joint, or a preload with its force or shortening at a time."""
     if joint.kind == "tied":
         return Tied(joint.here, joint.there)
@@ -173,7 +173,7 @@ def _radial_support(radial: Radial) -> Contact:
     return Contact(radial.part, normal=_RadialNormal(radial), bilateral=True)
 
 
-def _rigid(plan: Plan, rigid: RigidPart, t: float) -> Rigid:
+def _rigid(plan: DeckPlan, rigid: RigidPart, t: float) -> Rigid:
     """Return a rigid face with the motion and the force of its node at a time."""
     d = plan.d
     count = 6 if d == 3 else 3

@@ -14,7 +14,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine, fitted
 from erc_contact.decks.conditions import Held
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.reading import Axes, Reading
+from erc_contact.decks.reading import Axes, DeckReading
 
 FLAT = 1e-6
 """Sine of an angle that is none [-]."""
@@ -55,7 +55,7 @@ SYMMETRY, RADIAL = -1, -2
 """Components that are no component of the coordinates."""
 
 
-def held_faces(reading: Reading) -> list[HeldFaces]:
+def held_faces(reading: DeckReading) -> list[HeldFaces]:
     """Return the faces that the deck holds; tell of nodes that are points."""
     mesh = reading.mesh
     result: list[HeldFaces] = []
@@ -98,7 +98,7 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
     return result
 
 
-def _needed(reading: Reading, held: Held, faces: np.ndarray) -> np.ndarray:
+def _needed(reading: DeckReading, held: Held, faces: np.ndarray) -> np.ndarray:
     """Return the faces of a whole body that are across the component that is held.
 
     All nodes of a plane problem that is meshed in space are held along its normal: the
@@ -120,7 +120,7 @@ def _needed(reading: Reading, held: Held, faces: np.ndarray) -> np.ndarray:
     return faces[across] if covered else faces
 
 
-def _other_component(reading: Reading, held: Held) -> None:
+def _other_component(reading: DeckReading, held: Held) -> None:
     """Tell of a component that the points of a solid do not have."""
     if held.component == 11:
         reading.told.refuse(held.card, "component 11, a temperature: give *TEMPERATURE.")
@@ -130,7 +130,7 @@ def _other_component(reading: Reading, held: Held) -> None:
         )
 
 
-def _axes_of(reading: Reading, held: Held) -> Axes | None:
+def _axes_of(reading: DeckReading, held: Held) -> Axes | None:
     """Return the local axes of nodes, None where they are of the coordinates."""
     for axes in reading.transforms:
         if np.isin(held.nodes, axes.nodes).any():
@@ -139,7 +139,7 @@ def _axes_of(reading: Reading, held: Held) -> Axes | None:
 
 
 def _in_axes(
-    reading: Reading,
+    reading: DeckReading,
     entry: Entry,
     held: Held,
     faces: np.ndarray,
@@ -151,11 +151,11 @@ def _in_axes(
     mesh = reading.mesh
     d = mesh.d
     every = [
-        other.what
-        for other in reading.steps.entries["held"]
-        if np.array_equal(other.what.nodes, held.nodes)
+        entry_beside.what
+        for entry_beside in reading.steps.entries["held"]
+        if np.array_equal(entry_beside.what.nodes, held.nodes)
     ]
-    components = {other.component for other in every if not other.values.any()}
+    components = {beside.component for beside in every if not beside.values.any()}
     if components >= set(range(1, d + 1)) and len(faces):
         # What does not move at all does not move along any axis.
         return HeldFaces(name, faces, held.component - 1, Affine(0.0, (0.0,) * d), entry)
@@ -181,7 +181,7 @@ def _in_axes(
     return None
 
 
-def _by_planes(reading: Reading, held: HeldFaces) -> list[HeldFaces]:
+def _by_planes(reading: DeckReading, held: HeldFaces) -> list[HeldFaces]:
     """Return faces on planes of symmetry plane by plane, other faces as they are."""
     if held.component != SYMMETRY:
         return [held]
@@ -197,7 +197,7 @@ def _by_planes(reading: Reading, held: HeldFaces) -> list[HeldFaces]:
 
 
 def _check_points(
-    reading: Reading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
+    reading: DeckReading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
 ) -> None:
     """Leave points out that faces hold, or that stop rigid motions alone."""
     mesh = reading.mesh
@@ -237,7 +237,7 @@ def _check_points(
 
 
 def _stop_rigid_motions_alone(
-    reading: Reading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
+    reading: DeckReading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
 ) -> bool:
     """Tell whether points hold each rigid motion once that faces leave free.
 
