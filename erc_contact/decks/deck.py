@@ -161,7 +161,7 @@ def read_deck(
     joints = []
     for joint in plan.joints:
         domain, joined = _joined(domain, joint)
-        joints.append(joined)
+        joints.append(_with_gap(domain, joined, told))
     return Deck(path, domain, replace(plan, joints=joints), told)
 
 
@@ -192,6 +192,22 @@ def _joined(domain: Domain, joint: DeckJoint) -> tuple[Domain, DeckJoint]:
     there = _remaining(domain, joint.there)
     joined = domain.joined(here, there, apart=joint.apart)
     return joined, replace(joint, here=here, there=there)
+
+
+def _with_gap(domain: Domain, joint: DeckJoint, told: Told) -> DeckJoint:
+    """Return a joint with its drawn distance as a gap only if the mesh has lost it."""
+    if joint.drawn is None or joint.card is None:
+        return joint
+    pair = {joint.here, joint.there}
+    away = [row.distance for row in domain.touching() if set(row) == pair]
+    if max(away, default=0.0) > 0.0:
+        return replace(joint, drawn=None)
+    told.assume(
+        joint.card,
+        f"the faces of {joint.here!r} and {joint.there!r} do not match: one side moves onto the "
+        f"other, by up to {joint.apart:.3g}, and their drawn distance is the gap",
+    )
+    return joint
 
 
 def _remaining(domain: Domain, name: str) -> str:

@@ -8,7 +8,7 @@ from erc_contact.decks.affine import linear_traction
 from erc_contact.decks.claims import Claims
 from erc_contact.decks.loads import LoadedFaces
 from erc_contact.decks.plan import DeckJoint, DeckPlan, RigidPart
-from erc_contact.decks.reading import Grip, DeckReading
+from erc_contact.decks.reading import DeckReading, Grip
 
 Gripped = list[tuple[Grip, np.ndarray]]
 """Couplings with their faces."""

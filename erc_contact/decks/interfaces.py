@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from erc_contact.decks.reading import Facing, Grip, Interaction, Pretension, DeckReading
+from erc_contact.decks.reading import DeckReading, Facing, Grip, Interaction, Pretension
 from erc_contact.decks.told import number_of, numbers_in
 from namedmesh.for_solvers import Card, DeckSpace
 
@@ -72,19 +72,23 @@ def read_friction(reading: DeckReading, card: Card, space: DeckSpace) -> None:
                 reading.told.assume(card, "its stick slope is a penalty: what sticks does not slip")
 
 
-def _pairs_of(reading: DeckReading, card: Card, interaction: str, *, tied: bool) -> None:
+def _pairs_of(
+    reading: DeckReading, card: Card, space: DeckSpace, interaction: str, *, tied: bool
+) -> None:
     """Read lines of a dependent and an independent surface."""
-    adjust: float | None = None
-    if card.has("ADJUST") and card.get("ADJUST").upper() != "NO":
-        word = card.get("ADJUST")
+    word = card.get("ADJUST")
+    adjust: float | None = np.inf if tied else None
+    moved = None
+    if word and word[0] in "0123456789.+-":
+        adjust = number_of(card, word)
+    elif word.upper() not in ("", "NO", "YES"):
         adjust = np.inf
-        if word and word[0] in "0123456789.+-":
-            adjust = number_of(card, word)
+        moved = reading.mesh.nodes(word, space)
     for row in card.rows:
         if len(row) < 2:
             reading.told.refuse(card, "a line has two surfaces, the slave first.")
             return
-        reading.facings.append(Facing(row[0], row[1], interaction, adjust, tied, card))
+        reading.facings.append(Facing(row[0], row[1], interaction, adjust, moved, tied, card))
 
 
 def read_contact_pair(reading: DeckReading, card: Card, space: DeckSpace) -> None:
@@ -93,7 +97,7 @@ def read_contact_pair(reading: DeckReading, card: Card, space: DeckSpace) -> Non
     if not interaction:
         reading.told.refuse(card, "it names no INTERACTION.")
         return
-    _pairs_of(reading, card, interaction, tied=False)
+    _pairs_of(reading, card, space, interaction, tied=False)
 
 
 def read_tie(reading: DeckReading, card: Card, space: DeckSpace) -> None:
@@ -101,7 +105,7 @@ def read_tie(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     if card.has("CYCLICSYMMETRY") or card.has("MULTISTAGE"):
         reading.told.refuse(card, "cyclic symmetry is not read; take the whole body.")
         return
-    _pairs_of(reading, card, "", tied=True)
+    _pairs_of(reading, card, space, "", tied=True)
 
 
 def read_clearance(reading: DeckReading, card: Card, space: DeckSpace) -> None:

@@ -13,7 +13,7 @@ from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spi
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.nodal import NodalTable
 from erc_contact.decks.plan import Heat, Volume
-from erc_contact.decks.reading import MaterialCards, DeckReading
+from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
 from namedmesh.for_solvers import components
 

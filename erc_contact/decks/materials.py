@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.reading import MaterialCards, DeckReading, SolidSection
+from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection
 from erc_contact.decks.told import numbers_in
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.decks.reading import Facing, DeckReading
+from erc_contact.decks.reading import DeckReading, Facing
 from namedmesh.for_solvers import DeckMesh, closest
 
 OPPOSITE = 0.3
@@ -93,17 +93,18 @@ def adjusted(reading: DeckReading) -> DeckMesh:
     mesh = reading.mesh
     for facing in reading.facings:
         found = surfaces_of(reading, facing)
-        tolerance = np.inf if facing.tied else facing.adjust
-        if found is None or tolerance is None:
+        if found is None or facing.adjust is None:
             continue
         slave, master = found
         here = distance_between(mesh, slave, master)
         nodes = np.unique(mesh.corners(here.faces))
+        if facing.moved is not None:
+            nodes = np.intersect1d(nodes, facing.moved)
         if not here.greatest or not len(nodes):
             continue
         corners = mesh.x[mesh.simplices(master)]
         near = closest(mesh.x[nodes], corners)
-        moves = near.distance <= tolerance
+        moves = near.distance <= facing.adjust
         places = np.einsum("nk,nki->ni", near.local, corners[near.facet])
         if moves.any():
             mesh = mesh.moved(nodes[moves], places[moves])

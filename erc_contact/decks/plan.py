@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from erc_contact.decks.affine import Affine
+from erc_contact.decks.distances import DrawnDistance
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.nodal import NodalTable
+from namedmesh.for_solvers import Card
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,8 @@ class DeckJoint:
         apart: Greatest distance of both parts [length].
         friction: Coulomb's coefficient [-].
         gap: Distance that the deck gives beside the drawn distance [length].
+        drawn: The drawn distance, where the mesh may lose it.
+        card: The card of the pair, for notes.
         normal: Stiffness of a layer [force/length^3], or None.
         tangential: The same along it.
         node: Reference node of a preload.
@@ -89,6 +93,8 @@ class DeckJoint:
     apart: float = 0.0
     friction: float = 0.0
     gap: float = 0.0
+    drawn: DrawnDistance | None = None
+    card: Card | None = None
     normal: float | None = None
     tangential: float | None = None
     node: int = 0

@@ -24,8 +24,8 @@ from erc_contact.decks.loads import (
 )
 from erc_contact.decks.materials import expansions_of, hypothesis_of, material_of, thickness_of
 from erc_contact.decks.pairs import adjusted
-from erc_contact.decks.plan import HeldParts, DeckPlan, Plane, PushedParts, Radial
-from erc_contact.decks.reading import MaterialCards, DeckReading
+from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
+from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.regions import regions_of
 from erc_contact.decks.sides import (
     claim_sides,

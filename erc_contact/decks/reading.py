@@ -86,6 +86,7 @@ class Facing:
         interaction: Name of the interaction in capitals; "" of a tie.
         adjust: Distance up to which slave nodes are moved to the master surface
             [length]; None if they are not.
+        moved: The points that may be moved so; None for all of the slave surface.
         tied: Whether it is a tie.
         card: The card.
     """
@@ -94,6 +95,7 @@ class Facing:
     master: str
     interaction: str
     adjust: float | None
+    moved: np.ndarray | None
     tied: bool
     card: Card
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.decks.reading import MaterialCards, DeckReading
+from erc_contact.decks.reading import DeckReading, MaterialCards
 
 
 def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, MaterialCards]]:

@@ -124,7 +124,7 @@ def _contact(joint: DeckJoint) -> Contact:
         joint.here,
         against=joint.there,
         friction=joint.friction,
-        gap=joint.gap,
+        gap=joint.gap if joint.drawn is None else joint.drawn,
         foundation=foundation,
     )
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from erc_contact.decks.claims import Claims
+from erc_contact.decks.distances import DrawnDistance
 from erc_contact.decks.loads import LoadedFaces
 from erc_contact.decks.pairs import distance_between, surfaces_of
 from erc_contact.decks.plan import DeckJoint, DeckPlan
-from erc_contact.decks.reading import Facing, Interaction, DeckReading
+from erc_contact.decks.reading import DeckReading, Facing, Interaction
 from erc_contact.decks.supports import HeldFaces
 
 NEAR = 0.5
@@ -24,7 +25,7 @@ class PairSide:
     Attributes:
         name: Its name.
         faces: Its faces that may touch.
-        acting: Those of them that face the other surface.
+        acting: Faces among them that face the other surface.
         claim: Number of its claim.
     """
 
@@ -145,9 +146,10 @@ def plan_pairs(
     names: list[tuple[str, ...]],
 ) -> None:
     """Add contacts and tied joints of parts to a plan."""
+    mesh = reading.mesh
     for pair in pairs:
         facing = pair.facing
-        bodies = [reading.mesh.bodies[reading.mesh.cell_of_face[side.faces]] for side in pair.sides]
+        bodies = [mesh.bodies[mesh.cell_of_face[side.faces]] for side in pair.sides]
         if np.intersect1d(*bodies).size:
             reading.told.refuse(
                 facing.card,
@@ -158,9 +160,13 @@ def plan_pairs(
         slave, master = pair.sides
         for here in names[slave.claim]:
             for there in names[master.claim]:
-                found = distance_between(reading.mesh, parts[here], parts[there])
+                found = distance_between(mesh, parts[here], parts[there])
                 if len(found.faces):
-                    plan.joints.append(_joint(reading, facing, here, there, found.greatest))
+                    joint = _joint(reading, facing, here, there, found.greatest)
+                    sides = [mesh.x[mesh.simplices(parts[name])] for name in (here, there)]
+                    if joint.apart and mesh.d == 3:
+                        joint = replace(joint, drawn=DrawnDistance(sides[0], sides[1], joint.gap))
+                    plan.joints.append(joint)
 
 
 def _joint(reading: DeckReading, facing: Facing, here: str, there: str, apart: float) -> DeckJoint:
@@ -188,6 +194,8 @@ def _joint(reading: DeckReading, facing: Facing, here: str, there: str, apart: f
         apart,
         interaction.friction,
         gap,
+        None,
+        facing.card,
         interaction.stiffness if is_kept else None,
         interaction.stick if is_kept else None,
     )
