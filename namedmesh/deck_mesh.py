@@ -147,11 +147,6 @@ class DeckMesh:
         cells = self._cell_of_row[rows]
         return cells[cells >= 0]
 
-    def cells_of_block(self, part: ElementCard) -> np.ndarray:
-        """Return the cells of a card of elements."""
-        cells = self._cell_of_row[part.begin : part.begin + len(part.block.nodes)]
-        return cells[cells >= 0]
-
     def cells_of_space(self, space: DeckSpace) -> np.ndarray:
         """Return all cells of an instance, or of the deck."""
         rows = np.array(sorted(space.element_rows.values()), dtype=np.int64)
@@ -342,6 +337,16 @@ class DeckMesh:
     def bodies(self) -> np.ndarray:
         """Return the number of the connected body of each cell, shape (c,)."""
         return self.pieces(np.empty(0, dtype=np.int64))
+
+    @cached_property
+    def body_of_node(self) -> np.ndarray:
+        """Return the number of the connected body of each point, -1 for none, (n,)."""
+        body_of_node = np.full(len(self.x), -1)
+        for part in self.blocks:
+            cells = self._cell_of_row[part.begin : part.begin + len(part.block.nodes)]
+            is_cell = cells >= 0
+            body_of_node[part.block.nodes[is_cell]] = self.bodies[cells[is_cell]][:, None]
+        return body_of_node
 
     def pieces(self, cut: np.ndarray) -> np.ndarray:
         """Return the number of the connected piece of each cell, shape (c,).

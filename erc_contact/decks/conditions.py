@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.decks.histories import Amplitude
+from erc_contact.decks.histories import Amplitude, Entry, Key
 from erc_contact.decks.reading import Axes, DeckReading
 from erc_contact.decks.told import number_of, numbers_in
 from namedmesh.for_solvers import Card, DeckSpace
@@ -256,7 +256,25 @@ def read_cload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         table = np.array([forces[node] for node in nodes])
         name = card.rows[0][0]
         load = NodalForces("" if name.isdigit() else name, nodes, table, card)
-        reading.steps.add("forces", tuple(nodes), load, amplitude)
+        key = tuple(nodes.tolist())
+        for earlier in reading.steps.acting("forces", key):
+            _replace(reading, card, earlier, earlier.what.nodes, nodes)
+        reading.steps.add("forces", key, load, amplitude)
+
+
+def _replace(
+    reading: DeckReading, card: Card, earlier: Entry, members: np.ndarray, new: np.ndarray
+) -> None:
+    """End an earlier load whose nodes or faces are loaded anew; refuse a share."""
+    shared = np.intersect1d(members, new)
+    if len(shared) == len(members):
+        reading.steps.fade(earlier)
+    elif len(shared):
+        reading.told.refuse(
+            card,
+            f"it loads a part of what {earlier.what.card.place} has loaded in an earlier step: say "
+            "all of it anew, with OP=NEW.",
+        )
 
 
 def read_dload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
@@ -281,14 +299,27 @@ def read_dload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
                     by_face[int(face)] = by_face.get(int(face), 0.0) + numbers[0]
                 continue
             load = Pressure(word, faces, np.full(len(faces), numbers[0]), card)
-            reading.steps.add("pressure", (word.upper(), label), load, amplitude)
+            _add_on_faces(reading, (word.upper(), label), load, amplitude)
         else:
             reading.told.refuse(card, f"the load {label}: P1 to P6, GRAV and CENTRIF are read.")
     if by_face:
         faces = np.array(sorted(by_face))
         values = np.array([by_face[face] for face in faces])
         load = Pressure("", faces, values, card)
-        reading.steps.add("pressure", tuple(faces), load, amplitude)
+        _add_on_faces(reading, tuple(faces.tolist()), load, amplitude)
+
+
+def _add_on_faces(
+    reading: DeckReading,
+    key: Key,
+    load: Pressure | FaceTraction,
+    amplitude: Amplitude | None,
+) -> None:
+    """Add a load on faces, and end earlier loads there."""
+    for earlier in reading.steps.acting("pressure", key):
+        if type(earlier.what) is type(load):
+            _replace(reading, load.card, earlier, earlier.what.faces, load.faces)
+    reading.steps.add("pressure", key, load, amplitude)
 
 
 def _read_body_load(
@@ -314,6 +345,8 @@ def _read_body_load(
         length = np.linalg.norm(direction) or 1.0
         acceleration = numbers[0] * direction / length
         what = Gravity(cells, tuple(float(value) for value in acceleration[:d]), card)
+        # Gravity along several directions adds up.
+        label = f"{label} {numbers[1:4]}"
     else:
         what = Spin(cells, numbers[0], tuple(numbers[1:4]), tuple(numbers[4:7]), card)
     reading.steps.add("body", (word.upper(), label), what, amplitude)
@@ -332,14 +365,14 @@ def read_dsload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         elif label == "P":
             values = np.full(len(faces), number_of(card, row[2]))
             load = Pressure(row[0], faces, values, card)
-            reading.steps.add("pressure", (row[0].upper(), label), load, amplitude)
+            _add_on_faces(reading, (row[0].upper(), label), load, amplitude)
         elif label == "TRVEC":
             numbers = [number_of(card, word) for word in row[2:6]]
             direction = np.array(numbers[1:])
             vector = numbers[0] * direction / np.linalg.norm(direction)
             value = tuple(float(entry) for entry in vector[: reading.mesh.d])
             traction = FaceTraction(row[0], faces, value, card)
-            reading.steps.add("pressure", (row[0].upper(), label), traction, amplitude)
+            _add_on_faces(reading, (row[0].upper(), label), traction, amplitude)
         else:
             reading.told.refuse(card, f"the load {label}: P and TRVEC are read.")
 
@@ -356,8 +389,7 @@ def read_temperature(reading: DeckReading, card: Card, space: DeckSpace) -> None
         reading.steps.renew("warmth")
     amplitude = reading.amplitude(card)
     for nodes, values in _nodal_values(reading, card, space):
-        key = (len(nodes), int(nodes[0]), int(nodes[-1]))
-        reading.steps.add("warmth", key, Warmth(nodes, values, card), amplitude)
+        reading.steps.add("warmth", (nodes.tobytes(),), Warmth(nodes, values, card), amplitude)
 
 
 def read_initial(reading: DeckReading, card: Card, space: DeckSpace) -> None:

@@ -58,7 +58,7 @@ def shared_forces(reading: DeckReading, grips: Gripped, thickness: float) -> lis
             about = moment if mesh.d == 3 else moment[2:]
             points = mesh.x[mesh.simplices(faces)]
             traction = linear_traction(force[: mesh.d], about, points, mesh.measures(faces))
-            result.append(LoadedFaces(grip.name, faces, None, tuple(traction), entry))
+            result.append(LoadedFaces(grip.name, faces, None, tuple(traction), entry, grip.name))
             reading.told.assume(
                 grip.card,
                 "a shared force is a traction, linear on the face, of its force and moment",

@@ -28,6 +28,7 @@ class LoadedFaces:
         pressure: The pressure [force/area], or None.
         traction: The force per area, d values, without a pressure.
         entry: Its entry, with its history.
+        set_name: Name of the set in the deck, "" where it has none.
     """
 
     name: str
@@ -35,11 +36,7 @@ class LoadedFaces:
     pressure: Affine | None
     traction: tuple[Affine, ...]
     entry: Entry
-
-    @property
-    def set_name(self) -> str:
-        """Return the name of their set in the deck, "" where it has none."""
-        return self.entry.what.name
+    set_name: str
 
 
 def loaded_faces(
@@ -66,7 +63,7 @@ def loaded_faces(
             reading.told.refuse(load.card, f"{name!r} has faces inside the body.")
         elif isinstance(load, FaceTraction):
             traction = tuple(constant(value, reading.mesh.d) for value in load.value)
-            result.append(LoadedFaces(name, faces, None, traction, entry))
+            result.append(LoadedFaces(name, faces, None, traction, entry, load.name))
         else:
             pressure = fitted(reading.mesh.centres(faces), load.values)
             if pressure is None:
@@ -74,7 +71,7 @@ def loaded_faces(
                     load.card, f"the pressures of {name!r} are not linear in the position."
                 )
                 continue
-            result.append(LoadedFaces(name, faces, pressure, (), entry))
+            result.append(LoadedFaces(name, faces, pressure, (), entry, load.name))
     for entry in reading.steps.entries.get("forces", []):
         result += _of_nodes(reading, entry, held, sides, names, ring=ring, thickness=thickness)
     return result
@@ -135,7 +132,7 @@ def _of_nodes(
         traction = _traction(reading, faces, nodes[on], forces[on], ring=ring)
         key = (load.name, faces.tobytes())
         name = load.name or names.setdefault(key, f"load {len(names) + 1}")
-        loads.append(LoadedFaces(name, faces, None, traction, entry))
+        loads.append(LoadedFaces(name, faces, None, traction, entry, load.name))
     reading.told.assume(
         load.card, "forces on nodes are a traction, linear on the face, of their force and moment"
     )

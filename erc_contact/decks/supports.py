@@ -89,6 +89,10 @@ def held_faces(reading: DeckReading) -> list[HeldFaces]:
             found = _in_axes(reading, entry, held, faces, name, axes, value)
             if found is not None:
                 result += _by_planes(reading, found)
+                if not on_faces.all() and not _is_whole_body(reading, nodes):
+                    reading.told.refuse(
+                        held.card, f"{name!r} has nodes beside its faces, held along local axes."
+                    )
             continue
         if len(faces):
             result.append(HeldFaces(name, faces, held.component - 1, value, entry))
@@ -118,6 +122,15 @@ def _needed(reading: DeckReading, held: Held, faces: np.ndarray) -> np.ndarray:
     across = abs(np.einsum("fi,fi->f", mesh.normals(faces), directions)) > 1 - FLAT
     covered = np.isin(mesh.corners(faces), mesh.corners(faces[across])).all()
     return faces[across] if covered else faces
+
+
+def _is_whole_body(reading: DeckReading, nodes: np.ndarray) -> bool:
+    """Tell whether nodes are all corners of the bodies on which they are."""
+    mesh = reading.mesh
+    body_of_node = mesh.body_of_node
+    bodies = np.unique(body_of_node[nodes])
+    corners = np.flatnonzero(mesh.corner_count)
+    return bool(np.isin(corners[np.isin(body_of_node[corners], bodies)], nodes).all())
 
 
 def _other_component(reading: DeckReading, held: Held) -> None:
@@ -208,13 +221,12 @@ def _check_points(
         ]
         covered = np.isin(nodes, np.concatenate([np.empty(0, dtype=np.int64), *on_faces]))
         free = nodes[~covered]
-        inside = np.setdiff1d(free, mesh.nodes_of_faces(np.flatnonzero(mesh.outer)))
-        if len(inside) and covered.any():
+        if len(free) and _is_whole_body(reading, entry.what.nodes):
             reading.told.assume(
                 entry.what.card,
                 f"{entry.what.name!r} is held on its faces, not at its nodes inside the body",
             )
-        free = np.setdiff1d(free, inside)
+            free = np.intersect1d(free, mesh.nodes_of_faces(np.flatnonzero(mesh.outer)))
         if len(free):
             left.append((entry, free, component))
     if not left:
@@ -244,18 +256,12 @@ def _stop_rigid_motions_alone(
     Only then loads in balance cause no reactions there.
     """
     mesh = reading.mesh
-    bodies = mesh.bodies
-    body_of_node = np.full(len(mesh.x), -1)
-    for part in mesh.blocks:
-        if part.block.dim == mesh.d:
-            body_of_node[part.block.nodes] = bodies[mesh.cells_of_block(part)][:, None]
-    for body in np.unique(bodies):
+    body_of_node = mesh.body_of_node
+    for body in np.unique(body_of_node[body_of_node >= 0]):
         rows_of_faces = []
         for held in result:
-            nodes = np.unique(mesh.corners(held.faces))
-            nodes = nodes[body_of_node[nodes] == body]
-            if held.component >= 0:
-                rows_of_faces.append(_rigid_rows(mesh.x[nodes], held.component))
+            faces = held.faces[mesh.bodies[mesh.cell_of_face[held.faces]] == body]
+            rows_of_faces += _rows_of_faces(reading, held, faces)
         rows_of_points = []
         for _, points, component in left:
             nodes = points[body_of_node[points] == body]
@@ -273,6 +279,21 @@ def _stop_rigid_motions_alone(
         if len(distinct) and len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
             return False
     return True
+
+
+def _rows_of_faces(reading: DeckReading, held: HeldFaces, faces: np.ndarray) -> list[np.ndarray]:
+    """Return what faces hold of the rigid motions, rows as of :func:`_rigid_rows`."""
+    mesh = reading.mesh
+    if held.component >= 0:
+        nodes = np.unique(mesh.corners(faces))
+        return [_rigid_rows(mesh.x[nodes], held.component)]
+    # Planes and cylinders are held along their normals.
+    normals = mesh.normals(faces)
+    result = []
+    for column in mesh.corners(faces).T:
+        rows = [_rigid_rows(mesh.x[column], i) * normals[:, i, None] for i in range(mesh.d)]
+        result.append(np.sum(rows, axis=0))
+    return result
 
 
 def _rigid_rows(x: np.ndarray, component: int) -> np.ndarray:
