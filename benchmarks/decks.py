@@ -14,7 +14,7 @@ from pathlib import Path
 
 import erc_contact as ec
 
-SECONDS = 120
+SECONDS = 60
 """Time for a deck."""
 
 

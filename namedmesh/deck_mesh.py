@@ -17,30 +17,18 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from namedmesh.closest import closest
 from namedmesh.domain import Domain
 from namedmesh.files.abaqus_cards import Card, cards_of
-from namedmesh.files.abaqus_tables import Elements, Space, Tables, shape_of, tables_of
+from namedmesh.files.abaqus_tables import DeckSpace, ElementCard, Tables, tables_of
 from namedmesh.files.building import Built, build_simplices, faces_within, spread_from
 from namedmesh.files.cleaning import Body, body_of
 from namedmesh.files.displacements import edge_nodes
 from namedmesh.files.faces import Faces, faces_of
 from namedmesh.files.file_mesh import SHAPES, ElementSet, FacetSet, FileMesh
 from namedmesh.files.of_abaqus import FACES, blocks_of
+from namedmesh.files.simplices import split
 from namedmesh.graphs import components
 from namedmesh.simplex import measures
-
-__all__ = [
-    "Card",
-    "DeckMesh",
-    "FileMesh",
-    "Space",
-    "closest",
-    "components",
-    "domain_of",
-    "read",
-    "shape_of",
-]
 
 MOST_FACES = 6
 """Greatest number of faces of an element."""
@@ -91,12 +79,12 @@ class DeckMesh:
         return self.body.x
 
     @property
-    def spaces(self) -> list[Space]:
+    def spaces(self) -> list[DeckSpace]:
         """Return the space of the deck and of each instance, each with its cards."""
         return self.tables.spaces
 
     @property
-    def blocks(self) -> list[Elements]:
+    def blocks(self) -> list[ElementCard]:
         """Return the elements of the deck, card by card."""
         return self.tables.blocks
 
@@ -141,7 +129,7 @@ class DeckMesh:
         is_corner[self.corners(faces)] = True
         return np.flatnonzero(is_corner[self.ends].all(axis=1))
 
-    def nodes(self, word: str, space: Space) -> np.ndarray:
+    def nodes(self, word: str, space: DeckSpace) -> np.ndarray:
         """Return the points that a number or a set means, without repetition."""
         return np.unique(np.asarray(space.rows(word, nodes=True), dtype=np.int64))
 
@@ -153,18 +141,13 @@ class DeckMesh:
             numbers[list(space.node_rows.values())] = list(space.node_rows)
         return numbers
 
-    def cells(self, word: str, space: Space) -> np.ndarray:
+    def cells(self, word: str, space: DeckSpace) -> np.ndarray:
         """Return the cells that a number or a set means; others are no cells."""
         rows = np.unique(np.asarray(space.rows(word, nodes=False), dtype=np.int64))
         cells = self._cell_of_row[rows]
         return cells[cells >= 0]
 
-    def cells_of_block(self, part: Elements) -> np.ndarray:
-        """Return the cells of a card of elements."""
-        cells = self._cell_of_row[part.begin : part.begin + len(part.block.nodes)]
-        return cells[cells >= 0]
-
-    def cells_of_space(self, space: Space) -> np.ndarray:
+    def cells_of_space(self, space: DeckSpace) -> np.ndarray:
         """Return all cells of an instance, or of the deck."""
         rows = np.array(sorted(space.element_rows.values()), dtype=np.int64)
         cells = self._cell_of_row[rows]
@@ -180,7 +163,7 @@ class DeckMesh:
         return cells[cells >= 0]
 
     def cells_at(self, faces: np.ndarray) -> np.ndarray:
-        """Return all cells that have one of some faces."""
+        """Return all cells beside some faces."""
         return np.unique(self._cell_of_face_row[np.isin(self.faces.number, faces)])
 
     def nodes_of_cells(self, cells: np.ndarray) -> np.ndarray:
@@ -256,7 +239,7 @@ class DeckMesh:
             before += len(part.block.nodes)
         return table
 
-    def face_of_element(self, word: str, label: str, space: Space) -> np.ndarray:
+    def face_of_element(self, word: str, label: str, space: DeckSpace) -> np.ndarray:
         """Return the faces of elements that a label means, P1 for instance."""
         rows = np.asarray(space.rows(word, nodes=False), dtype=np.int64)
         return self._faces_at_label(rows, int(label[1:]) - 1)
@@ -333,10 +316,37 @@ class DeckMesh:
             middles[numbers] = self.x[block.nodes].mean(axis=1)
         return middles
 
+    def with_values(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return points, corners of simplices, and values at all points.
+
+        Points inside cells that are split have the mean of the corners.
+
+        Args:
+            values: Values at the points of the deck, shape (n,).
+        """
+        simplices = split(self.body, self.faces)
+        of_cells = np.zeros(self.body.count)
+        for block, numbers in zip(self.body.cells, self.body.numbers, strict=True):
+            of_cells[numbers] = values[block.nodes].mean(axis=1)
+        every = np.zeros(len(simplices.x))
+        every[simplices.cells] = of_cells[simplices.parents][:, None]
+        every[: len(values)] = values
+        return simplices.x, simplices.cells, every
+
     @cached_property
     def bodies(self) -> np.ndarray:
         """Return the number of the connected body of each cell, shape (c,)."""
         return self.pieces(np.empty(0, dtype=np.int64))
+
+    @cached_property
+    def body_of_node(self) -> np.ndarray:
+        """Return the number of the connected body of each point, -1 for none, (n,)."""
+        body_of_node = np.full(len(self.x), -1)
+        for part in self.blocks:
+            cells = self._cell_of_row[part.begin : part.begin + len(part.block.nodes)]
+            is_cell = cells >= 0
+            body_of_node[part.block.nodes[is_cell]] = self.bodies[cells[is_cell]][:, None]
+        return body_of_node
 
     def pieces(self, cut: np.ndarray) -> np.ndarray:
         """Return the number of the connected piece of each cell, shape (c,).
@@ -381,7 +391,7 @@ class DeckMesh:
         return replace(self.mesh, element_sets=tuple(element_sets), facet_sets=tuple(facet_sets))
 
 
-def read(path: Path) -> DeckMesh:
+def read_deck_mesh(path: Path) -> DeckMesh:
     """Read the mesh of a deck with its cards, on this rank.
 
     Raises:

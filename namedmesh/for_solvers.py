@@ -7,6 +7,9 @@ shape here, and need not know where they are made.
 from namedmesh.bodies import Bodies, Geometry
 from namedmesh.closest import closest
 from namedmesh.copies import points_in_words, shared_points
+from namedmesh.deck_mesh import Card, DeckMesh, DeckSpace, domain_of, read_deck_mesh
+from namedmesh.files.abaqus_tables import shape_of
+from namedmesh.files.file_mesh import FileMesh
 from namedmesh.graphs import components, order_along_curves, successors, to_chain_ends
 from namedmesh.interface_map import Interface
 from namedmesh.named import INSIDE_CELLS
@@ -29,6 +32,10 @@ __all__ = [
     "NAMELESS",
     "NO_TAG",
     "Bodies",
+    "Card",
+    "DeckMesh",
+    "DeckSpace",
+    "FileMesh",
     "Geometry",
     "Interface",
     "NodalMesh",
@@ -38,13 +45,16 @@ __all__ = [
     "closest",
     "components",
     "count_cells",
+    "domain_of",
     "facets_of_parts",
     "in_space",
     "inner_facets",
     "listed",
     "order_along_curves",
     "points_in_words",
+    "read_deck_mesh",
     "shape_in_words",
+    "shape_of",
     "shared_points",
     "sides_of_facets",
     "spread",

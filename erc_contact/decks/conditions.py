@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.decks.histories import Amplitude
-from erc_contact.decks.reading import Axes, Reading
+from erc_contact.decks.histories import Amplitude, Entry, Key
+from erc_contact.decks.reading import Axes, DeckReading
 from erc_contact.decks.told import number_of, numbers_in
-from namedmesh.deck_mesh import Card, Space
+from namedmesh.for_solvers import Card, DeckSpace
 
 NAMED_SUPPORTS = {
     "ENCASTRE": (1, 6),
@@ -110,7 +110,7 @@ class Warmth:
 # --- steps
 
 
-def read_step(reading: Reading, card: Card, space: Space) -> None:
+def read_step(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Begin a step."""
     reading.current = None
     reading.steps.open(jumps=card.get("AMPLITUDE").upper() == "STEP")
@@ -120,19 +120,19 @@ def read_step(reading: Reading, card: Card, space: Space) -> None:
         reading.told.assume(card, "PERTURBATION: the step begins without the loads before")
 
 
-def read_static(reading: Reading, card: Card, space: Space) -> None:
+def read_static(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Take the period of a static step."""
     numbers = numbers_in(card)
     if len(numbers) > 1 and numbers[1] > 0:
         reading.steps.last(numbers[1])
 
 
-def read_end_step(reading: Reading, card: Card, space: Space) -> None:
+def read_end_step(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """End a step."""
     reading.steps.close()
 
 
-def read_amplitude(reading: Reading, card: Card, space: Space) -> None:
+def read_amplitude(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read a table of factors by time."""
     if card.get("DEFINITION").upper() not in ("", "TABULAR"):
         reading.told.refuse(card, f"DEFINITION={card.get('DEFINITION')}: tables are read.")
@@ -153,7 +153,7 @@ def read_amplitude(reading: Reading, card: Card, space: Space) -> None:
 # --- supports
 
 
-def read_transform(reading: Reading, card: Card, space: Space) -> None:
+def read_transform(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read local axes of nodes."""
     numbers = [*numbers_in(card), *([0.0] * 6)][:6]
     a = np.array(numbers[:3])
@@ -174,7 +174,7 @@ def read_transform(reading: Reading, card: Card, space: Space) -> None:
         reading.told.refuse(card, f"TYPE={kind}: R and C are read.")
 
 
-def read_boundary(reading: Reading, card: Card, space: Space) -> None:
+def read_boundary(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read prescribed displacements."""
     if card.has("FIXED"):
         reading.told.refuse(card, "FIXED: give the displacements of the last step in numbers.")
@@ -222,7 +222,7 @@ def _components(card: Card, row: list[str]) -> tuple[int, int, float]:
 # --- loads
 
 
-def read_cload(reading: Reading, card: Card, space: Space) -> None:
+def read_cload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read forces on nodes."""
     if any(card.has(name) for name in ("USER", "SUBMODEL", "SECTOR")):
         reading.told.refuse(card, f"{', '.join(card.parameters)}: values in lines alone are read.")
@@ -256,10 +256,28 @@ def read_cload(reading: Reading, card: Card, space: Space) -> None:
         table = np.array([forces[node] for node in nodes])
         name = card.rows[0][0]
         load = NodalForces("" if name.isdigit() else name, nodes, table, card)
-        reading.steps.add("forces", tuple(nodes), load, amplitude)
+        key = tuple(nodes.tolist())
+        for earlier in reading.steps.acting("forces", key):
+            _replace(reading, card, earlier, earlier.what.nodes, nodes)
+        reading.steps.add("forces", key, load, amplitude)
 
 
-def read_dload(reading: Reading, card: Card, space: Space) -> None:
+def _replace(
+    reading: DeckReading, card: Card, earlier: Entry, members: np.ndarray, new: np.ndarray
+) -> None:
+    """End an earlier load whose nodes or faces are loaded anew; refuse a share."""
+    shared = np.intersect1d(members, new)
+    if len(shared) == len(members):
+        reading.steps.fade(earlier)
+    elif len(shared):
+        reading.told.refuse(
+            card,
+            f"it loads a part of what {earlier.what.card.place} has loaded in an earlier step: say "
+            "all of it anew, with OP=NEW.",
+        )
+
+
+def read_dload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read loads on elements: pressures on faces, gravity and rotation."""
     amplitude = reading.amplitude(card)
     if card.get("OP").upper() == "NEW":
@@ -281,20 +299,33 @@ def read_dload(reading: Reading, card: Card, space: Space) -> None:
                     by_face[int(face)] = by_face.get(int(face), 0.0) + numbers[0]
                 continue
             load = Pressure(word, faces, np.full(len(faces), numbers[0]), card)
-            reading.steps.add("pressure", (word.upper(), label), load, amplitude)
+            _add_on_faces(reading, (word.upper(), label), load, amplitude)
         else:
             reading.told.refuse(card, f"the load {label}: P1 to P6, GRAV and CENTRIF are read.")
     if by_face:
         faces = np.array(sorted(by_face))
         values = np.array([by_face[face] for face in faces])
         load = Pressure("", faces, values, card)
-        reading.steps.add("pressure", tuple(faces), load, amplitude)
+        _add_on_faces(reading, tuple(faces.tolist()), load, amplitude)
+
+
+def _add_on_faces(
+    reading: DeckReading,
+    key: Key,
+    load: Pressure | FaceTraction,
+    amplitude: Amplitude | None,
+) -> None:
+    """Add a load on faces, and end earlier loads there."""
+    for earlier in reading.steps.acting("pressure", key):
+        if type(earlier.what) is type(load):
+            _replace(reading, load.card, earlier, earlier.what.faces, load.faces)
+    reading.steps.add("pressure", key, load, amplitude)
 
 
 def _read_body_load(
-    reading: Reading,
+    reading: DeckReading,
     card: Card,
-    space: Space,
+    space: DeckSpace,
     word: str,
     label: str,
     numbers: list[float],
@@ -314,12 +345,14 @@ def _read_body_load(
         length = np.linalg.norm(direction) or 1.0
         acceleration = numbers[0] * direction / length
         what = Gravity(cells, tuple(float(value) for value in acceleration[:d]), card)
+        # Gravity along several directions adds up.
+        label = f"{label} {numbers[1:4]}"
     else:
         what = Spin(cells, numbers[0], tuple(numbers[1:4]), tuple(numbers[4:7]), card)
     reading.steps.add("body", (word.upper(), label), what, amplitude)
 
 
-def read_dsload(reading: Reading, card: Card, space: Space) -> None:
+def read_dsload(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read loads on surfaces: pressures, and tractions along a vector."""
     amplitude = reading.amplitude(card)
     if card.get("OP").upper() == "NEW":
@@ -332,14 +365,14 @@ def read_dsload(reading: Reading, card: Card, space: Space) -> None:
         elif label == "P":
             values = np.full(len(faces), number_of(card, row[2]))
             load = Pressure(row[0], faces, values, card)
-            reading.steps.add("pressure", (row[0].upper(), label), load, amplitude)
+            _add_on_faces(reading, (row[0].upper(), label), load, amplitude)
         elif label == "TRVEC":
             numbers = [number_of(card, word) for word in row[2:6]]
             direction = np.array(numbers[1:])
             vector = numbers[0] * direction / np.linalg.norm(direction)
             value = tuple(float(entry) for entry in vector[: reading.mesh.d])
             traction = FaceTraction(row[0], faces, value, card)
-            reading.steps.add("pressure", (row[0].upper(), label), traction, amplitude)
+            _add_on_faces(reading, (row[0].upper(), label), traction, amplitude)
         else:
             reading.told.refuse(card, f"the load {label}: P and TRVEC are read.")
 
@@ -347,7 +380,7 @@ def read_dsload(reading: Reading, card: Card, space: Space) -> None:
 # --- temperatures
 
 
-def read_temperature(reading: Reading, card: Card, space: Space) -> None:
+def read_temperature(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read temperatures of nodes in a step."""
     if card.has("FILE") or card.has("USER"):
         reading.told.refuse(card, "temperatures in lines alone are read; write them there.")
@@ -356,11 +389,10 @@ def read_temperature(reading: Reading, card: Card, space: Space) -> None:
         reading.steps.renew("warmth")
     amplitude = reading.amplitude(card)
     for nodes, values in _nodal_values(reading, card, space):
-        key = (len(nodes), int(nodes[0]), int(nodes[-1]))
-        reading.steps.add("warmth", key, Warmth(nodes, values, card), amplitude)
+        reading.steps.add("warmth", (nodes.tobytes(),), Warmth(nodes, values, card), amplitude)
 
 
-def read_initial(reading: Reading, card: Card, space: Space) -> None:
+def read_initial(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read temperatures of nodes at the beginning."""
     kind = card.get("TYPE").upper()
     if kind != "TEMPERATURE":
@@ -371,7 +403,7 @@ def read_initial(reading: Reading, card: Card, space: Space) -> None:
 
 
 def _nodal_values(
-    reading: Reading, card: Card, space: Space
+    reading: DeckReading, card: Card, space: DeckSpace
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return nodes and values of the lines of a card; single nodes are together."""
     singles: dict[int, float] = {}

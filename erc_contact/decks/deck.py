@@ -9,7 +9,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.decks.plan import Joint, Plan
+from erc_contact.decks.plan import DeckJoint, DeckPlan
 from erc_contact.decks.planning import plan_of
 from erc_contact.decks.readers import read_cards
 from erc_contact.decks.scenes import scene_of
@@ -19,7 +19,7 @@ from erc_contact.scene.words import in_words
 from namedmesh import Domain
 from namedmesh.base.exceptions import on_rank
 from namedmesh.base.html import table
-from namedmesh.deck_mesh import FileMesh, domain_of, read
+from namedmesh.for_solvers import FileMesh, domain_of, read_deck_mesh
 
 PENALTIES = ("hard", "kept")
 """What a pressure over an overclosure may become."""
@@ -48,7 +48,7 @@ class Deck:
 
     path: Path
     domain: Domain
-    plan: Plan
+    plan: DeckPlan
     told: Told
 
     @property
@@ -161,13 +161,13 @@ def read_deck(
     joints = []
     for joint in plan.joints:
         domain, joined = _joined(domain, joint)
-        joints.append(joined)
+        joints.append(_with_gap(domain, joined, told))
     return Deck(path, domain, replace(plan, joints=joints), told)
 
 
 def _read(
     path: Path, wanted: Sequence[str], penalty: str, subject: str
-) -> tuple[Plan, Told, FileMesh]:
+) -> tuple[DeckPlan, Told, FileMesh]:
     """Read a deck on this rank.
 
     Raises:
@@ -175,7 +175,7 @@ def _read(
     """
     if not path.is_file():
         raise InputError(f"{subject} does not exist; look at the path and the working folder.")
-    mesh = read(path)
+    mesh = read_deck_mesh(path)
     reading = read_cards(mesh, wanted, penalty)
     reading.told.raise_refused(subject)
     plan, regions, parts = plan_of(reading)
@@ -183,7 +183,7 @@ def _read(
     return plan, reading.told, reading.mesh.named(regions, parts)
 
 
-def _joined(domain: Domain, joint: Joint) -> tuple[Domain, Joint]:
+def _joined(domain: Domain, joint: DeckJoint) -> tuple[Domain, DeckJoint]:
     """Join or split a domain at a joint, and return the joint of its parts."""
     if joint.kind == "preload":
         sides = dict(zip((joint.here, joint.there), joint.regions, strict=True))
@@ -192,6 +192,22 @@ def _joined(domain: Domain, joint: Joint) -> tuple[Domain, Joint]:
     there = _remaining(domain, joint.there)
     joined = domain.joined(here, there, apart=joint.apart)
     return joined, replace(joint, here=here, there=there)
+
+
+def _with_gap(domain: Domain, joint: DeckJoint, told: Told) -> DeckJoint:
+    """Return a joint with its drawn distance as a gap only if the mesh has lost it."""
+    if joint.drawn is None or joint.card is None:
+        return joint
+    pair = {joint.here, joint.there}
+    away = [row.distance for row in domain.touching() if set(row) == pair]
+    if max(away, default=0.0) > 0.0:
+        return replace(joint, drawn=None)
+    told.assume(
+        joint.card,
+        f"the faces of {joint.here!r} and {joint.there!r} do not match: one side moves onto the "
+        f"other, by up to {joint.apart:.3g}, and their drawn distance is the gap",
+    )
+    return joint
 
 
 def _remaining(domain: Domain, name: str) -> str:

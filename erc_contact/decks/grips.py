@@ -7,14 +7,14 @@ import numpy as np
 from erc_contact.decks.affine import linear_traction
 from erc_contact.decks.claims import Claims
 from erc_contact.decks.loads import LoadedFaces
-from erc_contact.decks.plan import Joint, Plan, RigidPart
-from erc_contact.decks.reading import Grip, Reading
+from erc_contact.decks.plan import DeckJoint, DeckPlan, RigidPart
+from erc_contact.decks.reading import DeckReading, Grip
 
 Gripped = list[tuple[Grip, np.ndarray]]
 """Couplings with their faces."""
 
 
-def gripped_faces(reading: Reading) -> Gripped:
+def gripped_faces(reading: DeckReading) -> Gripped:
     """Return the faces of rigid bodies and couplings."""
     mesh = reading.mesh
     result = []
@@ -31,7 +31,7 @@ def gripped_faces(reading: Reading) -> Gripped:
     return result
 
 
-def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[LoadedFaces]:
+def shared_forces(reading: DeckReading, grips: Gripped, thickness: float) -> list[LoadedFaces]:
     """Return the tractions of forces on nodes that surfaces share."""
     mesh = reading.mesh
     result = []
@@ -58,7 +58,7 @@ def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[Lo
             about = moment if mesh.d == 3 else moment[2:]
             points = mesh.x[mesh.simplices(faces)]
             traction = linear_traction(force[: mesh.d], about, points, mesh.measures(faces))
-            result.append(LoadedFaces(grip.name, faces, None, tuple(traction), entry))
+            result.append(LoadedFaces(grip.name, faces, None, tuple(traction), entry, grip.name))
             reading.told.assume(
                 grip.card,
                 "a shared force is a traction, linear on the face, of its force and moment",
@@ -66,7 +66,9 @@ def shared_forces(reading: Reading, grips: Gripped, thickness: float) -> list[Lo
     return result
 
 
-def plan_grips(plan: Plan, reading: Reading, grips: Gripped, names: list[tuple[str, ...]]) -> None:
+def plan_grips(
+    plan: DeckPlan, reading: DeckReading, grips: Gripped, names: list[tuple[str, ...]]
+) -> None:
     """Add rigid faces to a plan."""
     for (grip, _), parts in zip(grips, names, strict=True):
         if not grip.rigid:
@@ -84,7 +86,7 @@ def plan_grips(plan: Plan, reading: Reading, grips: Gripped, names: list[tuple[s
         plan.entries[kind] = reading.steps.entries.get(kind, [])
 
 
-def claim_cuts(reading: Reading, claims: Claims) -> list[int]:
+def claim_cuts(reading: DeckReading, claims: Claims) -> list[int]:
     """Claim the faces of cuts through bolts."""
     result = []
     for pretension in reading.pretensions:
@@ -95,8 +97,8 @@ def claim_cuts(reading: Reading, claims: Claims) -> list[int]:
 
 
 def plan_cuts(
-    plan: Plan,
-    reading: Reading,
+    plan: DeckPlan,
+    reading: DeckReading,
     regions: dict[str, np.ndarray],
     names: list[tuple[str, ...]],
 ) -> None:
@@ -125,7 +127,7 @@ def plan_cuts(
         along = float((turned[:, None] * normals).sum(axis=0) @ given)
         sides = (f"{pretension.surface} side 1", f"{pretension.surface} side 2")
         plan.joints.append(
-            Joint(
+            DeckJoint(
                 *sides,
                 "preload",
                 node=pretension.node,

@@ -46,6 +46,7 @@ class Entry:
         factors: Factors at these times.
         begin: Time from which it is there.
         end: Time from which it is not there.
+        step: Number of the step that says it, 0 before all steps.
     """
 
     what: Any
@@ -54,6 +55,7 @@ class Entry:
     factors: list[float]
     begin: float
     end: float = FOREVER
+    step: int = 0
 
     def factor(self, t: float) -> float:
         """Return the factor at a time."""
@@ -69,6 +71,7 @@ class Steps:
     """Collect what the steps of a deck prescribe.
 
     Attributes:
+        number: Number of the step, from 1; 0 before all steps.
         begin: Time at which the step begins.
         end: Time at which it ends.
         is_inside: Whether a step has begun and not ended.
@@ -77,6 +80,7 @@ class Steps:
         entries: What is prescribed, by its kind.
     """
 
+    number: int = 0
     begin: float = 0.0
     end: float = 0.0
     is_inside: bool = False
@@ -87,6 +91,7 @@ class Steps:
 
     def open(self, *, jumps: bool) -> None:
         """Begin a step, of period 1 until its procedure says so."""
+        self.number += 1
         self.begin = self.end
         self.end = self.begin + 1.0
         self.is_inside = True
@@ -101,16 +106,16 @@ class Steps:
         """End a step: what it has replaced by OP=NEW fades or is free."""
         for kind, kept in self._renewed.items():
             for entry in self.entries.get(kind, []):
-                is_earlier = entry.begin < self.begin or entry.begin == self.begin == 0.0
+                is_earlier = entry.step < self.number
                 if entry.key not in kept and is_earlier and entry.end == FOREVER:
-                    self._fade(entry)
+                    self.fade(entry)
                     if kind == "held":
                         entry.end = self.begin
         self.times.append(self.end)
         self.is_inside = False
 
     def renew(self, kind: str) -> None:
-        """Say that a card with OP=NEW replaces all earlier ones of its kind."""
+        """Say that a card with OP=NEW replaces all earlier entries of its kind."""
         if self.is_inside:
             self._renewed.setdefault(kind, set())
 
@@ -124,9 +129,14 @@ class Steps:
         if kind in self._renewed:
             self._renewed[kind].add(key)
         for entry in before:
-            self._fade(entry)
+            self.fade(entry)
         times, factors = self._factors(amplitude)
-        entries.append(Entry(what, key, times, factors, self.begin))
+        entries.append(Entry(what, key, times, factors, self.begin, step=self.number))
+
+    def acting(self, kind: str, key: Key) -> list[Entry]:
+        """Return entries of earlier steps with other keys that still act in the end."""
+        earlier = [entry for entry in self.entries.get(kind, []) if entry.step < self.number]
+        return [entry for entry in earlier if entry.key != key and entry.factor(self.end)]
 
     def _factors(self, amplitude: Amplitude | None) -> tuple[list[float], list[float]]:
         """Return times and factors of something that begins in this step."""
@@ -139,7 +149,7 @@ class Steps:
         times = [shift + time for time in amplitude.times]
         return times, list(amplitude.factors)
 
-    def _fade(self, entry: Entry) -> None:
+    def fade(self, entry: Entry) -> None:
         """Let an entry end with this step."""
         reached = self.end
         if self.jumps:

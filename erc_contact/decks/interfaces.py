@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from erc_contact.decks.reading import Facing, Grip, Interaction, Pretension, Reading
+from erc_contact.decks.reading import DeckReading, Facing, Grip, Interaction, Pretension
 from erc_contact.decks.told import number_of, numbers_in
-from namedmesh.deck_mesh import Card, Space
+from namedmesh.for_solvers import Card, DeckSpace
 
 ALL_COMPONENTS = (1, 2, 3, 4, 5, 6)
 """Displacements and rotations of a node."""
@@ -16,14 +16,14 @@ LOG_100 = float(np.log(100.0))
 """Logarithm of the pressure at overclosure 0 over the pressure at the distance c0."""
 
 
-def read_interaction(reading: Reading, card: Card, space: Space) -> None:
+def read_interaction(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Begin the law of a contact."""
     interaction = Interaction(card)
     reading.interactions[card.get("NAME").upper()] = interaction
     reading.current = interaction
 
 
-def _interaction_of(reading: Reading, card: Card) -> Interaction | None:
+def _interaction_of(reading: DeckReading, card: Card) -> Interaction | None:
     """Return the law to which a card belongs; refuse the card without one."""
     if isinstance(reading.current, Interaction):
         return reading.current
@@ -31,7 +31,7 @@ def _interaction_of(reading: Reading, card: Card) -> Interaction | None:
     return None
 
 
-def read_behavior(reading: Reading, card: Card, space: Space) -> None:
+def read_behavior(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the pressure over the overclosure."""
     interaction = _interaction_of(reading, card)
     behavior = card.get("PRESSURE-OVERCLOSURE").upper() or "HARD"
@@ -58,7 +58,7 @@ def read_behavior(reading: Reading, card: Card, space: Space) -> None:
         )
 
 
-def read_friction(reading: Reading, card: Card, space: Space) -> None:
+def read_friction(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the coefficient of Coulomb's friction."""
     interaction = _interaction_of(reading, card)
     if any(card.has(name) for name in ("USER", "ANISOTROPIC", "ROUGH")):
@@ -72,45 +72,49 @@ def read_friction(reading: Reading, card: Card, space: Space) -> None:
                 reading.told.assume(card, "its stick slope is a penalty: what sticks does not slip")
 
 
-def _pairs_of(reading: Reading, card: Card, interaction: str, *, tied: bool) -> None:
+def _pairs_of(
+    reading: DeckReading, card: Card, space: DeckSpace, interaction: str, *, tied: bool
+) -> None:
     """Read lines of a dependent and an independent surface."""
-    adjust: float | None = None
-    if card.has("ADJUST") and card.get("ADJUST").upper() != "NO":
-        word = card.get("ADJUST")
+    word = card.get("ADJUST")
+    adjust: float | None = np.inf if tied else None
+    moved = None
+    if word and word[0] in "0123456789.+-":
+        adjust = number_of(card, word)
+    elif word.upper() not in ("", "NO", "YES"):
         adjust = np.inf
-        if word and word[0] in "0123456789.+-":
-            adjust = number_of(card, word)
+        moved = reading.mesh.nodes(word, space)
     for row in card.rows:
         if len(row) < 2:
             reading.told.refuse(card, "a line has two surfaces, the slave first.")
             return
-        reading.facings.append(Facing(row[0], row[1], interaction, adjust, tied, card))
+        reading.facings.append(Facing(row[0], row[1], interaction, adjust, moved, tied, card))
 
 
-def read_contact_pair(reading: Reading, card: Card, space: Space) -> None:
+def read_contact_pair(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read pairs of surfaces in contact."""
     interaction = card.get("INTERACTION").upper()
     if not interaction:
         reading.told.refuse(card, "it names no INTERACTION.")
         return
-    _pairs_of(reading, card, interaction, tied=False)
+    _pairs_of(reading, card, space, interaction, tied=False)
 
 
-def read_tie(reading: Reading, card: Card, space: Space) -> None:
+def read_tie(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read pairs of surfaces that are glued."""
     if card.has("CYCLICSYMMETRY") or card.has("MULTISTAGE"):
         reading.told.refuse(card, "cyclic symmetry is not read; take the whole body.")
         return
-    _pairs_of(reading, card, "", tied=True)
+    _pairs_of(reading, card, space, "", tied=True)
 
 
-def read_clearance(reading: Reading, card: Card, space: Space) -> None:
+def read_clearance(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the distance of a pair that counts in place of the drawn distance."""
     sides = (card.get("SLAVE").upper(), card.get("MASTER").upper())
     reading.clearances[sides] = number_of(card, card.get("VALUE"))
 
 
-def read_pretension(reading: Reading, card: Card, space: Space) -> None:
+def read_pretension(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the cut through a bolt and the node of its force."""
     if not card.get("SURFACE"):
         reading.told.refuse(card, "a cut through solids is read: give SURFACE= and NODE=.")
@@ -123,7 +127,7 @@ def read_pretension(reading: Reading, card: Card, space: Space) -> None:
         reading.pretensions.append(Pretension(card.get("SURFACE"), node, normal, card))
 
 
-def read_rigid_body(reading: Reading, card: Card, space: Space) -> None:
+def read_rigid_body(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read nodes or elements that move as a rigid body."""
     name = card.get("NSET") or card.get("ELSET")
     nodes = reading.mesh.nodes(name, space)
@@ -136,7 +140,7 @@ def read_rigid_body(reading: Reading, card: Card, space: Space) -> None:
         reading.grips.append(grip)
 
 
-def read_coupling(reading: Reading, card: Card, space: Space) -> None:
+def read_coupling(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read a surface that a node moves or loads; the next card says which."""
     reference = reading.point(card, "REFNODE", space)
     name = card.get("SURFACE")
@@ -145,17 +149,17 @@ def read_coupling(reading: Reading, card: Card, space: Space) -> None:
         reading.current = Grip(name, nodes, name, reference, None, True, (), card)
 
 
-def read_kinematic(reading: Reading, card: Card, space: Space) -> None:
+def read_kinematic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read which components of a coupled surface move with its node."""
     _finish_coupling(reading, card, rigid=True)
 
 
-def read_distributing(reading: Reading, card: Card, space: Space) -> None:
+def read_distributing(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read that a coupled surface shares the forces on its node."""
     _finish_coupling(reading, card, rigid=False)
 
 
-def _finish_coupling(reading: Reading, card: Card, *, rigid: bool) -> None:
+def _finish_coupling(reading: DeckReading, card: Card, *, rigid: bool) -> None:
     """Complete the coupling to which a card belongs."""
     coupling = reading.current
     if not isinstance(coupling, Grip):

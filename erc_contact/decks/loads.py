@@ -11,10 +11,11 @@ import numpy as np
 from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spin
 from erc_contact.decks.histories import Entry
+from erc_contact.decks.nodal import NodalTable
 from erc_contact.decks.plan import Heat, Volume
-from erc_contact.decks.reading import MaterialCards, Reading
+from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
-from namedmesh.deck_mesh import components
+from namedmesh.for_solvers import components
 
 
 @dataclass
@@ -27,6 +28,7 @@ class LoadedFaces:
         pressure: The pressure [force/area], or None.
         traction: The force per area, d values, without a pressure.
         entry: Its entry, with its history.
+        set_name: Name of the set in the deck, "" where it has none.
     """
 
     name: str
@@ -34,15 +36,11 @@ class LoadedFaces:
     pressure: Affine | None
     traction: tuple[Affine, ...]
     entry: Entry
-
-    @property
-    def set_name(self) -> str:
-        """Return the name of their set in the deck, "" where it has none."""
-        return self.entry.what.name
+    set_name: str
 
 
 def loaded_faces(
-    reading: Reading, held: list[HeldFaces], sides: np.ndarray, *, ring: bool, thickness: float
+    reading: DeckReading, held: list[HeldFaces], sides: np.ndarray, *, ring: bool, thickness: float
 ) -> list[LoadedFaces]:
     """Return the faces that the deck loads.
 
@@ -65,7 +63,7 @@ def loaded_faces(
             reading.told.refuse(load.card, f"{name!r} has faces inside the body.")
         elif isinstance(load, FaceTraction):
             traction = tuple(constant(value, reading.mesh.d) for value in load.value)
-            result.append(LoadedFaces(name, faces, None, traction, entry))
+            result.append(LoadedFaces(name, faces, None, traction, entry, load.name))
         else:
             pressure = fitted(reading.mesh.centres(faces), load.values)
             if pressure is None:
@@ -73,14 +71,14 @@ def loaded_faces(
                     load.card, f"the pressures of {name!r} are not linear in the position."
                 )
                 continue
-            result.append(LoadedFaces(name, faces, pressure, (), entry))
+            result.append(LoadedFaces(name, faces, pressure, (), entry, load.name))
     for entry in reading.steps.entries.get("forces", []):
         result += _of_nodes(reading, entry, held, sides, names, ring=ring, thickness=thickness)
     return result
 
 
 def _of_nodes(
-    reading: Reading,
+    reading: DeckReading,
     entry: Entry,
     held: list[HeldFaces],
     sides: np.ndarray,
@@ -134,14 +132,14 @@ def _of_nodes(
         traction = _traction(reading, faces, nodes[on], forces[on], ring=ring)
         key = (load.name, faces.tobytes())
         name = load.name or names.setdefault(key, f"load {len(names) + 1}")
-        loads.append(LoadedFaces(name, faces, None, traction, entry))
+        loads.append(LoadedFaces(name, faces, None, traction, entry, load.name))
     reading.told.assume(
         load.card, "forces on nodes are a traction, linear on the face, of their force and moment"
     )
     return loads
 
 
-def _in_coordinates(reading: Reading, load: NodalForces) -> np.ndarray:
+def _in_coordinates(reading: DeckReading, load: NodalForces) -> np.ndarray:
     """Return forces on nodes by components of the coordinates, shape (n, d)."""
     d = reading.mesh.d
     forces = load.forces[:, :d].copy()
@@ -152,7 +150,7 @@ def _in_coordinates(reading: Reading, load: NodalForces) -> np.ndarray:
     return forces
 
 
-def _with_middles(reading: Reading, nodes: np.ndarray) -> np.ndarray:
+def _with_middles(reading: DeckReading, nodes: np.ndarray) -> np.ndarray:
     """Return nodes with the corners between which they lie.
 
     Consistent forces of elements of second order may leave corners out.
@@ -169,7 +167,7 @@ def _is_free(held: list[HeldFaces], face: int, forces: np.ndarray) -> bool:
     return True
 
 
-def _connected(reading: Reading, faces: np.ndarray) -> list[np.ndarray]:
+def _connected(reading: DeckReading, faces: np.ndarray) -> list[np.ndarray]:
     """Return faces in groups that are connected by common points."""
     if not len(faces):
         return []
@@ -184,7 +182,7 @@ def _connected(reading: Reading, faces: np.ndarray) -> list[np.ndarray]:
 
 
 def _traction(
-    reading: Reading, faces: np.ndarray, nodes: np.ndarray, forces: np.ndarray, *, ring: bool
+    reading: DeckReading, faces: np.ndarray, nodes: np.ndarray, forces: np.ndarray, *, ring: bool
 ) -> tuple[Affine, ...]:
     """Return the traction with the force and the moment of forces on nodes."""
     mesh = reading.mesh
@@ -207,7 +205,7 @@ def _traction(
 
 
 def volumes_of(
-    reading: Reading,
+    reading: DeckReading,
     regions: Mapping[str, np.ndarray],
     materials: Mapping[str, MaterialCards],
 ) -> list[Entry]:
@@ -226,17 +224,14 @@ def volumes_of(
                 reading.told.refuse(load.card, f"it acts on a part of the region {region!r}.")
                 return []
             values[region] = (density or 0.0) * float(inside.all())
-        if len(set(values.values())) > 1:
-            reading.told.refuse(
-                load.card,
-                "the force per volume differs between regions: one density for all regions is "
-                "read.",
-            )
-            return []
-        density = next(iter(values.values()))
         force = _force_per_mass(load, reading.mesh.d)
-        value = tuple(component.times(density) for component in force)
-        result.append(replace(entry, what=Volume(value)))
+        whole = len(set(values.values())) == 1
+        for region, density in values.items():
+            value = tuple(component.times(density) for component in force)
+            if density:
+                result.append(replace(entry, what=Volume(None if whole else region, value)))
+            if whole:
+                break
     return result
 
 
@@ -256,7 +251,7 @@ def _force_per_mass(load: Gravity | Spin, d: int) -> tuple[Affine, ...]:
     return tuple(result)
 
 
-def heat_of(reading: Reading) -> list[Entry]:
+def heat_of(reading: DeckReading) -> list[Entry]:
     """Return the changes of temperature, as values in the whole body."""
     mesh = reading.mesh
     every = np.flatnonzero(mesh.corner_count)
@@ -272,19 +267,16 @@ def heat_of(reading: Reading) -> list[Entry]:
         change[is_given] = temperature[every][is_given] - initial[is_given]
     result = []
     for entry, change in together.values():
-        value = fitted(mesh.x[every], change)
-        if value is None:
-            reading.told.refuse(
-                entry.what.card,
-                "the change of the temperature is not linear in the position: give "
-                "`ec.ThermalStrain(alpha, T)` with a callable of x.",
-            )
-            return []
-        result.append(replace(entry, what=Heat(value)))
+        field: Affine | NodalTable | None = fitted(mesh.x[every], change)
+        if field is None:
+            values = np.zeros(len(mesh.x))
+            values[every] = change
+            field = NodalTable(*mesh.with_values(values))
+        result.append(replace(entry, what=Heat(field)))
     return result
 
 
-def temperature_of(reading: Reading) -> float | None:
+def temperature_of(reading: DeckReading) -> float | None:
     """Return the temperature at the end of the deck; None if it is not one number."""
     values = set()
     for entry in reading.steps.entries.get("warmth", [])[-1:]:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.reading import MaterialCards, Reading, Section
+from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection
 from erc_contact.decks.told import numbers_in
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic
-from namedmesh.deck_mesh import Card, Space
+from namedmesh.for_solvers import Card, DeckSpace
 
 HYPOTHESES = {"CPS": PLANE_STRESS, "CPE": PLANE_STRAIN, "CAX": AXISYMMETRIC}
 """Beginnings of the types of plane elements, and what they stand for."""
@@ -21,7 +21,7 @@ ISOTROPIC = ("", "ISO", "ISOTROPIC")
 """Values of TYPE of isotropic data."""
 
 
-def read_material(reading: Reading, card: Card, space: Space) -> None:
+def read_material(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Begin a material."""
     name = card.get("NAME")
     material = MaterialCards(name, card)
@@ -29,7 +29,7 @@ def read_material(reading: Reading, card: Card, space: Space) -> None:
     reading.current = material
 
 
-def _material_of(reading: Reading, card: Card) -> MaterialCards | None:
+def _material_of(reading: DeckReading, card: Card) -> MaterialCards | None:
     """Return the material to which a card belongs; refuse the card without one."""
     if isinstance(reading.current, MaterialCards):
         return reading.current
@@ -37,7 +37,7 @@ def _material_of(reading: Reading, card: Card) -> MaterialCards | None:
     return None
 
 
-def read_elastic(reading: Reading, card: Card, space: Space) -> None:
+def read_elastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read isotropic moduli, by temperature."""
     material = _material_of(reading, card)
     if card.get("TYPE").upper() not in ISOTROPIC:
@@ -46,7 +46,7 @@ def read_elastic(reading: Reading, card: Card, space: Space) -> None:
         material.elastic = [numbers_in(card, line) for line in range(len(card.lines))]
 
 
-def read_expansion(reading: Reading, card: Card, space: Space) -> None:
+def read_expansion(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read coefficients of thermal expansion, by temperature."""
     material = _material_of(reading, card)
     if card.get("TYPE").upper() not in ISOTROPIC:
@@ -55,7 +55,7 @@ def read_expansion(reading: Reading, card: Card, space: Space) -> None:
         material.expansion = [numbers_in(card, line) for line in range(len(card.lines))]
 
 
-def read_density(reading: Reading, card: Card, space: Space) -> None:
+def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the mass per volume."""
     material = _material_of(reading, card)
     numbers = numbers_in(card)
@@ -63,7 +63,7 @@ def read_density(reading: Reading, card: Card, space: Space) -> None:
         material.density = numbers[0]
 
 
-def read_plastic(reading: Reading, card: Card, space: Space) -> None:
+def read_plastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read von Mises plasticity with linear hardening: one or two lines."""
     material = _material_of(reading, card)
     rows = [numbers_in(card, line) for line in range(len(card.lines))]
@@ -83,7 +83,7 @@ def read_plastic(reading: Reading, card: Card, space: Space) -> None:
         material.kinematic = hardening == "KINEMATIC"
 
 
-def read_section(reading: Reading, card: Card, space: Space) -> None:
+def read_section(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Give elements their material, and plane elements their thickness."""
     elset = card.get("ELSET")
     cells = reading.mesh.cells(elset, space)
@@ -97,11 +97,11 @@ def read_section(reading: Reading, card: Card, space: Space) -> None:
     if card.has("COMPOSITE"):
         reading.told.refuse(card, "COMPOSITE layers are not read.")
         return
-    section = Section(elset, cells, card.get("MATERIAL").upper(), thickness, card)
+    section = SolidSection(elset, cells, card.get("MATERIAL").upper(), thickness, card)
     reading.sections.append(section)
 
 
-def hypothesis_of(reading: Reading) -> str:
+def hypothesis_of(reading: DeckReading) -> str:
     """Return the hypothesis of a plane body by the types of its elements."""
     found = {}
     for part in reading.mesh.blocks:
@@ -121,7 +121,7 @@ def hypothesis_of(reading: Reading) -> str:
     return next(iter(found), PLANE_STRAIN)
 
 
-def thickness_of(reading: Reading, hypothesis: str) -> float:
+def thickness_of(reading: DeckReading, hypothesis: str) -> float:
     """Return the thickness of a plane body [length]; 1 of another one."""
     if reading.mesh.d == 3 or hypothesis == AXISYMMETRIC:
         return 1.0
@@ -157,7 +157,7 @@ def at_temperature(rows: list[list[float]], column: int, temperature: float | No
 
 
 def material_of(
-    reading: Reading, material: MaterialCards, hypothesis: str, temperature: float | None
+    reading: DeckReading, material: MaterialCards, hypothesis: str, temperature: float | None
 ) -> Any:
     """Return a material of a scene; None if it is refused."""
     told = reading.told
@@ -177,7 +177,7 @@ def material_of(
 
 
 def _plastic_of(
-    reading: Reading, material: MaterialCards, E: float, nu: float, hypothesis: str
+    reading: DeckReading, material: MaterialCards, E: float, nu: float, hypothesis: str
 ) -> Plastic:
     """Return the plastic law of a material."""
     rows = material.plastic
@@ -199,7 +199,7 @@ def _plastic_of(
 
 
 def expansions_of(
-    reading: Reading, materials: Mapping[str, MaterialCards], temperature: float | None
+    reading: DeckReading, materials: Mapping[str, MaterialCards], temperature: float | None
 ) -> dict[str, float]:
     """Return the coefficient of expansion of each region [1/temperature]."""
     result = {}

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.decks.reading import Facing, Reading
-from namedmesh.deck_mesh import DeckMesh, closest
+from erc_contact.decks.reading import DeckReading, Facing
+from namedmesh.for_solvers import DeckMesh, closest
 
 OPPOSITE = 0.3
 """Cosine between the normals of faces that face each other, at least [-]."""
@@ -30,7 +30,7 @@ class Distance:
     greatest: float
 
 
-def surfaces_of(reading: Reading, facing: Facing) -> tuple[np.ndarray, np.ndarray] | None:
+def surfaces_of(reading: DeckReading, facing: Facing) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the faces of both surfaces of a pair; None if one is refused."""
     found = []
     for name in (facing.slave, facing.master):
@@ -63,7 +63,7 @@ def distance_between(mesh: DeckMesh, here: np.ndarray, there: np.ndarray) -> Dis
     else:
         normals = np.cross(to[:, 1], to[:, 2])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    own = mesh.normals(here)
+    normals_here = mesh.normals(here)
     points = mesh.x[mesh.corners(here)]
     tested = np.concatenate([points, mesh.centres(here)[:, None]], axis=1)
     count = tested.shape[1]
@@ -72,10 +72,12 @@ def distance_between(mesh: DeckMesh, here: np.ndarray, there: np.ndarray) -> Dis
     step = (near - tested.reshape(-1, mesh.d)).reshape(len(here), count, mesh.d)
     distance = found.distance.reshape(len(here), count)
     # The closest point lies along the normal, unless it is on a rim.
-    along = abs(np.einsum("nki,ni->nk", step, own))
+    along = abs(np.einsum("nki,ni->nk", step, normals_here))
     extent = np.ptp(mesh.x, axis=0).max()
     straight = along >= 0.7 * distance - ONE_PLACE * extent
-    opposite = abs(np.einsum("ni,ni->n", normals[found.facet.reshape(-1, count)[:, -1]], own))
+    opposite = abs(
+        np.einsum("ni,ni->n", normals[found.facet.reshape(-1, count)[:, -1]], normals_here)
+    )
     faces = straight[:, -1] & (opposite > OPPOSITE)
     if not faces.any():
         return Distance(here[:0], np.inf)
@@ -83,7 +85,7 @@ def distance_between(mesh: DeckMesh, here: np.ndarray, there: np.ndarray) -> Dis
     return Distance(here[faces], 0.0 if greatest <= ONE_PLACE * extent else BEYOND * greatest)
 
 
-def adjusted(reading: Reading) -> DeckMesh:
+def adjusted(reading: DeckReading) -> DeckMesh:
     """Return the mesh with slave nodes on their master surfaces, where ADJUST says so.
 
     Nodes of ties are moved there always.
@@ -91,17 +93,18 @@ def adjusted(reading: Reading) -> DeckMesh:
     mesh = reading.mesh
     for facing in reading.facings:
         found = surfaces_of(reading, facing)
-        tolerance = np.inf if facing.tied else facing.adjust
-        if found is None or tolerance is None:
+        if found is None or facing.adjust is None:
             continue
         slave, master = found
         here = distance_between(mesh, slave, master)
         nodes = np.unique(mesh.corners(here.faces))
+        if facing.moved is not None:
+            nodes = np.intersect1d(nodes, facing.moved)
         if not here.greatest or not len(nodes):
             continue
         corners = mesh.x[mesh.simplices(master)]
         near = closest(mesh.x[nodes], corners)
-        moves = near.distance <= tolerance
+        moves = near.distance <= facing.adjust
         places = np.einsum("nk,nki->ni", near.local, corners[near.facet])
         if moves.any():
             mesh = mesh.moved(nodes[moves], places[moves])

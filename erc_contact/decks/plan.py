@@ -10,7 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from erc_contact.decks.affine import Affine
+from erc_contact.decks.distances import DrawnDistance
 from erc_contact.decks.histories import Entry
+from erc_contact.decks.nodal import NodalTable
+from namedmesh.for_solvers import Card
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,9 @@ class PushedParts:
 
 @dataclass(frozen=True)
 class Volume:
-    """Hold a force per volume in the whole body, d components."""
+    """Hold a force per volume in a region, or in the whole body; d components."""
 
+    region: str | None
     value: tuple[Affine, ...]
 
 
@@ -42,7 +46,7 @@ class Volume:
 class Heat:
     """Hold a change of the temperature in the whole body."""
 
-    change: Affine
+    change: Affine | NodalTable
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class Radial:
 
 
 @dataclass(frozen=True)
-class Joint:
+class DeckJoint:
     """Hold two parts that are joined: a contact, a tied joint or a cut.
 
     Attributes:
@@ -73,6 +77,8 @@ class Joint:
         apart: Greatest distance of both parts [length].
         friction: Coulomb's coefficient [-].
         gap: Distance that the deck gives beside the drawn distance [length].
+        drawn: The drawn distance, where the mesh may lose it.
+        card: The card of the pair, for notes.
         normal: Stiffness of a layer [force/length^3], or None.
         tangential: The same along it.
         node: Reference node of a preload.
@@ -87,6 +93,8 @@ class Joint:
     apart: float = 0.0
     friction: float = 0.0
     gap: float = 0.0
+    drawn: DrawnDistance | None = None
+    card: Card | None = None
     normal: float | None = None
     tangential: float | None = None
     node: int = 0
@@ -106,7 +114,7 @@ class RigidPart:
 
 
 @dataclass
-class Plan:
+class DeckPlan:
     """Hold all that scenes of a deck are made of.
 
     Attributes:
@@ -128,7 +136,7 @@ class Plan:
     alphas: Mapping[str, float] = field(default_factory=dict)
     planes: list[Plane] = field(default_factory=list)
     radials: list[Radial] = field(default_factory=list)
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[DeckJoint] = field(default_factory=list)
     rigids: list[RigidPart] = field(default_factory=list)
     entries: dict[str, list[Entry]] = field(default_factory=dict)
     times: list[float] = field(default_factory=list)

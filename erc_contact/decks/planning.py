@@ -24,8 +24,8 @@ from erc_contact.decks.loads import (
 )
 from erc_contact.decks.materials import expansions_of, hypothesis_of, material_of, thickness_of
 from erc_contact.decks.pairs import adjusted
-from erc_contact.decks.plan import HeldParts, Plan, Plane, PushedParts, Radial
-from erc_contact.decks.reading import MaterialCards, Reading
+from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
+from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.regions import regions_of
 from erc_contact.decks.sides import (
     claim_sides,
@@ -44,7 +44,7 @@ EVEN = 1e-9
 """Difference of unit normals that is none [-]."""
 
 
-def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
+def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     """Make the plan of a deck; what cannot be taken is told as refused.
 
     Returns:
@@ -56,7 +56,7 @@ def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
     thickness = thickness_of(reading, hypothesis)
     temperature = temperature_of(reading)
     regions, cards = regions_of(reading)
-    plan = Plan(reading.mesh.d, _materials(reading, cards, hypothesis, temperature), thickness)
+    plan = DeckPlan(reading.mesh.d, _materials(reading, cards, hypothesis, temperature), thickness)
     plan.alphas = expansions_of(reading, cards, temperature)
     plan.times = list(reading.steps.times)
     if told.refused:
@@ -92,7 +92,7 @@ def plan_of(reading: Reading) -> tuple[Plan, Members, Members]:
     return plan, regions, parts
 
 
-def _known_sets(reading: Reading) -> Members:
+def _known_sets(reading: DeckReading) -> Members:
     """Return the faces of surfaces and sets of nodes of the deck, surfaces last."""
     mesh = reading.mesh
     result = {}
@@ -118,7 +118,7 @@ def _add_unclaimed(parts: Members, known: Members) -> None:
 
 
 def _materials(
-    reading: Reading,
+    reading: DeckReading,
     cards: dict[str, MaterialCards],
     hypothesis: str,
     temperature: float | None,
@@ -134,8 +134,8 @@ def _materials(
 
 
 def _plan_supports(
-    plan: Plan,
-    reading: Reading,
+    plan: DeckPlan,
+    reading: DeckReading,
     held: list[HeldFaces],
     names: list[tuple[str, ...]],
     faces: Members,
@@ -155,7 +155,7 @@ def _plan_supports(
     plan.entries["held"] = entries
 
 
-def _plane(reading: Reading, part: str, faces: np.ndarray) -> Plane:
+def _plane(reading: DeckReading, part: str, faces: np.ndarray) -> Plane:
     """Return a part on a plane of symmetry; numbers of a deck may leave it uneven."""
     normals = reading.mesh.normals(faces)
     mean = normals.mean(axis=0)
@@ -165,7 +165,7 @@ def _plane(reading: Reading, part: str, faces: np.ndarray) -> Plane:
     return Plane(part, tuple(map(float, mean)))
 
 
-def _plan_loads(plan: Plan, loads: list[LoadedFaces], names: list[tuple[str, ...]]) -> None:
+def _plan_loads(plan: DeckPlan, loads: list[LoadedFaces], names: list[tuple[str, ...]]) -> None:
     """Add loads on parts to a plan."""
     entries = []
     for load, parts in zip(loads, names, strict=True):

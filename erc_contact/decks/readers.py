@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 
 from erc_contact.decks import conditions, interfaces, materials
 from erc_contact.decks.keywords import BY_NAME, HARMLESS, REFUSED, squeezed
-from erc_contact.decks.reading import Reading
+from erc_contact.decks.reading import DeckReading
 from erc_contact.decks.told import Told
-from namedmesh.deck_mesh import Card, DeckMesh, Space, shape_of
+from namedmesh.for_solvers import Card, DeckMesh, DeckSpace, shape_of
 
-Reader = Callable[[Reading, Card, Space], None]
+Reader = Callable[[DeckReading, Card, DeckSpace], None]
 """A function that reads a card."""
 
 READERS: dict[str, Reader] = {
@@ -54,7 +54,7 @@ _READERS = {squeezed(name): reader for name, reader in READERS.items()}
 _OF_THE_MESH = {squeezed(name) for name in OF_THE_MESH}
 
 
-def read_cards(mesh: DeckMesh, without: Sequence[str], penalty: str) -> Reading:
+def read_cards(mesh: DeckMesh, without: Sequence[str], penalty: str) -> DeckReading:
     """Read all cards of a deck.
 
     Args:
@@ -62,7 +62,7 @@ def read_cards(mesh: DeckMesh, without: Sequence[str], penalty: str) -> Reading:
         without: Cards that are left out, as "*EQUATION" or "*ELEMENT, TYPE=S4".
         penalty: "hard" or "kept".
     """
-    reading = Reading(mesh, Told(), penalty)
+    reading = DeckReading(mesh, Told(), penalty)
     wanted_out = [squeezed(words) for words in without]
     for card in mesh.cards:
         if squeezed(card.keyword) in _OF_PARTS:
@@ -88,7 +88,7 @@ def _is_left_out(card: Card, wanted_out: Sequence[str]) -> bool:
     return any(name in wanted_out for name in names)
 
 
-def _read(reading: Reading, card: Card, space: Space) -> None:
+def _read(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read a card, leave it out, or refuse it."""
     name = squeezed(card.keyword)
     keyword = BY_NAME.get(name)
@@ -108,7 +108,7 @@ def _read(reading: Reading, card: Card, space: Space) -> None:
         _check_elements(reading, card)
 
 
-def _check_elements(reading: Reading, card: Card) -> None:
+def _check_elements(reading: DeckReading, card: Card) -> None:
     """Tell of elements that are no solids."""
     kind = card.get("TYPE").upper()
     shape, _, is_solid = shape_of(kind)

@@ -9,7 +9,7 @@ import numpy as np
 
 from erc_contact.decks.histories import Amplitude, Steps
 from erc_contact.decks.told import Told
-from namedmesh.deck_mesh import Card, DeckMesh, Space
+from namedmesh.for_solvers import Card, DeckMesh, DeckSpace
 
 TINY = 1e-300
 """Radius of a point on the axis [length]."""
@@ -39,7 +39,7 @@ class MaterialCards:
 
 
 @dataclass(frozen=True)
-class Section:
+class SolidSection:
     """Hold a *SOLID SECTION.
 
     Attributes:
@@ -86,6 +86,7 @@ class Facing:
         interaction: Name of the interaction in capitals; "" of a tie.
         adjust: Distance up to which slave nodes are moved to the master surface
             [length]; None if they are not.
+        moved: The points that may be moved so; None for all of the slave surface.
         tied: Whether it is a tie.
         card: The card.
     """
@@ -94,6 +95,7 @@ class Facing:
     master: str
     interaction: str
     adjust: float | None
+    moved: np.ndarray | None
     tied: bool
     card: Card
 
@@ -177,7 +179,7 @@ class Axes:
 
 
 @dataclass
-class Reading:
+class DeckReading:
     """Hold what has been read of a deck.
 
     Attributes:
@@ -195,7 +197,7 @@ class Reading:
     steps: Steps = field(default_factory=Steps)
     current: Any = None
     materials: dict[str, MaterialCards] = field(default_factory=dict)
-    sections: list[Section] = field(default_factory=list)
+    sections: list[SolidSection] = field(default_factory=list)
     amplitudes: dict[str, Amplitude] = field(default_factory=dict)
     interactions: dict[str, Interaction] = field(default_factory=dict)
     facings: list[Facing] = field(default_factory=list)
@@ -206,7 +208,7 @@ class Reading:
     initial: dict[int, float] = field(default_factory=dict)
 
     def amplitude(self, card: Card) -> Amplitude | None:
-        """Return the amplitude that a card names, None without one."""
+        """Return the amplitude that a card names, None if it names no amplitude."""
         name = card.get("AMPLITUDE")
         if not name:
             return None
@@ -226,7 +228,7 @@ class Reading:
                 points |= {grip.rotation}
         return points | {pretension.node for pretension in self.pretensions}
 
-    def point(self, card: Card, parameter: str, space: Space) -> int | None:
+    def point(self, card: Card, parameter: str, space: DeckSpace) -> int | None:
         """Return the point that a parameter names by number or set; refuse others."""
         points = self.mesh.nodes(card.get(parameter), space)
         if len(points) == 1:

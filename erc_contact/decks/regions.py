@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.decks.reading import MaterialCards, Reading
+from erc_contact.decks.reading import DeckReading, MaterialCards
 
 
-def regions_of(reading: Reading) -> tuple[dict[str, np.ndarray], dict[str, MaterialCards]]:
+def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, MaterialCards]]:
     """Return the cells and the material of each region.
 
     A region has one section, and its cells are connected.
@@ -46,7 +46,7 @@ def regions_of(reading: Reading) -> tuple[dict[str, np.ndarray], dict[str, Mater
     return regions, materials
 
 
-def _pieces(reading: Reading) -> np.ndarray:
+def _pieces(reading: DeckReading) -> np.ndarray:
     """Return the number of the connected piece of each cell; cuts separate pieces."""
     mesh = reading.mesh
     cuts = [np.empty(0, dtype=np.int64)]
@@ -69,7 +69,7 @@ def _pieces(reading: Reading) -> np.ndarray:
     return pieces
 
 
-def _names(reading: Reading, sections: list[int], members: list[np.ndarray]) -> list[str]:
+def _names(reading: DeckReading, sections: list[int], members: list[np.ndarray]) -> list[str]:
     """Return the names of regions: of a set with their cells, else of their section."""
     exact = _sets_by_cells(reading)
     names: list[str] = []
@@ -88,7 +88,7 @@ def _names(reading: Reading, sections: list[int], members: list[np.ndarray]) -> 
     return names
 
 
-def _sets_by_cells(reading: Reading) -> dict[bytes, list[str]]:
+def _sets_by_cells(reading: DeckReading) -> dict[bytes, list[str]]:
     """Return the names of the sets of elements, and of instances, by their cells."""
     result: dict[bytes, list[str]] = {}
     for space in reading.mesh.spaces:

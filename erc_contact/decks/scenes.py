@@ -8,7 +8,7 @@ import ufl
 
 from erc_contact.decks.affine import Affine, constant
 from erc_contact.decks.histories import Key
-from erc_contact.decks.plan import Joint, Plan, Plane, Radial, RigidPart
+from erc_contact.decks.plan import DeckJoint, DeckPlan, Plane, Radial, RigidPart
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.load import BodyForce, Traction
 from erc_contact.scene.scene import Scene
@@ -17,7 +17,7 @@ from erc_contact.scene.support import Displacement, Rigid
 from erc_contact.scene.tied import Preload, Tied
 
 
-def scene_of(plan: Plan, t: float) -> Scene:
+def scene_of(plan: DeckPlan, t: float) -> Scene:
     """Return the scene of a deck at a time.
 
     Raises:
@@ -44,7 +44,7 @@ def scene_of(plan: Plan, t: float) -> Scene:
     )
 
 
-def _displacements(plan: Plan, t: float) -> list[Displacement]:
+def _displacements(plan: DeckPlan, t: float) -> list[Displacement]:
     """Return the prescribed displacements at a time."""
     found: dict[tuple[str, int], dict[Key, Affine]] = {}
     for entry in plan.at("held", t):
@@ -62,7 +62,7 @@ def _displacements(plan: Plan, t: float) -> list[Displacement]:
     return [Displacement(part, vector) for part, vector in vectors.items()]
 
 
-def _loads(plan: Plan, t: float) -> list[Any]:
+def _loads(plan: DeckPlan, t: float) -> list[Any]:
     """Return the loads at a time, without those that are zero."""
     loads: list[Any] = []
     tractions: dict[str, list[Affine]] = {}
@@ -84,28 +84,37 @@ def _loads(plan: Plan, t: float) -> list[Any]:
     for part, traction in tractions.items():
         if any(value != zero for value in traction):
             loads.append(Traction(part, tuple(value.value for value in traction)))
-    volume = [zero] * plan.d
+    volumes: dict[str | None, list[Affine]] = {}
     for entry in plan.at("volume", t):
         new = [value.times(entry.factor(t)) for value in entry.what.value]
-        volume = [a.plus(b) for a, b in zip(volume, new, strict=True)]
-    if any(value != zero for value in volume):
-        loads.append(BodyForce(tuple(value.value for value in volume)))
+        known = volumes.get(entry.what.region, [zero] * plan.d)
+        volumes[entry.what.region] = [a.plus(b) for a, b in zip(known, new, strict=True)]
+    for region, volume in volumes.items():
+        if any(value != zero for value in volume):
+            loads.append(BodyForce(tuple(value.value for value in volume), region))
     return loads
 
 
-def _strains(plan: Plan, t: float) -> list[ThermalStrain]:
+def _strains(plan: DeckPlan, t: float) -> list[ThermalStrain]:
     """Return the strain of heat at a time."""
-    change = constant(0.0, plan.d)
-    for entry in plan.at("heat", t):
-        change = change.plus(entry.what.change.times(entry.factor(t)))
-    if change == constant(0.0, plan.d) or not any(plan.alphas.values()):
+    if not any(plan.alphas.values()):
         return []
+    linear = constant(0.0, plan.d)
+    changes: list[Any] = []
+    for entry in plan.at("heat", t):
+        change = entry.what.change.times(entry.factor(t))
+        if isinstance(change, Affine):
+            linear = linear.plus(change)
+        elif entry.factor(t):
+            changes.append(change)
+    if linear != constant(0.0, plan.d):
+        changes.append(linear.value)
     values = set(plan.alphas.values())
     alpha: Any = values.pop() if len(values) == 1 else dict(plan.alphas)
-    return [ThermalStrain(alpha, change.value)]
+    return [ThermalStrain(alpha, change) for change in changes]
 
 
-def _contact(joint: Joint) -> Contact:
+def _contact(joint: DeckJoint) -> Contact:
     """Return a contact of two parts."""
     foundation = None
     tangential = joint.tangential if joint.friction else None
@@ -115,12 +124,12 @@ def _contact(joint: Joint) -> Contact:
         joint.here,
         against=joint.there,
         friction=joint.friction,
-        gap=joint.gap,
+        gap=joint.gap if joint.drawn is None else joint.drawn,
         foundation=foundation,
     )
 
 
-def _tie(plan: Plan, joint: Joint, t: float) -> Tied:
+def _tie(plan: DeckPlan, joint: DeckJoint, t: float) -> Tied:
     """Return a tied joint, or a preload with its force or shortening at a time."""
     if joint.kind == "tied":
         return Tied(joint.here, joint.there)
@@ -164,7 +173,7 @@ def _radial_support(radial: Radial) -> Contact:
     return Contact(radial.part, normal=_RadialNormal(radial), bilateral=True)
 
 
-def _rigid(plan: Plan, rigid: RigidPart, t: float) -> Rigid:
+def _rigid(plan: DeckPlan, rigid: RigidPart, t: float) -> Rigid:
     """Return a rigid face with the motion and the force of its node at a time."""
     d = plan.d
     count = 6 if d == 3 else 3

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from erc_contact.decks.claims import Claims
+from erc_contact.decks.distances import DrawnDistance
 from erc_contact.decks.loads import LoadedFaces
 from erc_contact.decks.pairs import distance_between, surfaces_of
-from erc_contact.decks.plan import Joint, Plan
-from erc_contact.decks.reading import Facing, Interaction, Reading
+from erc_contact.decks.plan import DeckJoint, DeckPlan
+from erc_contact.decks.reading import DeckReading, Facing, Interaction
 from erc_contact.decks.supports import HeldFaces
 
 NEAR = 0.5
@@ -18,13 +19,13 @@ NEAR = 0.5
 
 
 @dataclass
-class Side:
+class PairSide:
     """Hold a surface of a pair.
 
     Attributes:
         name: Its name.
         faces: Its faces that may touch.
-        acting: Those of them that face the other surface.
+        acting: Faces among them that face the other surface.
         claim: Number of its claim.
     """
 
@@ -36,13 +37,13 @@ class Side:
 
 @dataclass
 class Pair:
-    """Hold both sides of a pair, slave first."""
+    """Hold the two sides of a pair, slave first."""
 
     facing: Facing
-    sides: tuple[Side, Side]
+    sides: tuple[PairSide, PairSide]
 
 
-def pairs_of(reading: Reading) -> list[Pair]:
+def pairs_of(reading: DeckReading) -> list[Pair]:
     """Return the pairs of a deck with the faces of their sides."""
     result = []
     for facing in reading.facings:
@@ -57,7 +58,7 @@ def pairs_of(reading: Reading) -> list[Pair]:
                 facing.card, f"{facing.slave!r} and {facing.master!r} do not face each other."
             )
             continue
-        sides = (Side(facing.slave, slave, here), Side(facing.master, master, there))
+        sides = (PairSide(facing.slave, slave, here), PairSide(facing.master, master, there))
         result.append(Pair(facing, sides))
     return result
 
@@ -68,7 +69,7 @@ def faces_of_pairs(pairs: list[Pair]) -> np.ndarray:
     return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *acting]))
 
 
-def free_of_supports(reading: Reading, pairs: list[Pair], held: list[HeldFaces]) -> None:
+def free_of_supports(reading: DeckReading, pairs: list[Pair], held: list[HeldFaces]) -> None:
     """Take supports from faces of pairs where their nodes are held beside them.
 
     Other faces with a support leave the pair.
@@ -76,8 +77,8 @@ def free_of_supports(reading: Reading, pairs: list[Pair], held: list[HeldFaces])
     acting = faces_of_pairs(pairs)
     corners = reading.mesh.corners
     for support in held:
-        both = np.intersect1d(support.faces, acting)
-        if not len(both):
+        shared = np.intersect1d(support.faces, acting)
+        if not len(shared):
             continue
         beside = np.setdiff1d(support.faces, acting)
         held_nodes = [
@@ -85,7 +86,7 @@ def free_of_supports(reading: Reading, pairs: list[Pair], held: list[HeldFaces])
             for known in held
             if known.component == support.component
         ]
-        is_held = np.isin(corners(both), np.concatenate(held_nodes)).all()
+        is_held = np.isin(corners(shared), np.concatenate(held_nodes)).all()
         if is_held and support.component >= 0:
             support.faces = beside
             reading.told.assume(
@@ -98,25 +99,27 @@ def free_of_supports(reading: Reading, pairs: list[Pair], held: list[HeldFaces])
         _leave(reading, pairs, support.name, support.faces)
 
 
-def free_of_loads(reading: Reading, pairs: list[Pair], loads: list[LoadedFaces]) -> None:
+def free_of_loads(reading: DeckReading, pairs: list[Pair], loads: list[LoadedFaces]) -> None:
     """Take loaded faces out of pairs."""
     for load in loads:
         _leave(reading, pairs, load.name, load.faces)
 
 
-def _leave(reading: Reading, pairs: list[Pair], name: str, faces: np.ndarray) -> None:
+def _leave(reading: DeckReading, pairs: list[Pair], name: str, faces: np.ndarray) -> None:
     """Take faces out of pairs; refuse those that are near the other surface."""
     mesh = reading.mesh
     for pair in pairs:
         slave, master = pair.sides
         for side, facing_side in ((slave, master), (master, slave)):
-            both = np.intersect1d(side.acting, faces)
-            if len(both):
-                away = distance_between(mesh, both, facing_side.faces).greatest
+            shared = np.intersect1d(side.acting, faces)
+            if len(shared):
+                away = distance_between(mesh, shared, facing_side.faces).greatest
                 size = (
-                    np.sqrt(mesh.measures(both).max()) if mesh.d == 3 else mesh.measures(both).max()
+                    np.sqrt(mesh.measures(shared).max())
+                    if mesh.d == 3
+                    else mesh.measures(shared).max()
                 )
-                words = f"{len(both)} faces of {side.name!r} are in {name!r}, too"
+                words = f"{len(shared)} faces of {side.name!r} are in {name!r}, too"
                 if away < NEAR * size:
                     reading.told.refuse(
                         pair.facing.card,
@@ -136,16 +139,17 @@ def claim_sides(claims: Claims, pairs: list[Pair]) -> None:
 
 
 def plan_pairs(
-    plan: Plan,
-    reading: Reading,
+    plan: DeckPlan,
+    reading: DeckReading,
     pairs: list[Pair],
     parts: dict[str, np.ndarray],
     names: list[tuple[str, ...]],
 ) -> None:
     """Add contacts and tied joints of parts to a plan."""
+    mesh = reading.mesh
     for pair in pairs:
         facing = pair.facing
-        bodies = [reading.mesh.bodies[reading.mesh.cell_of_face[side.faces]] for side in pair.sides]
+        bodies = [mesh.bodies[mesh.cell_of_face[side.faces]] for side in pair.sides]
         if np.intersect1d(*bodies).size:
             reading.told.refuse(
                 facing.card,
@@ -156,15 +160,19 @@ def plan_pairs(
         slave, master = pair.sides
         for here in names[slave.claim]:
             for there in names[master.claim]:
-                found = distance_between(reading.mesh, parts[here], parts[there])
+                found = distance_between(mesh, parts[here], parts[there])
                 if len(found.faces):
-                    plan.joints.append(_joint(reading, facing, here, there, found.greatest))
+                    joint = _joint(reading, facing, here, there, found.greatest)
+                    sides = [mesh.x[mesh.simplices(parts[name])] for name in (here, there)]
+                    if joint.apart and mesh.d == 3:
+                        joint = replace(joint, drawn=DrawnDistance(sides[0], sides[1], joint.gap))
+                    plan.joints.append(joint)
 
 
-def _joint(reading: Reading, facing: Facing, here: str, there: str, apart: float) -> Joint:
+def _joint(reading: DeckReading, facing: Facing, here: str, there: str, apart: float) -> DeckJoint:
     """Return the contact or the tied joint of two parts."""
     if facing.tied:
-        return Joint(here, there, "tied")
+        return DeckJoint(here, there, "tied")
     interaction = reading.interactions.get(facing.interaction)
     if interaction is None:
         reading.told.refuse(
@@ -172,20 +180,22 @@ def _joint(reading: Reading, facing: Facing, here: str, there: str, apart: float
         )
         interaction = Interaction(facing.card)
     if interaction.behavior == "TIED":
-        return Joint(here, there, "tied")
+        return DeckJoint(here, there, "tied")
     gap = reading.clearances.get((facing.slave.upper(), facing.master.upper()), 0.0)
     if gap and apart:
         reading.told.assume(
             facing.card, f"its *CLEARANCE adds to the distance of up to {apart:.3g} that is drawn"
         )
     is_kept = reading.penalty == "kept"
-    return Joint(
+    return DeckJoint(
         here,
         there,
         "contact",
         apart,
         interaction.friction,
         gap,
+        None,
+        facing.card,
         interaction.stiffness if is_kept else None,
         interaction.stick if is_kept else None,
     )

@@ -14,7 +14,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine, fitted
 from erc_contact.decks.conditions import Held
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.reading import Axes, Reading
+from erc_contact.decks.reading import Axes, DeckReading
 
 FLAT = 1e-6
 """Sine of an angle that is none [-]."""
@@ -55,7 +55,7 @@ SYMMETRY, RADIAL = -1, -2
 """Components that are no component of the coordinates."""
 
 
-def held_faces(reading: Reading) -> list[HeldFaces]:
+def held_faces(reading: DeckReading) -> list[HeldFaces]:
     """Return the faces that the deck holds; tell of nodes that are points."""
     mesh = reading.mesh
     result: list[HeldFaces] = []
@@ -89,6 +89,10 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
             found = _in_axes(reading, entry, held, faces, name, axes, value)
             if found is not None:
                 result += _by_planes(reading, found)
+                if not on_faces.all() and not _is_whole_body(reading, nodes):
+                    reading.told.refuse(
+                        held.card, f"{name!r} has nodes beside its faces, held along local axes."
+                    )
             continue
         if len(faces):
             result.append(HeldFaces(name, faces, held.component - 1, value, entry))
@@ -98,7 +102,7 @@ def held_faces(reading: Reading) -> list[HeldFaces]:
     return result
 
 
-def _needed(reading: Reading, held: Held, faces: np.ndarray) -> np.ndarray:
+def _needed(reading: DeckReading, held: Held, faces: np.ndarray) -> np.ndarray:
     """Return the faces of a whole body that are across the component that is held.
 
     All nodes of a plane problem that is meshed in space are held along its normal: the
@@ -120,7 +124,16 @@ def _needed(reading: Reading, held: Held, faces: np.ndarray) -> np.ndarray:
     return faces[across] if covered else faces
 
 
-def _other_component(reading: Reading, held: Held) -> None:
+def _is_whole_body(reading: DeckReading, nodes: np.ndarray) -> bool:
+    """Tell whether nodes are all corners of the bodies on which they are."""
+    mesh = reading.mesh
+    body_of_node = mesh.body_of_node
+    bodies = np.unique(body_of_node[nodes])
+    corners = np.flatnonzero(mesh.corner_count)
+    return bool(np.isin(corners[np.isin(body_of_node[corners], bodies)], nodes).all())
+
+
+def _other_component(reading: DeckReading, held: Held) -> None:
     """Tell of a component that the points of a solid do not have."""
     if held.component == 11:
         reading.told.refuse(held.card, "component 11, a temperature: give *TEMPERATURE.")
@@ -130,7 +143,7 @@ def _other_component(reading: Reading, held: Held) -> None:
         )
 
 
-def _axes_of(reading: Reading, held: Held) -> Axes | None:
+def _axes_of(reading: DeckReading, held: Held) -> Axes | None:
     """Return the local axes of nodes, None where they are of the coordinates."""
     for axes in reading.transforms:
         if np.isin(held.nodes, axes.nodes).any():
@@ -139,7 +152,7 @@ def _axes_of(reading: Reading, held: Held) -> Axes | None:
 
 
 def _in_axes(
-    reading: Reading,
+    reading: DeckReading,
     entry: Entry,
     held: Held,
     faces: np.ndarray,
@@ -151,11 +164,11 @@ def _in_axes(
     mesh = reading.mesh
     d = mesh.d
     every = [
-        other.what
-        for other in reading.steps.entries["held"]
-        if np.array_equal(other.what.nodes, held.nodes)
+        entry_beside.what
+        for entry_beside in reading.steps.entries["held"]
+        if np.array_equal(entry_beside.what.nodes, held.nodes)
     ]
-    components = {other.component for other in every if not other.values.any()}
+    components = {beside.component for beside in every if not beside.values.any()}
     if components >= set(range(1, d + 1)) and len(faces):
         # What does not move at all does not move along any axis.
         return HeldFaces(name, faces, held.component - 1, Affine(0.0, (0.0,) * d), entry)
@@ -181,7 +194,7 @@ def _in_axes(
     return None
 
 
-def _by_planes(reading: Reading, held: HeldFaces) -> list[HeldFaces]:
+def _by_planes(reading: DeckReading, held: HeldFaces) -> list[HeldFaces]:
     """Return faces on planes of symmetry plane by plane, other faces as they are."""
     if held.component != SYMMETRY:
         return [held]
@@ -197,7 +210,7 @@ def _by_planes(reading: Reading, held: HeldFaces) -> list[HeldFaces]:
 
 
 def _check_points(
-    reading: Reading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
+    reading: DeckReading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
 ) -> None:
     """Leave points out that faces hold, or that stop rigid motions alone."""
     mesh = reading.mesh
@@ -208,13 +221,12 @@ def _check_points(
         ]
         covered = np.isin(nodes, np.concatenate([np.empty(0, dtype=np.int64), *on_faces]))
         free = nodes[~covered]
-        inside = np.setdiff1d(free, mesh.nodes_of_faces(np.flatnonzero(mesh.outer)))
-        if len(inside) and covered.any():
+        if len(free) and _is_whole_body(reading, entry.what.nodes):
             reading.told.assume(
                 entry.what.card,
                 f"{entry.what.name!r} is held on its faces, not at its nodes inside the body",
             )
-        free = np.setdiff1d(free, inside)
+            free = np.intersect1d(free, mesh.nodes_of_faces(np.flatnonzero(mesh.outer)))
         if len(free):
             left.append((entry, free, component))
     if not left:
@@ -237,25 +249,19 @@ def _check_points(
 
 
 def _stop_rigid_motions_alone(
-    reading: Reading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
+    reading: DeckReading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
 ) -> bool:
     """Tell whether points hold each rigid motion once that faces leave free.
 
     Only then loads in balance cause no reactions there.
     """
     mesh = reading.mesh
-    bodies = mesh.bodies
-    body_of_node = np.full(len(mesh.x), -1)
-    for part in mesh.blocks:
-        if part.block.dim == mesh.d:
-            body_of_node[part.block.nodes] = bodies[mesh.cells_of_block(part)][:, None]
-    for body in np.unique(bodies):
+    body_of_node = mesh.body_of_node
+    for body in np.unique(body_of_node[body_of_node >= 0]):
         rows_of_faces = []
         for held in result:
-            nodes = np.unique(mesh.corners(held.faces))
-            nodes = nodes[body_of_node[nodes] == body]
-            if held.component >= 0:
-                rows_of_faces.append(_rigid_rows(mesh.x[nodes], held.component))
+            faces = held.faces[mesh.bodies[mesh.cell_of_face[held.faces]] == body]
+            rows_of_faces += _rows_of_faces(reading, held, faces)
         rows_of_points = []
         for _, points, component in left:
             nodes = points[body_of_node[points] == body]
@@ -273,6 +279,21 @@ def _stop_rigid_motions_alone(
         if len(distinct) and len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
             return False
     return True
+
+
+def _rows_of_faces(reading: DeckReading, held: HeldFaces, faces: np.ndarray) -> list[np.ndarray]:
+    """Return what faces hold of the rigid motions, rows as of :func:`_rigid_rows`."""
+    mesh = reading.mesh
+    if held.component >= 0:
+        nodes = np.unique(mesh.corners(faces))
+        return [_rigid_rows(mesh.x[nodes], held.component)]
+    # Planes and cylinders are held along their normals.
+    normals = mesh.normals(faces)
+    result = []
+    for column in mesh.corners(faces).T:
+        rows = [_rigid_rows(mesh.x[column], i) * normals[:, i, None] for i in range(mesh.d)]
+        result.append(np.sum(rows, axis=0))
+    return result
 
 
 def _rigid_rows(x: np.ndarray, component: int) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from erc_contact.base.exceptions import InputError
-from namedmesh.deck_mesh import Card
+from namedmesh.for_solvers import Card
 
 
 @dataclass(frozen=True)

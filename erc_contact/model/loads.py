@@ -95,6 +95,9 @@ def _density(space: Space, load: Load) -> Ufl:
         values = space.evaluate(density, points, entities)
         if not np.isfinite(space.extremes(values)).all():
             raise InputError(f"{what} is not finite everywhere; look at its callables.")
+    region = getattr(load, "region", None)
+    if region is not None:
+        density = space.indicator(space.domain.region(region)) * density
     return space.on_meridian(density)
 
 

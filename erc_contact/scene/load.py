@@ -13,7 +13,13 @@ from typing import ClassVar, Protocol
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
-from erc_contact.scene.checks import Vector, check_name, check_value, check_vector
+from erc_contact.scene.checks import (
+    Vector,
+    check_name,
+    check_region,
+    check_value,
+    check_vector,
+)
 
 LOAD_MEMBERS = ("facets", "parameters", "density")
 """Names of the members of a load."""
@@ -105,25 +111,28 @@ class Traction:
 
 @dataclass(frozen=True)
 class BodyForce:
-    """Declare a force per volume f in the whole body [force/volume].
+    """Declare a force per volume f in the body [force/volume].
 
     Args:
         value: Vector of numbers or callables, or one callable of x that returns a
             vector.
+        region: Name of the cell region that has it; None for the whole body.
 
     Example:
         >>> weight = ec.BodyForce((0.0, -78.5e-6))
         >>> steel = ec.Elastic(E=210e3, nu=0.3)
         >>> ec.Scene(steel, supports=scene.supports, loads=[weight])
-        Scene(...loads=(BodyForce(value=(0.0, -7.85e-05)),)...)
+        Scene(...loads=(BodyForce(value=(0.0, -7.85e-05), region=None),)...)
     """
 
     value: Vector
+    region: str | None = None
     facets: ClassVar[None] = None
     parameters: ClassVar[tuple[str, ...]] = ("value",)
 
     def __post_init__(self) -> None:
         """Check the vector."""
+        check_region("BodyForce", self.region)
         check_vector("BodyForce", self.value)
         if not callable(self.value):
             object.__setattr__(self, "value", tuple(self.value))

@@ -30,7 +30,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
         words = _object(support) if is_rigid else f"displacement {_vector(support.value)}"
         rows.append((support.facets, words))
     for load in scene.loads:
-        rows.append((load.facets or "whole body", _object(load)))
+        region = getattr(load, "region", None)
+        rows.append((load.facets or region or "whole body", _object(load)))
     for spring in scene.springs:
         rows.append((spring.facets, _object(spring)))
     for strain in scene.strains:

@@ -41,7 +41,7 @@ MOVERS = ("IMPERFECTION", "ADJUST", "MODEL CHANGE")
 
 
 @dataclass
-class Space:
+class DeckSpace:
     """Hold the numbers and sets of a part in the assembly, or of all of a file.
 
     Attributes:
@@ -65,7 +65,7 @@ class Space:
     spelling: dict[str, str] = field(default_factory=dict)
     hidden: set[str] = field(default_factory=set)
     listed: set[str] = field(default_factory=set)
-    inner: dict[str, Space] = field(default_factory=dict)
+    inner: dict[str, DeckSpace] = field(default_factory=dict)
     cards: list[Card] = field(default_factory=list)
 
     def rows(self, word: str, *, nodes: bool) -> Sequence[int]:
@@ -83,7 +83,7 @@ class Space:
 
 
 @dataclass(frozen=True)
-class Elements:
+class ElementCard:
     """Hold the elements of a card: type, row of the first, whether solids."""
 
     kind: str
@@ -99,9 +99,9 @@ class Tables:
     points: list[np.ndarray] = field(default_factory=list)
     node_count: int = 0
     element_count: int = 0
-    blocks: list[Elements] = field(default_factory=list)
+    blocks: list[ElementCard] = field(default_factory=list)
     left_out: Counter[str] = field(default_factory=Counter)
-    spaces: list[Space] = field(default_factory=list)
+    spaces: list[DeckSpace] = field(default_factory=list)
     surfaces: dict[str, list[tuple[np.ndarray, int | None]]] = field(default_factory=dict)
     node_surfaces: dict[str, list[int]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -117,10 +117,10 @@ def tables_of(cards: list[Card]) -> Tables:
     mesh = Tables()
     for keyword in sorted({card.keyword for card in cards if card.keyword in MOVERS}):
         mesh.notes.append(f"*{keyword}, which changes the mesh, is not followed")
-    root = Space()
+    root = DeckSpace()
     mesh.spaces.append(root)
     for name, (part, shift, own_cards) in assembly.items():
-        space = Space(name)
+        space = DeckSpace(name)
         root.inner[name.upper()] = space
         mesh.spaces.append(space)
         _load(mesh, space, [*parts.get(part.upper(), []), *own_cards], shift)
@@ -168,7 +168,7 @@ def _sections(cards: list[Card]) -> tuple[dict[str, list[Card]], dict[str, Insta
     return parts, instances, outside
 
 
-def _load(mesh: Tables, space: Space, cards: list[Card], place: list[str]) -> None:
+def _load(mesh: Tables, space: DeckSpace, cards: list[Card], place: list[str]) -> None:
     """Add the cards of a part to a mesh."""
     space.cards = cards
     frame = None
@@ -215,7 +215,7 @@ def _frame(card: Card) -> Frame | None:
 
 
 def _add_nodes(
-    mesh: Tables, space: Space, card: Card, frame: Frame | None, place: list[str]
+    mesh: Tables, space: DeckSpace, card: Card, frame: Frame | None, place: list[str]
 ) -> None:
     """Add the nodes of a card, put where an instance is.
 
@@ -263,14 +263,14 @@ def _place(x: np.ndarray, place: list[str]) -> np.ndarray:
     return x
 
 
-def _extend(space: Space, sets: dict[str, list[int]], name: str, rows: Sequence[int]) -> None:
+def _extend(space: DeckSpace, sets: dict[str, list[int]], name: str, rows: Sequence[int]) -> None:
     """Add rows to a set by its name, "" for none."""
     if name:
         space.spelling.setdefault(name.upper(), name)
         sets.setdefault(name.upper(), []).extend(rows)
 
 
-def _add_elements(mesh: Tables, space: Space, card: Card) -> None:
+def _add_elements(mesh: Tables, space: DeckSpace, card: Card) -> None:
     """Add the elements of a card, or count them if they are no solids."""
     kind = card.get("TYPE").upper()
     shape, width, solid = shape_of(kind)
@@ -290,7 +290,7 @@ def _add_elements(mesh: Tables, space: Space, card: Card) -> None:
     rows = range(mesh.element_count, mesh.element_count + len(table))
     space.element_rows.update(zip(table[:, 0].tolist(), rows, strict=True))
     block = Block(shape, np.array(nodes, dtype=np.int64).reshape(-1, width))
-    mesh.blocks.append(Elements(kind, block, rows.start, solid))
+    mesh.blocks.append(ElementCard(kind, block, rows.start, solid))
     mesh.element_count += len(table)
     _extend(space, space.element_sets, card.get("ELSET"), rows)
 
@@ -308,7 +308,7 @@ def shape_of(kind: str) -> tuple[str | None, int, bool]:
     return None, 0, False
 
 
-def _add_set(space: Space, card: Card) -> None:
+def _add_set(space: DeckSpace, card: Card) -> None:
     """Add a set of nodes or elements."""
     nodes = card.keyword == "NSET"
     name = card.get(card.keyword)
@@ -333,7 +333,7 @@ def _add_set(space: Space, card: Card) -> None:
         space.hidden.add(name.upper())
 
 
-def _add_surface(mesh: Tables, space: Space, card: Card) -> None:
+def _add_surface(mesh: Tables, space: DeckSpace, card: Card) -> None:
     """Add a surface of faces of elements, or of nodes."""
     name = card.get("NAME")
     by_nodes = card.get("TYPE").upper() == "NODE"

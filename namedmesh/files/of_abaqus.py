@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from namedmesh.files.abaqus_cards import cards_of
-from namedmesh.files.abaqus_tables import Space, Tables, tables_of
+from namedmesh.files.abaqus_tables import DeckSpace, Tables, tables_of
 from namedmesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, NodeSet, pad
 from namedmesh.files.sets import list_names
 
@@ -147,7 +147,7 @@ def _sets(mesh: Tables, begins: np.ndarray) -> tuple[list[ElementSet], list[Node
     return element_sets, node_sets
 
 
-def _names_of_several(spaces: Sequence[Space]) -> set[str]:
+def _names_of_several(spaces: Sequence[DeckSpace]) -> set[str]:
     """Return the names that sets of several instances have."""
     counts: Counter[str] = Counter()
     for space in spaces:
@@ -155,7 +155,7 @@ def _names_of_several(spaces: Sequence[Space]) -> set[str]:
     return {name for name, count in counts.items() if count > 1}
 
 
-def _name_of(space: Space, name: str, several: set[str]) -> str:
+def _name_of(space: DeckSpace, name: str, several: set[str]) -> str:
     """Return the name of a set, with the name of its instance if several have it."""
     spelled = space.spelling.get(name, name)
     return f"{space.name}.{spelled}" if space.name and name in several else spelled

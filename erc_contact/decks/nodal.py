@@ -1,0 +1,96 @@
+"""Hold values at the nodes of a deck, linear in its simplices, as a callable of x."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree  # type: ignore[import-untyped]
+
+from erc_contact.base.ufl_tables import TableData, TableValue
+
+NEAREST = 24
+"""Number of simplices that are tried for a point, nearest middles first."""
+AT_ONCE = 20000
+"""Number of points that are worked on at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodalTable:
+    """Hold values at nodes, which scenes take as a callable of x.
+
+    It is linear in the simplices of the deck's mesh, whatever the mesh of the scene;
+    beyond them the nearest simplex goes on.
+
+    Attributes:
+        x: The nodes [length], shape (n, d).
+        simplices: Their corners, shape (m, d+1).
+        values: Values at the nodes, shape (n,).
+    """
+
+    x: np.ndarray
+    simplices: np.ndarray
+    values: np.ndarray
+
+    def __call__(self, x: Any) -> Any:
+        """Return the value at a position, UFL."""
+        coordinates = [x[i] for i in range(self.x.shape[1])]
+        return TableValue(*coordinates, TableData(self, self._digest))
+
+    def __repr__(self) -> str:
+        """Describe the table in a line."""
+        return f"<values at {len(self.x)} nodes>"
+
+    def times(self, factor: float) -> NodalTable:
+        """Return the values times a factor."""
+        return NodalTable(self.x, self.simplices, factor * self.values)
+
+    @cached_property
+    def _digest(self) -> str:
+        """Return a text that tells these numbers from other numbers."""
+        code = b"|".join(array.tobytes() for array in (self.x, self.simplices, self.values))
+        return hashlib.sha256(code).hexdigest()[:16]
+
+    @property
+    def kinks(self) -> list[np.ndarray]:
+        """Return the coordinates of the nodes along each axis."""
+        return [np.unique(self.x[:, i]) for i in range(self.x.shape[1])]
+
+    @cached_property
+    def _tree(self) -> Any:
+        """Return a tree of the middles of the simplices."""
+        return cKDTree(self.x[self.simplices].mean(axis=1))
+
+    @cached_property
+    def _maps(self) -> np.ndarray:
+        """Return the maps to barycentric coordinates but the first, (m, d, d)."""
+        corners = self.x[self.simplices]
+        return np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+
+    def interpolated(self, places: np.ndarray, slope: int | None = None) -> np.ndarray:
+        """Evaluate the values, or a slope of them, at places (..., d)."""
+        flat = places.reshape(-1, places.shape[-1])
+        parts = []
+        for begin in range(0, len(flat), AT_ONCE):
+            parts.append(self._at(flat[begin : begin + AT_ONCE], slope))
+        result = np.concatenate([np.empty(0), *parts])
+        return result.reshape(places.shape[:-1])
+
+    def _at(self, places: np.ndarray, slope: int | None) -> np.ndarray:
+        """Evaluate at places (n, d)."""
+        count = min(NEAREST, len(self.simplices))
+        _, near = self._tree.query(places, k=[*range(1, count + 1)])
+        origin = self.x[self.simplices[near, 0]]
+        later = np.einsum("nkij,nkj->nki", self._maps[near], places[:, None] - origin)
+        weights = np.concatenate([1.0 - later.sum(axis=2, keepdims=True), later], axis=2)
+        # The simplex that has the place, or is left least.
+        best = weights.min(axis=2).argmax(axis=1)
+        rows = np.arange(len(places))
+        values = self.values[self.simplices[near[rows, best]]]
+        if slope is None:
+            return np.einsum("nk,nk->n", weights[rows, best], values)
+        along = self._maps[near[rows, best], :, slope]
+        return np.einsum("nk,nk->n", along, values[:, 1:] - values[:, :1])

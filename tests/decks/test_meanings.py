@@ -1,0 +1,196 @@
+"""What single cards mean, on a column of two hexahedra of 10 x 10 x 10."""
+
+import numpy as np
+import pytest
+
+import erc_contact as ec
+
+E, NU = 1000.0, 0.0
+MESH = """*NODE, NSET=Nall
+1, 0, 0, 0
+2, 10, 0, 0
+3, 10, 10, 0
+4, 0, 10, 0
+5, 0, 0, 10
+6, 10, 0, 10
+7, 10, 10, 10
+8, 0, 10, 10
+9, 0, 0, 20
+10, 10, 0, 20
+11, 10, 10, 20
+12, 0, 10, 20
+20, 5, 5, 20
+21, 5, 5, 20
+*ELEMENT, TYPE=C3D8, ELSET=Lower
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*ELEMENT, TYPE=C3D8, ELSET=Upper
+2, 5, 6, 7, 8, 9, 10, 11, 12
+*ELSET, ELSET=Eall
+Lower, Upper
+*NSET, NSET=Foot, GENERATE
+1, 4, 1
+*NSET, NSET=Head, GENERATE
+9, 12
+*SURFACE, NAME=Top
+2, S2
+*MATERIAL, NAME=M
+*ELASTIC
+1000., 0.
+"""
+SECTION = "*SOLID SECTION, ELSET=Eall, MATERIAL=M\n"
+
+
+def step(cards, heading="*STEP", static="*STATIC"):
+    """The text of a step."""
+    return f"{heading}\n{static}\n{cards}\n*END STEP\n"
+
+
+FIXED = "*BOUNDARY\nFoot, 1, 3\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Function that reads a deck from text after its mesh."""
+
+    def read_text(text, section=SECTION, **options):
+        path = tmp_path / "job.inp"
+        path.write_text(MESH + section + text)
+        return ec.read_deck(path, **options)
+
+    return read_text
+
+
+def risen(deck, t=None):
+    """Rise of the top."""
+    scene = deck.scene if t is None else deck.scene_at(t)
+    return ec.solve(scene, deck.domain, degree=2).at((5.0, 5.0, 20.0)).displacement[0, 2]
+
+
+def test_loads_ramp_hold_and_are_replaced(read):
+    pulls = [step(FIXED + "*DSLOAD\nTop, P, -10."), step("*DSLOAD\nTop, P, -30.")]
+    deck = read("".join(pulls) + step("*DSLOAD, OP=NEW"))
+    found = [risen(deck, t) for t in (0.5, 1.0, 1.5, 2.0, 2.5)]
+    assert np.allclose(found, [0.1, 0.2, 0.4, 0.6, 0.3])
+    assert not deck.scene.loads
+    assert deck.times == [1.0, 2.0, 3.0]
+
+
+def test_forces_on_nodes_are_replaced_too(read):
+    one = step(FIXED + "*CLOAD\nHead, 3, 250.")
+    deck = read(one + step("*CLOAD\n9, 3, 500.\n10, 3, 500.\n11, 3, 500.\n12, 3, 500."))
+    assert np.allclose([risen(deck, 1.0), risen(deck, 2.0)], [0.2, 0.4])
+    with pytest.raises(ec.InputError, match="a part of what"):
+        read(one + step("*CLOAD\n9, 3, 500."))
+
+
+def test_amplitudes_jumps_and_periods(read):
+    table = "*AMPLITUDE, NAME=A\n0., 0., 1., 2., 4., 0.\n"
+    deck = read(
+        table + step(FIXED + "*DSLOAD, AMPLITUDE=A\nTop, P, -10.", static="*STATIC\n1., 4.")
+    )
+    assert deck.times == [4.0]
+    assert np.allclose([risen(deck, 1.0), risen(deck, 2.5)], [0.4, 0.2])
+    deck = read(step(FIXED + "*DSLOAD\nTop, P, -10.", "*STEP, AMPLITUDE=STEP"))
+    assert np.isclose(risen(deck, 0.5), 0.2)
+
+
+def test_supports_end_with_op_new(read):
+    held = step(FIXED + "Head, 3, 3, 0.5")
+    freed = step("*BOUNDARY, OP=NEW\nFoot, 1, 3\n*DSLOAD\nTop, P, -10.")
+    deck = read(held + freed)
+    assert np.isclose(risen(deck, 1.0), 0.5)
+    assert np.isclose(risen(deck, 2.0), 0.2)
+
+
+def test_prescribed_values_that_are_linear(read):
+    lines = "9, 3, 3, 0.\n10, 3, 3, 0.1\n11, 3, 3, 0.1\n12, 3, 3, 0.\n"
+    deck = read(step(FIXED + lines))
+    value = deck.scene.supports[-1].value[2]
+    assert np.isclose(value(np.array([5.0, 5.0, 20.0])), 0.05)
+
+
+def test_weight_of_regions_of_their_own(read):
+    light = "*DENSITY\n1.\n*MATERIAL, NAME=HEAVY\n*ELASTIC\n1000., 0.\n*DENSITY\n3.\n"
+    sections = (
+        "*SOLID SECTION, ELSET=Lower, MATERIAL=M\n*SOLID SECTION, ELSET=Upper, MATERIAL=HEAVY\n"
+    )
+    deck = read(step(FIXED + "*DLOAD\nEall, GRAV, 0.1, 0., 0., -1."), light + sections)
+    assert {load.region for load in deck.scene.loads} == {"Lower", "Upper"}
+    # Stress: 3 at the middle, 4 at the foot; strain integrated along the column.
+    assert np.isclose(risen(deck), -(1.5 * 10 + 3.5 * 10) / E)
+
+
+def test_a_shaft_that_spins(read):
+    """Inertia along x from the axis z through (0, 5, 0): stress at x = 0 and rise at 10."""
+    density = "*DENSITY\n2.\n"
+    side = "*NSET, NSET=Axis\n1, 4, 5, 8, 9, 12\n"
+    cards = side + "*BOUNDARY\nAxis, 1, 1\n"
+    spun = step(cards + "*DLOAD\nEall, CENTRIF, 0.01, 0., 5., 0., 0., 0., 1.")
+    deck = read(spun, density + SECTION)
+    far = ec.solve(deck.scene, deck.domain, degree=2).at((10.0, 5.0, 10.0)).displacement[0, 0]
+    assert np.isclose(far, 2.0 * 0.01 * 10**3 / (3 * E), rtol=0.05)
+
+
+def test_a_plane_across_a_local_axis(read):
+    """The foot is a plane across the local axis x, which is z."""
+    turned = "*TRANSFORM, NSET=Foot, TYPE=R\n0., 0., 1., 1., 0., 0.\n"
+    deck = read(turned + step("*BOUNDARY\nFoot, 1, 1\n*DSLOAD\nTop, P, -10."))
+    assert deck.scene.supports[0].value == (None, None, 0.0)
+
+
+def test_temperatures_at_nodes(read):
+    heat = "*EXPANSION\n1.E-3\n"
+    warm = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNall, 20.\n"
+    linear = step(FIXED + "*TEMPERATURE\nFoot, 20.\n5, 30.\n6, 30.\n7, 30.\n8, 30.\nHead, 40.")
+    deck = read(warm + linear, heat + SECTION)
+    (strain,) = deck.scene.strains
+    assert np.isclose(strain.temperature(np.array([0.0, 0.0, 20.0])), 20.0)
+    bent = step(FIXED + "*TEMPERATURE\nHead, 40.")
+    deck = read(warm + bent, heat + SECTION)
+    (strain,) = deck.scene.strains
+    places = np.array([[5.0, 5.0, 5.0], [3.0, 2.0, 15.0], [5.0, 5.0, 20.0]])
+    assert np.allclose(strain.temperature.interpolated(places), [0.0, 10.0, 20.0])
+    assert np.allclose(strain.temperature.interpolated(places[1:2], 2), [2.0])
+    # The head is free: it rises by the strain of heat about the axis.
+    assert 0.1 < risen(deck) < 0.15
+
+
+def test_a_shared_force_and_a_moment(read):
+    coupled = "*COUPLING, REF NODE=20, SURFACE=Top, CONSTRAINT NAME=C\n*DISTRIBUTING\n1, 3\n"
+    deck = read(coupled + step(FIXED + "*CLOAD\n20, 3, 1000.\n20, 4, 2000."))
+    solution = ec.solve(deck.scene, deck.domain, degree=2)
+    force = solution.force("Foot")
+    assert np.allclose(force.force, (0.0, 0.0, -1000.0), atol=1e-8)
+    about_axis = np.array(force.moment) - np.cross((5.0, 5.0, 0.0), force.force)
+    assert np.allclose(about_axis, (-2000.0, 0.0, 0.0), atol=1e-6)
+
+
+def test_a_coupled_face_moves_as_its_node(read):
+    coupled = "*COUPLING, REF NODE=20, SURFACE=Top, CONSTRAINT NAME=C\n*KINEMATIC\n1, 6\n"
+    deck = read(coupled + step(FIXED + "*BOUNDARY\n20, 1, 2\n20, 4, 6\n*CLOAD\n20, 3, 1000."))
+    assert np.isclose(risen(deck), 0.2)
+
+
+@pytest.mark.parametrize(("normal", "sign"), [("", 1), ("0., 0., 1.", 1), ("0., 0., -1.", -1)])
+def test_the_sign_of_a_pretension(normal, sign, read):
+    """A positive force along the outward normal of the elements of the cut is tension."""
+    cut = f"*SURFACE, NAME=Cut\n1, S2\n*PRE-TENSION SECTION, SURFACE=Cut, NODE=21\n{normal}\n"
+    deck = read(cut + step(FIXED + "Head, 1, 3\n*CLOAD\n21, 1, 500."))
+    assert deck.scene.ties[0].force == sign * 500.0
+    assert list(deck.domain.regions) == ["Lower", "Upper"]
+
+
+def test_plasticity_with_linear_hardening(read):
+    plastic = "*PLASTIC\n5., 0.\n15., 0.1\n"
+    deck = read(step("*BOUNDARY\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."), plastic + SECTION)
+    assert deck.scene.material.hardening == 100.0
+    assert np.isclose(risen(deck), 20 * (10 / E + 5 / 100), rtol=1e-6)
+
+
+def test_a_layer_of_elements_that_is_held_across(read):
+    """All nodes are held along y: both planes across y are."""
+    deck = read(step("*BOUNDARY\nNall, 2, 2\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."))
+    held = [support for support in deck.scene.supports if support.value[1] == 0.0]
+    (part,) = {support.facets for support in held}
+    normals = deck.domain.parts()
+    assert np.isclose(normals["area"][normals["name"].index(part)], 400.0)
