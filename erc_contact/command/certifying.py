@@ -17,9 +17,9 @@ from erc_contact.error.certify import ADVICE, Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
 from erc_contact.output.gallery import Gallery
-from erc_contact.output.pictures_of_error import add_error
 from erc_contact.output.report import write_report
 from erc_contact.output.verdict import verdict
+from erc_contact.run.history import add_error
 from namedmesh.base.html import table
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows

@@ -17,14 +17,17 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.slip_share import small_slips
+from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
+from erc_contact.output.deformed import add_near, draw_deformed
+from erc_contact.output.foundations import STILL_SHARE
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.paraview import write_fields
-from erc_contact.output.pictures_of_error import add_error
+from erc_contact.output.pictures import add_states, draw_error
 from erc_contact.output.report import keep_domain, run_as_code, write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
-from erc_contact.results import Force, Maximum, Values
+from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.columns import Column, header, line, page_rows
 from erc_contact.run.result import RunResult
@@ -261,6 +264,39 @@ class History(RunResult):
         title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
         tables = {"Meshes": self._table()}
         write_report(self, folder / "report.html", title, tables, gallery, **more)
+
+
+def add_error(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
+    """Draw all pictures of an error that show something; collective.
+
+    An exact solution has no map of its error, and a body that does not move is not
+    drawn deformed.
+
+    Args:
+        gallery: The gallery.
+        error: The error.
+        code: The error as a user writes it.
+    """
+    if error.maximum("displacement").value > STILL_SHARE * error.domain.extent:
+        words = "The deformed body."
+        line = f'erc_contact.output.draw_deformed({code}, "deformed.png")'
+        gallery.add("deformed.png", words, line, partial(draw_deformed, error), is_body=True)
+    model = error.model
+    for joint in (*model.contacts, *model.ties):
+        name = joint.name
+        kind = "tied joint" if joint in model.ties else "contact"
+        if np.any(error.profile(name)["status"] != OPEN):
+            words = f"Traction on the {kind} {joint.title}, of the admissible stress."
+            file = f"contact_{file_stem(name)}.png"
+            line = f"erc_contact.output.plot_contact({code}, {name!r}, {file!r})"
+            gallery.add(file, words, line, partial(plot_contact, error.admissible, name))
+    for contact in model.contacts:
+        add_near(gallery, error, contact.name, code)
+    add_states(gallery, error, code)
+    if error.absolute > 0:
+        words = "Share of each element in eps."
+        line = f'erc_contact.output.draw_error({code}, "error_map.png")'
+        gallery.add("error_map.png", words, line, partial(draw_error, error), is_body=True)
 
 
 def _write_profile(comm: MPI.Comm, profile: np.ndarray, path: Path) -> None:
