@@ -26,7 +26,7 @@ from namedmesh.files.displacements import edge_nodes
 from namedmesh.files.faces import Faces, faces_of
 from namedmesh.files.file_mesh import SHAPES, ElementSet, FacetSet, FileMesh
 from namedmesh.files.of_abaqus import FACES, blocks_of
-from namedmesh.files.simplices import split
+from namedmesh.files.simplices import Simplices, split
 from namedmesh.graphs import components
 from namedmesh.simplex import measures
 
@@ -287,6 +287,14 @@ class DeckMesh:
         different = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
         return triangles[different]
 
+    def owners_of_simplices(self, faces: np.ndarray) -> np.ndarray:
+        """Return the place in ``faces`` of each of their edges or triangles, (m,)."""
+        if self.d == 2:
+            return np.arange(len(faces))
+        triangles = self.faces.triangles(self.row_of_face[faces])
+        different = (np.diff(np.sort(triangles, axis=2), axis=2) > 0).all(axis=2)
+        return np.nonzero(different)[0]
+
     def measures(self, faces: np.ndarray) -> np.ndarray:
         """Return lengths or areas of edges or triangles of faces, shape (m,)."""
         return np.asarray(measures(self.x[self.simplices(faces)]))
@@ -316,6 +324,16 @@ class DeckMesh:
             middles[numbers] = self.x[block.nodes].mean(axis=1)
         return middles
 
+    @cached_property
+    def simplicial(self) -> Simplices:
+        """Return the simplices into which the cells are split."""
+        return split(self.body, self.faces)
+
+    def corners_of_cells(self, cells: np.ndarray) -> np.ndarray:
+        """Return the corners of the simplices of cells [length], shape (m, d+1, d)."""
+        inside = np.isin(self.simplicial.parents, cells)
+        return self.simplicial.x[self.simplicial.cells[inside]]
+
     def with_values(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return points, corners of simplices, and values at all points.
 
@@ -324,7 +342,7 @@ class DeckMesh:
         Args:
             values: Values at the points of the deck, shape (n,).
         """
-        simplices = split(self.body, self.faces)
+        simplices = self.simplicial
         of_cells = np.zeros(self.body.count)
         for block, numbers in zip(self.body.cells, self.body.numbers, strict=True):
             of_cells[numbers] = values[block.nodes].mean(axis=1)

@@ -255,5 +255,9 @@ def _first_line(node: ast.FunctionDef) -> int:
 def _name(value: Any) -> str:
     """Return the name of the type of a value in code."""
     kind = type(value)
-    is_ours = kind.__module__.split(".")[0] in ("erc_contact", "namedmesh")
-    return f"ec.{kind.__name__}" if is_ours else kind.__name__
+    root, *inside = kind.__module__.split(".")
+    if root not in ("erc_contact", "namedmesh"):
+        return kind.__name__
+    # What is not public stands in its module.
+    is_public = hasattr(sys.modules["erc_contact"], kind.__name__)
+    return ".".join(["ec", *([] if is_public else inside), kind.__name__])

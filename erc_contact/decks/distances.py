@@ -32,6 +32,11 @@ class DrawnDistance:
     there: np.ndarray
     beside: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Make arrays of lists, as code has them."""
+        for name in ("here", "there"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name)))
+
     def __call__(self, x: Any) -> Any:
         """Return the distance at a position, UFL."""
         return self.beside + TableValue(x[0], x[1], x[2], TableData(self, self._digest))

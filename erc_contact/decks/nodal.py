@@ -35,6 +35,11 @@ class NodalTable:
     simplices: np.ndarray
     values: np.ndarray
 
+    def __post_init__(self) -> None:
+        """Make arrays of lists, as code has them."""
+        for name in ("x", "simplices", "values"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name)))
+
     def __call__(self, x: Any) -> Any:
         """Return the value at a position, UFL."""
         coordinates = [x[i] for i in range(self.x.shape[1])]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.decks.balance import unbalanced_bodies
 from erc_contact.decks.claims import INNER, Claims
 from erc_contact.decks.grips import (
     claim_cuts,
@@ -15,6 +16,7 @@ from erc_contact.decks.grips import (
     plan_grips,
     shared_forces,
 )
+from erc_contact.decks.histories import Entry
 from erc_contact.decks.loads import (
     LoadedFaces,
     heat_of,
@@ -28,6 +30,7 @@ from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radi
 from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.regions import regions_of
 from erc_contact.decks.sides import (
+    Pair,
     claim_sides,
     faces_of_pairs,
     free_of_loads,
@@ -35,11 +38,13 @@ from erc_contact.decks.sides import (
     pairs_of,
     plan_pairs,
 )
-from erc_contact.decks.supports import RADIAL, SYMMETRY, HeldFaces, held_faces
+from erc_contact.decks.supports import NO_FORCE, RADIAL, SYMMETRY, HeldFaces, held_faces
 from erc_contact.scene.material import AXISYMMETRIC
 
 Members = dict[str, np.ndarray]
 """Name of each part -> its faces, or of each region -> its cells."""
+NONE = np.empty(0, dtype=np.int64)
+"""No faces."""
 EVEN = 1e-9
 """Difference of unit normals that is none [-]."""
 
@@ -53,6 +58,7 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     told = reading.told
     reading.mesh = adjusted(reading)
     hypothesis = hypothesis_of(reading)
+    reading.is_ring = hypothesis == AXISYMMETRIC
     thickness = thickness_of(reading, hypothesis)
     temperature = temperature_of(reading)
     regions, cards = regions_of(reading)
@@ -65,11 +71,12 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     held = held_faces(reading)
     grips = gripped_faces(reading)
     free_of_supports(reading, pairs, held)
-    is_ring = hypothesis == AXISYMMETRIC
     sides = faces_of_pairs(pairs)
-    loads = loaded_faces(reading, held, sides, ring=is_ring, thickness=thickness)
+    loads = loaded_faces(reading, held, sides, ring=reading.is_ring, thickness=thickness)
     loads += shared_forces(reading, grips, thickness)
     free_of_loads(reading, pairs, loads)
+    volumes = volumes_of(reading, regions, cards)
+    _check_balance(reading, pairs, loads, volumes, regions)
     if told.refused:
         return plan, {}, {}
     known = _known_sets(reading)
@@ -86,10 +93,34 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     plan_grips(plan, reading, grips, [names[i] for i in of_grips])
     plan_cuts(plan, reading, regions, [names[i] for i in of_cuts])
     plan_pairs(plan, reading, pairs, parts, names)
-    plan.entries["volume"] = volumes_of(reading, regions, cards)
+    plan.entries["volume"] = volumes
     if any(plan.alphas.values()):
         plan.entries["heat"] = heat_of(reading)
     return plan, regions, parts
+
+
+def _check_balance(
+    reading: DeckReading,
+    pairs: list[Pair],
+    loads: list[LoadedFaces],
+    volumes: list[Entry],
+    regions: Members,
+) -> None:
+    """Refuse points that were left out where they would carry the loads."""
+    if reading.loose is None:
+        return
+    card, shown, free = reading.loose
+    # What a contact carries is not known before the solution.
+    sides = [side.faces for pair in pairs for side in pair.sides]
+    in_pairs = reading.mesh.bodies[reading.mesh.cell_of_face[np.concatenate([NONE, *sides])]]
+    alone = {body: motions for body, motions in free.items() if body not in in_pairs}
+    every = np.concatenate(reading.mesh.body.numbers)
+    in_body = []
+    for entry in volumes:
+        region = entry.what.region
+        in_body.append((entry, every if region is None else regions[region], entry.what.value))
+    if unbalanced_bodies(reading, loads, in_body, alone, ring=reading.is_ring):
+        reading.told.refuse(card, f"nodes {shown} {NO_FORCE}")
 
 
 def _known_sets(reading: DeckReading) -> Members:

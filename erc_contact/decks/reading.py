@@ -187,6 +187,9 @@ class DeckReading:
         told: What became of its cards.
         penalty: "hard" or "kept": what a pressure over an overclosure is.
         steps: Its steps, with what they prescribe.
+        is_ring: Whether the body is axisymmetric.
+        loose: Card and numbers of points that are left out as they stop rigid motions
+            alone, and the motions of each body that faces leave free.
         current: What the cards belong to that come next: a material, an interaction, a
             coupling.
     """
@@ -195,6 +198,8 @@ class DeckReading:
     told: Told
     penalty: str
     steps: Steps = field(default_factory=Steps)
+    is_ring: bool = False
+    loose: tuple[Card, str, dict[int, np.ndarray]] | None = None
     current: Any = None
     materials: dict[str, MaterialCards] = field(default_factory=dict)
     sections: list[SolidSection] = field(default_factory=list)

@@ -20,6 +20,11 @@ FLAT = 1e-6
 """Sine of an angle that is none [-]."""
 DIGITS = 6
 """Digits to which directions of motions are compared."""
+NO_FORCE = (
+    "are held as points, which carry no force in a continuum: hold a set of nodes that has whole "
+    "faces."
+)
+"""What is said of points that would carry a force."""
 RANK = 1e-9
 """Singular value that is none, as a share of the greatest [-]."""
 
@@ -96,8 +101,10 @@ def held_faces(reading: DeckReading) -> list[HeldFaces]:
             continue
         if len(faces):
             result.append(HeldFaces(name, faces, held.component - 1, value, entry))
-        if not on_faces.all():
-            points.append((entry, nodes[~on_faces], held.component - 1))
+        # On the axis of a ring the radial displacement is zero anyhow.
+        is_on_axis = reading.is_ring & (held.component == 1) & (mesh.x[nodes, 0] == 0.0)
+        if not (on_faces | is_on_axis).all():
+            points.append((entry, nodes[~on_faces & ~is_on_axis], held.component - 1))
     _check_points(reading, result, points)
     return result
 
@@ -235,26 +242,26 @@ def _check_points(
     numbers = sorted({int(mesh.numbers[node]) for _, nodes, _ in left for node in nodes[:4]})
     shown = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
     moved = any(entry.what.values.any() for entry, _, _ in left)
-    if moved or not _stop_rigid_motions_alone(reading, result, left):
-        reading.told.refuse(
-            first.card,
-            f"nodes {shown} are held as points, which carry no force in a continuum: hold a set "
-            "of nodes that has whole faces.",
-        )
+    motions = None if moved else _motions_that_points_stop(reading, result, left)
+    if motions is None:
+        reading.told.refuse(first.card, f"nodes {shown} {NO_FORCE}")
         return
+    reading.loose = (first.card, shown, motions)
     reading.told.assume(
         first.card,
         f"nodes {shown} stop rigid motions alone: they are left out, and their reactions are zero",
     )
 
 
-def _stop_rigid_motions_alone(
+def _motions_that_points_stop(
     reading: DeckReading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
-) -> bool:
-    """Tell whether points hold each rigid motion once that faces leave free.
+) -> dict[int, np.ndarray] | None:
+    """Return the rigid motions of bodies with points that faces leave free.
 
-    Only then loads in balance cause no reactions there.
+    It is None unless points hold each of these motions once: only then loads in balance
+    cause no reactions there.
     """
+    found = {}
     mesh = reading.mesh
     body_of_node = mesh.body_of_node
     for body in np.unique(body_of_node[body_of_node >= 0]):
@@ -265,20 +272,24 @@ def _stop_rigid_motions_alone(
         rows_of_points = []
         for _, points, component in left:
             nodes = points[body_of_node[points] == body]
-            rows_of_points.append(_rigid_rows(mesh.x[nodes], component))
+            rows_of_points.append(_rigid_rows(mesh.x[nodes], component, ring=reading.is_ring))
         count = 3 if mesh.d == 2 else 6
         of_faces = np.concatenate([np.empty((0, count)), *rows_of_faces])
         of_points = np.concatenate([np.empty((0, count)), *rows_of_points])
         free = _null_space(of_faces, count)
+        if reading.is_ring:
+            free = free[:, abs(free[1]) > RANK]
         acting = of_points @ free
         size = np.linalg.norm(acting, axis=1)
         if (size <= RANK * abs(of_points).max(initial=0.0)).any():
-            return False  # it resists a strain alone
+            return None  # it resists a strain alone
         # Points on a line across a plane problem say the same.
         distinct = np.unique(np.round(acting / size[:, None], DIGITS), axis=0)
         if len(distinct) and len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
-            return False
-    return True
+            return None
+        if len(of_points):
+            found[int(body)] = free
+    return found
 
 
 def _rows_of_faces(reading: DeckReading, held: HeldFaces, faces: np.ndarray) -> list[np.ndarray]:
@@ -286,21 +297,29 @@ def _rows_of_faces(reading: DeckReading, held: HeldFaces, faces: np.ndarray) -> 
     mesh = reading.mesh
     if held.component >= 0:
         nodes = np.unique(mesh.corners(faces))
-        return [_rigid_rows(mesh.x[nodes], held.component)]
+        return [_rigid_rows(mesh.x[nodes], held.component, ring=reading.is_ring)]
     # Planes and cylinders are held along their normals.
     normals = mesh.normals(faces)
     result = []
     for column in mesh.corners(faces).T:
-        rows = [_rigid_rows(mesh.x[column], i) * normals[:, i, None] for i in range(mesh.d)]
+        rows = [
+            _rigid_rows(mesh.x[column], i, ring=reading.is_ring) * normals[:, i, None]
+            for i in range(mesh.d)
+        ]
         result.append(np.sum(rows, axis=0))
     return result
 
 
-def _rigid_rows(x: np.ndarray, component: int) -> np.ndarray:
-    """Return a component of all rigid motions at points, shape (n, 3 or 6)."""
+def _rigid_rows(x: np.ndarray, component: int, *, ring: bool) -> np.ndarray:
+    """Return a component of all rigid motions at points, shape (n, 3 or 6).
+
+    Rings move along their axis alone.
+    """
     n, d = x.shape
     shifts = np.zeros((n, d))
     shifts[:, component] = 1.0
+    if ring:
+        return np.column_stack([0 * x[:, 0], shifts[:, 1], 0 * x[:, 0]])
     if d == 2:
         turn = -x[:, 1] if component == 0 else x[:, 0]
         return np.column_stack([shifts, turn])

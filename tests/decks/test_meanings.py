@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import erc_contact as ec
+from erc_contact.base.code import code_of
 
 E, NU = 1000.0, 0.0
 MESH = """*NODE, NSET=Nall
@@ -194,3 +195,13 @@ def test_a_layer_of_elements_that_is_held_across(read):
     (part,) = {support.facets for support in held}
     normals = deck.domain.parts()
     assert np.isclose(normals["area"][normals["name"].index(part)], 400.0)
+
+
+def test_the_scene_of_a_deck_is_written_as_code(read):
+    """Its code, as reports show it, makes the same scene."""
+    heat = "*EXPANSION\n1.E-3\n"
+    deck = read(step(FIXED + "*CLOAD\n9, 3, 10.\n*TEMPERATURE\nHead, 40."), heat + SECTION)
+    scene = eval(code_of(deck.scene), {"ec": ec})
+    by_code = ec.solve(scene, deck.domain).at((3.0, 4.0, 15.0)).displacement
+    by_deck = ec.solve(deck.scene, deck.domain).at((3.0, 4.0, 15.0)).displacement
+    assert np.allclose(by_code, by_deck, rtol=1e-12)

@@ -116,6 +116,7 @@ def test_an_example_for_each_kind():
         "material",
         "method",
         "strategy",
+        "woven",
     }
 
 

@@ -1,0 +1,104 @@
+"""Compute the resultants of loads on bodies, to tell whether points must carry them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.decks.affine import Affine
+from erc_contact.decks.histories import Entry
+from erc_contact.decks.loads import LoadedFaces
+from erc_contact.decks.reading import DeckReading
+from namedmesh.simplex import measures, rule
+
+DEGREE = 3
+"""Degree of the products of linear loads and arms, and the circumference."""
+UNBALANCED = 1e-6
+"""Resultant over the sum of all forces and moments that is not zero [-]."""
+
+
+def unbalanced_bodies(
+    reading: DeckReading,
+    loads: list[LoadedFaces],
+    volumes: list[tuple[Entry, np.ndarray, tuple[Affine, ...]]],
+    free: dict[int, np.ndarray],
+    *,
+    ring: bool,
+) -> list[int]:
+    """Return bodies on which the loads are not in balance in motions that are free.
+
+    Args:
+        reading: The deck.
+        loads: Loads on faces.
+        volumes: Forces per volume: entry, cells and values.
+        free: Motions of each body that faces leave free, columns of rigid motions.
+        ring: Whether the body is axisymmetric.
+    """
+    mesh = reading.mesh
+    result = []
+    for body, motions in free.items():
+        works = []
+        for load in loads:
+            faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
+            works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
+        for entry, cells, value in volumes:
+            points = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
+            works.append((entry, _work(points, value, ring=ring)))
+        for t in reading.steps.times:
+            terms = [entry.factor(t) * work for entry, work in works]
+            total, size = np.sum(terms, axis=0) if terms else (np.zeros(len(motions)), 0.0)
+            if (abs(motions.T @ total) > UNBALANCED * np.max(size)).any():
+                result.append(body)
+                break
+    return result
+
+
+def _work_on_faces(
+    reading: DeckReading, load: LoadedFaces, faces: np.ndarray, *, ring: bool
+) -> np.ndarray:
+    """Compute the work of a load on faces, as :func:`_work` returns it."""
+    mesh = reading.mesh
+    points = mesh.x[mesh.simplices(faces)]
+    if load.pressure is None:
+        return _work(points, load.traction, ring=ring)
+    inward = -mesh.normals(faces)[mesh.owners_of_simplices(faces)]
+    pressure = load.pressure
+    return _work(points, (pressure,) * mesh.d, directions=inward, ring=ring)
+
+
+def _work(
+    points: np.ndarray,
+    value: tuple[Affine, ...],
+    *,
+    directions: np.ndarray | None = None,
+    ring: bool,
+) -> np.ndarray:
+    """Compute the work of a linear load on unit rigid motions, and what it may be.
+
+    Args:
+        points: Corners of simplices [length], shape (m, k, d).
+        value: The load, d components.
+        directions: Factors of the components on each simplex, shape (m, d).
+        ring: Whether the body is axisymmetric.
+
+    Returns:
+        The work, and the integral of the absolute values, shape (2, 3 or 6).
+    """
+    d = points.shape[2]
+    places, weights = rule(points.shape[1] - 1, DEGREE)
+    local = np.column_stack([1.0 - places.sum(axis=1), places])
+    x = np.einsum("qk,mki->mqi", local, points)
+    scale = weights / weights.sum() * measures(points)[:, None]
+    if ring:
+        scale = scale * 2 * np.pi * x[:, :, 0]
+    at = np.moveaxis(x, 2, 0)
+    components = [np.broadcast_to(component(at), at.shape[1:]) for component in value]
+    force = np.stack(components, axis=2)
+    if directions is not None:
+        force = force * directions[:, None]
+    if d == 2:
+        turns = (x[:, :, 0] * force[:, :, 1] - x[:, :, 1] * force[:, :, 0])[:, :, None]
+    else:
+        turns = np.cross(x, force)
+    density = np.concatenate([force, turns], axis=2)
+    work = np.einsum("mq,mqi->i", scale, density)
+    return np.stack([work, np.einsum("mq,mqi->i", scale, abs(density))])
