@@ -58,7 +58,8 @@ def mesh_of_frd(path: Path) -> FileMesh:
             rows = places_of(numbers, result_numbers)
             values["DISP"] = np.zeros(points.shape)
             values["DISP"][rows[rows >= 0]] = table[rows >= 0]
-            time = float(lines[_head(lines, at)][TIME])
+            words_of_time = lines[_head(lines, at)][TIME].strip()
+            time = float(words_of_time) if words_of_time else None
         at += 1
     if not len(points):
         raise InputError("it has no block of nodes (2C), as results of CalculiX have.")
