@@ -102,7 +102,7 @@ def _of_nodes(
         reading.told.refuse(load.card, f"node {number} belongs to no solid element.")
         return []
     free = np.setdiff1d(mesh.within(_with_middles(reading, nodes)), sides)
-    free = free[[_is_free(held, face, forces) for face in free]] if len(free) else free
+    free = _free_faces(held, free, forces)
     result = []
     left = np.ones(len(nodes), dtype=bool)
     for faces in _connected(reading, free):
@@ -112,8 +112,7 @@ def _of_nodes(
             result.append((faces, on))
     for i in np.flatnonzero(left):
         around = np.setdiff1d(mesh.around(mesh.corners_near(nodes[i : i + 1])), sides)
-        if len(around):
-            around = around[[_is_free(held, face, forces[i : i + 1]) for face in around]]
+        around = _free_faces(held, around, forces[i : i + 1])
         if not len(around):
             reading.told.refuse(
                 load.card,
@@ -158,26 +157,23 @@ def _with_middles(reading: DeckReading, nodes: np.ndarray) -> np.ndarray:
     return np.union1d(nodes, reading.mesh.corners_near(nodes))
 
 
-def _is_free(held: list[HeldFaces], face: int, forces: np.ndarray) -> bool:
-    """Tell whether no support holds a face along forces."""
+def _free_faces(held: list[HeldFaces], faces: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return the faces among some that no support holds along forces."""
     for support in held:
-        resists = support.component < 0 or abs(forces[:, support.component]).max() > 0
-        if resists and face in support.faces:
-            return False
-    return True
+        if support.component < 0 or abs(forces[:, support.component]).max() > 0:
+            faces = np.setdiff1d(faces, support.faces)
+    return faces
 
 
 def _connected(reading: DeckReading, faces: np.ndarray) -> list[np.ndarray]:
     """Return faces in groups that are connected by common points."""
-    if not len(faces):
-        return []
     corners = reading.mesh.corners(faces)
-    links = []
-    first_of: dict[int, int] = {}
-    for i, row in enumerate(corners):
-        for node in row.tolist():
-            links.append((first_of.setdefault(node, i), i))
-    group = components(len(faces), np.array(links))
+    node = corners.ravel()
+    face = np.repeat(np.arange(len(faces)), corners.shape[1])
+    order = np.argsort(node, kind="stable")
+    is_same = np.diff(node[order]) == 0
+    links = np.column_stack([face[order][:-1][is_same], face[order][1:][is_same]])
+    group = components(len(faces), links)
     return [faces[group == number] for number in np.unique(group)]
 
 
