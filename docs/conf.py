@@ -31,6 +31,9 @@ nitpick_ignore = [
     ("py:class", f"erc_contact.{name}")  # types of members that no page is about
     for name in (
         "admissible.cells.CellGeometry",
+        "decks.plan.DeckPlan",
+        "decks.told.Note",
+        "decks.told.Told",
         "admissible.elastic.CellStress",
         "newton.distortion.Distortion",
         "model.law.constitution.Constitution",
