@@ -153,13 +153,13 @@ def _in_disc(
     """
     allowed = trial.contact.friction_set
     n = cones.n
-    of_motions = [allowed.from_disc(motion, n) for motion in np.moveaxis(motions, -1, 0)]
+    of_motions = allowed.from_disc(np.moveaxis(motions, -1, 0), n)
     return BalancePart(
         cones,
         allowed.to_disc(start, n),
         allowed.to_disc(trial.shift(cones.slope), n),
         weight,
-        np.stack(of_motions, axis=-1),
+        np.moveaxis(of_motions, 0, -1),
         modulus,
     )
 

@@ -118,9 +118,9 @@ def _of_the_time(deck: Deck, time: float, name: str) -> list[str]:
     has_friction = any(contact.friction != 0.0 for contact in deck.scene.contacts)
     if has_friction and len([end for end in deck.times if end <= time]) > 1:
         sentences.append(
-            "The deck has several steps with friction, and the error is that of an answer to the "
-            "loads at this time in one step, so that a slip to and fro before counts as an error; "
-            "`erc-contact solve` takes all steps."
+            "The deck has several steps with friction, and the error is the error of an answer to "
+            "the loads at this time in one step, so that a slip to and fro before counts as an "
+            "error; `erc-contact solve` takes all steps."
         )
     return sentences
 
@@ -199,4 +199,4 @@ def _of_forces(forces: Sequence[BoundedForce], certificate: Certificate, name: s
     known = sum(row.bounds is not None for row in forces)
     if not outside:
         return f"Forces: {known} of {len(forces)} have an interval, and {name} is in all of these."
-    return f"Forces: those of {name} on {', '.join(outside)} are outside their intervals."
+    return f"Forces: the forces of {name} on {', '.join(outside)} are outside their intervals."

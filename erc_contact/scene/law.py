@@ -13,8 +13,8 @@ finite, not negative, never decrease and be concave in p: the tractions that it 
 are then a convex set, and the error in the constitutive relation is what it is for
 Coulomb. A bilateral contact can pull: its b must not know the pressure. This is checked
 at samples when the scene meets its mesh (:mod:`erc_contact.model.promises`). In 3D the
-set of a law may be an ellipse (:mod:`erc_contact.model.contact.friction_set`), for
-which ``|r_t|`` and the direction of w_t are those of that module.
+set of a law may be an ellipse: :mod:`erc_contact.model.contact.friction_set` says what
+then takes the place of ``|r_t|`` and of the direction of w_t.
 
 Source: Coorevits, Hild, Hjiaj, equations (5)-(8), (12)-(16); the gap and the general
 bound are ours.

@@ -273,7 +273,7 @@ class ContactOnMesh:
         It is :meth:`project` of ``r - gamma w``, where w is the displacement beyond
         first touch, :meth:`jump` of u less ``g n``. Where friction is orthotropic, the
         slip is weighted as the set of allowed tractions asks, so that slip and traction
-        are those of the law.
+        fulfil the law.
 
         Args:
             r: Traction of the body, or a multiplier [force/area], UFL.

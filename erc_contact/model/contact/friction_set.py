@@ -65,11 +65,8 @@ class Disc:
         return np.linalg.norm(self.from_disc(w_t, n, facet), axis=-1)
 
     def opposing(self, w: np.ndarray, n: np.ndarray, facet: Facets = ALL) -> np.ndarray:
-        """Return vectors opposite to the friction of slips [length], shape (n, q, d).
-
-        They do not depend on which of both axes the scene names first.
-        """
-        return self.from_disc(self.from_disc(w, n, facet), n, facet)
+        """Return vectors opposite to the friction of slips [length], (n, q, d)."""
+        return w
 
     def semi_axes(self, n: np.ndarray, facet: Facets = ALL) -> list[np.ndarray]:
         """Return d - 1 tangential vectors, the semi-axes of the set of bound 1."""
@@ -133,7 +130,10 @@ class Ellipse(Disc):
         return _stretched(r, self._second_axis(n, facet), self.ratio)
 
     def opposing(self, w: np.ndarray, n: np.ndarray, facet: Facets = ALL) -> np.ndarray:
-        """Return vectors opposite to the friction of slips [length], (n, q, d)."""
+        """Return vectors opposite to the friction of slips [length], (n, q, d).
+
+        They do not depend on which of both axes the scene names first.
+        """
         first, second = self.tangents(n, facet)
         return _stretched(_stretched(w, second, self.ratio), first, 1 / self.ratio)
 
