@@ -147,6 +147,22 @@ def test_contact_part_by_other_formulas(degree):
     assert parts == pytest.approx(own, rel=0.03)
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("method", METHODS)
+def test_friction_alone_holds_a_body(method, degree):
+    """Its tractions are balanced where the ellipse is a disc, and balance the loads here."""
+    push = ec.Traction("top", (0.0006, 0.0004, -0.01))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [], [push], [ec.Contact("bottom", friction=brushed())])
+    error = error_of(scene, cube(), method=method, degree=degree)
+    (traction,) = error.admissible.tractions
+    force = traction.contact.trace.here.owned_areas @ traction.values.mean(axis=1)
+    total = error.domain.comm.allreduce(force)
+    assert total == pytest.approx(0.8 * np.array([-0.0006, -0.0004, 0.01]), rel=1e-9)
+    pressure, needed, bound = traction.in_law()
+    assert (needed - bound).max(initial=0.0) < 1e-12 * 0.01
+    assert pressure.min(initial=0.0) > -1e-12 * 0.01
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_bound_of_true_errors(degree):
