@@ -24,7 +24,7 @@ from namedmesh.base.html import table
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
-from namedmesh.files.displacements import FileField, from_file
+from namedmesh.for_solvers import FileField, from_file
 
 SAME_TIME = 1e-5
 """Relative difference of times that is none: files have six digits [-]."""
