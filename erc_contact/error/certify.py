@@ -65,7 +65,9 @@ FRACTION = 0.7
 MOST_CELLS = 100_000
 """Greatest number of cells of a mesh that is refined for a transfer."""
 LOSSLESS = 1e-3
-"""What an interpolation changes over e that is round-off of digits [-]."""
+"""What an interpolation changes over e that is none [-]."""
+DIGITS = 1e-5
+"""What it changes over the scale of eps that is the digits of a file [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,7 @@ class Certificate:
             unless u comes from a file with other cells than the mesh.
         transfer: The cost e_T of its transfer [sqrt(force length)]: the error of the
             result in the file is at most ``absolute + transfer``.
-        interpolated: Whether u comes from other cells than those of the mesh.
+        interpolated: Whether u lives in other cells than those of the mesh.
 
     Example:
         >>> certificate = ec.certify(scene, block, solution.u)
@@ -123,8 +125,8 @@ class Certificate:
             words.append(f"u penetrates by up to {self.penetration:.3g}.")
         if self.interpolated:
             words.append(
-                "It is the error in the cells of the file, up to the cost of the transfer from "
-                f"them at contacts, {percent(self.share(self.transfer))}."
+                "It is the error in the cells of the file, up to the transfer from them at "
+                f"contacts and ties, which costs {percent(self.share(self.transfer))}."
             )
         return "\n".join(words)
 
@@ -238,10 +240,12 @@ def certify(
     file = from_file(domain.comm, u) if isinstance(u, str | Path) else u
     if not isinstance(file, FileField):
         return _certificate(scene, domain, file, traction, degree, tighten)
+    # The mesh of a solution is one body at ties.
+    domain = domain.tied([tie.sides for tie in scene.ties])
     while True:
         field = FieldOnMesh(domain, file)
         certificate = _certificate(scene, domain, field, traction, degree, tighten)
-        goal = TENTH * certificate.absolute
+        goal = max(TENTH * certificate.absolute, DIGITS * certificate.error.scale)
         # Tractions are given at the nodes of this mesh.
         if certificate.transfer <= goal or traction is not None:
             return certificate
@@ -302,15 +306,16 @@ def _in_file(certificate: Certificate, u: fem.Function, field: FieldOnMesh) -> C
     """
     error = certificate.error
     cost, whole = transfer_squares(error.model, u, field)
-    if _norm(error.domain, whole) <= LOSSLESS * error.absolute:
-        return certificate
+    if _norm(error.domain, whole) <= max(LOSSLESS * error.absolute, DIGITS * error.scale):
+        # Linear cells may be split without loss, and are still not those of the mesh.
+        is_same = field.field.has_elements_of(error.degree)
+        return replace(certificate, interpolated=not is_same)
     gain = gain_in_file(error.admissible, u, field)
-    return replace(
-        certificate,
-        absolute=float(np.sqrt(max(error.absolute**2 + gain, 0.0))),
-        transfer=_norm(error.domain, cost),
-        interpolated=True,
-    )
+    absolute = float(np.sqrt(max(error.absolute**2 + gain, 0.0)))
+    transfer = _norm(error.domain, cost)
+    if transfer <= ROUND_OFF * absolute:
+        transfer = 0.0
+    return replace(certificate, absolute=absolute, transfer=transfer, interpolated=True)
 
 
 def _with_less_transfer(error: ConstitutiveError, file: FileField, goal: float) -> Domain | None:

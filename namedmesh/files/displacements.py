@@ -76,9 +76,12 @@ class FileField:
     @property
     def degree(self) -> int:
         """Return the degree of elements on simplices that carry it best, 1 or 2."""
+        return 1 if self.has_elements_of(1) else 2
+
+    def has_elements_of(self, degree: int) -> bool:
+        """Tell whether its cells are triangles or tetrahedra of a degree."""
         functions = [block.functions for block in self.blocks]
-        is_linear = all(of.order == 1 and of.shape in SIMPLICES for of in functions)
-        return 1 if is_linear else 2
+        return all(of.shape in SIMPLICES and of.order == degree for of in functions)
 
     @property
     def body_of_simplex(self) -> np.ndarray:
