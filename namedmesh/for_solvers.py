@@ -8,6 +8,7 @@ from namedmesh.bodies import Bodies, Geometry
 from namedmesh.closest import closest
 from namedmesh.copies import points_in_words, shared_points
 from namedmesh.deck_mesh import Card, DeckMesh, DeckSpace, domain_of, read_deck_mesh
+from namedmesh.deck_refinement import FinerDeckMesh, refined_deck_mesh
 from namedmesh.field_on_mesh import SAME_PLACE, FieldOnMesh
 from namedmesh.files.abaqus_tables import shape_of
 from namedmesh.files.displacements import FileField, from_file
@@ -41,6 +42,7 @@ __all__ = [
     "FieldOnMesh",
     "FileField",
     "FileMesh",
+    "FinerDeckMesh",
     "Geometry",
     "Interface",
     "NodalMesh",
@@ -59,6 +61,7 @@ __all__ = [
     "order_along_curves",
     "points_in_words",
     "read_deck_mesh",
+    "refined_deck_mesh",
     "shape_in_words",
     "shape_of",
     "shared_points",

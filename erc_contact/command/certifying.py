@@ -46,15 +46,39 @@ class Certified:
     outcome: str
 
 
-def certify_file(arguments: Namespace) -> int:
-    """Certify a file of results, and write the verdict, pictures and a report."""
+@dataclass(frozen=True)
+class CertifiedFile:
+    """Hold the certificate of a file of results.
+
+    Attributes:
+        deck: The deck that it is a result of.
+        name: Name of the file.
+        time: The time of its last result [time].
+        certificate: The error of this result.
+    """
+
+    deck: Deck
+    name: str
+    time: float
+    certificate: Certificate
+
+
+def certified_file(arguments: Namespace) -> CertifiedFile:
+    """Certify the file of results of a command line; collective."""
     deck = deck_of(arguments)
-    folder = folder_of(arguments, "certified")
     field = from_file(deck.domain.comm, arguments.result)
     time = _time_of(deck, field)
     certificate = certify(deck.scene_at(time), deck.domain, field)
+    return CertifiedFile(deck, Path(arguments.result).name, time, certificate)
+
+
+def certify_file(arguments: Namespace) -> int:
+    """Certify a file of results, and write the verdict, pictures and a report."""
+    folder = folder_of(arguments, "certified")
+    certified = certified_file(arguments)
+    deck, name, time = certified.deck, certified.name, certified.time
+    certificate = certified.certificate
     error = certificate.error
-    name = Path(arguments.result).name
     forces = bounded_forces(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
         forces = [replace(force, computed=None) for force in forces]
