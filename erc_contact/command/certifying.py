@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isclose
 from pathlib import Path
 
 import numpy as np
 
 from erc_contact.command.decks import deck_of, folder_of, say, write_words
-from erc_contact.command.forces import BoundedForce, bounded_forces, in_columns
+from erc_contact.command.forces import BoundedForce, bounded_forces, in_columns, with_forces_of
 from erc_contact.decks.deck import Deck
 from erc_contact.error.certify import ADVICE, Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError
@@ -54,12 +54,14 @@ class CertifiedFile:
         deck: The deck that it is a result of.
         name: Name of the file.
         time: The time of its last result [time].
+        field: Its displacement and forces, as the file has them.
         certificate: The error of this result.
     """
 
     deck: Deck
     name: str
     time: float
+    field: FileField
     certificate: Certificate
 
 
@@ -69,7 +71,7 @@ def certified_file(arguments: Namespace) -> CertifiedFile:
     field = from_file(deck.domain.comm, arguments.result)
     time = _time_of(deck, field)
     certificate = certify(deck.scene_at(time), deck.domain, field)
-    return CertifiedFile(deck, Path(arguments.result).name, time, certificate)
+    return CertifiedFile(deck, Path(arguments.result).name, time, field, certificate)
 
 
 def certify_file(arguments: Namespace) -> int:
@@ -81,14 +83,14 @@ def certify_file(arguments: Namespace) -> int:
     error = certificate.error
     forces = bounded_forces(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
-        forces = [replace(force, computed=None) for force in forces]
+        forces = with_forces_of(forces, error, certified.field)
     sentences = [
         _how_wrong(certificate, name, time),
         *_of_the_time(deck, time, name),
         *_from_what(certificate),
         _where(error),
         _how_many_cells(certificate, arguments.accuracy),
-        _of_forces(forces, certificate, name),
+        _of_forces(forces, name),
     ]
     words = "\n".join(sentences)
     columns = in_columns(forces)
@@ -220,12 +222,18 @@ def _how_many_cells(certificate: Certificate, accuracy: float) -> str:
     )
 
 
-def _of_forces(forces: Sequence[BoundedForce], certificate: Certificate, name: str) -> str:
+def _of_forces(forces: Sequence[BoundedForce], name: str) -> str:
     """Say which forces of the result are outside their intervals."""
-    if certificate.interpolated:
-        return "Forces: compare the printed forces of the other code with these intervals."
-    outside = [f"{row.part} along {row.axis}" for row in forces if row.is_outside]
-    known = sum(row.bounds is not None for row in forces)
+    told = [row for row in forces if row.computed is not None and row.bounds is not None]
+    if not told:
+        return (
+            f"Forces: {name} does not tell its forces on these parts; compare what the other code "
+            "has printed with the intervals."
+        )
+    outside = [f"{row.part} along {row.axis}" for row in told if row.is_outside]
     if not outside:
-        return f"Forces: {known} of {len(forces)} have an interval, and {name} is in all of these."
+        return (
+            f"Forces: {len(told)} of {len(forces)} are known of {name} and have an interval, and it "
+            "is in all of these."
+        )
     return f"Forces: the forces of {name} on {', '.join(outside)} are outside their intervals."

@@ -27,6 +27,8 @@ from namedmesh.graphs import components
 
 NAMES = ("disp", "u", "depl")
 """Beginnings of the names of displacements, in small letters."""
+NAMES_OF_FORCES = ("forc", "rf")
+"""The same of forces on nodes, which are reactions and loads."""
 SAMPLE = 50
 """Number of cells whose nodes tell between which corners the nodes of a block lie."""
 
@@ -63,6 +65,7 @@ class FileField:
         block_of_simplex: Number of the block of the cell of each simplex, shape (s,).
         cell_of_simplex: Number of this cell in its block, shape (s,).
         time: The time of the displacement [time]; None if the file does not tell it.
+        forces: Forces on the points [force], shape (n, d), None without.
     """
 
     x: np.ndarray
@@ -72,6 +75,7 @@ class FileField:
     block_of_simplex: np.ndarray
     cell_of_simplex: np.ndarray
     time: float | None
+    forces: np.ndarray | None = None
 
     @property
     def degree(self) -> int:
@@ -101,6 +105,11 @@ def displacement_of(mesh: FileMesh) -> FileField:
             or its cells cannot be worked with.
     """
     u = _choose_vector(mesh)
+    forces = [
+        values[:, : mesh.dim]
+        for name, values in mesh.values.items()
+        if name.lower().startswith(NAMES_OF_FORCES)
+    ]
     body = body_of(mesh)
     simplices = split(body, faces_of(body.cells, body.x))
     begins = np.cumsum([0, *(len(mesh.blocks[number].nodes) for number in body.blocks)])
@@ -122,6 +131,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
         np.searchsorted(begins, simplices.parents, side="right") - 1,
         row_of_cell[simplices.parents],
         mesh.time,
+        next(iter(forces), None),
     )
 
 
