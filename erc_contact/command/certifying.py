@@ -98,7 +98,7 @@ def certify_file(arguments: Namespace) -> int:
     say(words, "", columns, "")
     gallery = Gallery(error.domain, folder, 0.0, every=True)
     add_error(gallery, error, "certificate.error")
-    header = ("part", "axis", "by its displacement", "exact solution")
+    header = ("part", "axis", "of the result", "exact solution")
     tables = {"Forces": table([row.row for row in forces], header)}
     path = folder / "report.html"
     write_report(
@@ -107,7 +107,7 @@ def certify_file(arguments: Namespace) -> int:
         f"{name}: eps = {percent(certificate.total)}",
         tables,
         gallery,
-        claims=[*_assumed(deck), *verdict(error)],
+        claims=[*_assumed(deck), *_in_its_cells(certificate), *verdict(error)],
     )
     say(f"Report: {path}")
     return int(certificate.total > arguments.accuracy)
@@ -116,6 +116,17 @@ def certify_file(arguments: Namespace) -> int:
 def _assumed(deck: Deck) -> list[tuple[str, str]]:
     """Return what is taken in another way than the deck says, as claims."""
     return [("assumed", str(note)) for note in deck.assumed]
+
+
+def _in_its_cells(certificate: Certificate) -> list[tuple[str, str]]:
+    """Say of what the numbers of a report are if the result has other cells."""
+    if not certificate.interpolated:
+        return []
+    words = (
+        f"The result has the error {percent(certificate.total)} in its own cells. What "
+        "follows is of its displacement on simplices, between whose nodes it is interpolated."
+    )
+    return [("bound", words)]
 
 
 def _time_of(deck: Deck, field: FileField) -> float:
@@ -233,7 +244,7 @@ def _of_forces(forces: Sequence[BoundedForce], name: str) -> str:
     outside = [f"{row.part} along {row.axis}" for row in told if row.is_outside]
     if not outside:
         return (
-            f"Forces: {len(told)} of {len(forces)} are known of {name} and have an interval, and it "
-            "is in all of these."
+            f"Forces: {len(told)} of {len(forces)} are known of {name} and have an interval, and "
+            "it is in all of these."
         )
     return f"Forces: the forces of {name} on {', '.join(outside)} are outside their intervals."

@@ -58,6 +58,11 @@ from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import FieldOnMesh, FileField, from_file
 from namedmesh.simplex import rule
 
+BY_ADAPT = (
+    "ec.adapt, ec.evolve and `erc-contact solve` compute it with its error; of the result of "
+    "another code the stress that belongs to its displacement is not known."
+)
+"""What to do with a material with a potential."""
 TENTH = 0.1
 """Cost of a transfer over the error above which the mesh is refined [-]."""
 FRACTION = 0.7
@@ -235,7 +240,7 @@ def certify(
         >>> ec.certify(scene, block, rough).cause
         'the displacement'
     """
-    refuse_potential(scene.material, "certify()", "solve() and adapt() have an error for it.")
+    refuse_potential(scene.material, "certify()", BY_ADAPT)
     _refuse_unknown_shifts(scene)
     file = from_file(domain.comm, u) if isinstance(u, str | Path) else u
     if not isinstance(file, FileField):
@@ -370,8 +375,9 @@ def _refuse_unknown_shifts(scene: Scene) -> None:
     unknown = [tie.facets for tie in preloads if tie.shortening is None]
     if unknown:
         raise InputError(
-            f"certify: the shifts of the preloads at {unknown} are not known; give shortening= as "
-            "the other code has it, or solve the scene with ec.adapt, which finds them."
+            f"certify: the shifts of the preloads at {unknown} are not known, without which a "
+            "result says nothing of their forces; give shortening= as the other code has it, or "
+            "solve the scene by ec.adapt or `erc-contact solve`, which find them."
         )
 
 
