@@ -32,13 +32,15 @@ class PlacesInCells:
     """Hold where points are in the cells of a file.
 
     Attributes:
-        block: Number of the block of the cell of each point, shape (n,).
+        simplex: Number of the simplex of each point, shape (n,).
+        block: Number of the block of its cell, shape (n,).
         cell: Number of the cell in its block, shape (n,).
         local: Local coordinates there, shape (n, d).
         distance: Distance of a point outside of all cells to the nearest cell, whose
             nearest point stands for it [length], shape (n,); zero inside.
     """
 
+    simplex: np.ndarray
     block: np.ndarray
     cell: np.ndarray
     local: np.ndarray
@@ -61,36 +63,44 @@ class FieldInCells:
     def __init__(self, field: FileField, bodies: np.ndarray | None, tolerance: float) -> None:
         self.field = field
         self.tolerance = tolerance
-        every = np.arange(len(field.simplices))
-        self._chosen = (
-            every if bodies is None else np.flatnonzero(np.isin(field.body_of_simplex, bodies))
-        )
-        self._corners = field.x[field.simplices[self._chosen]]
+        self._is_chosen = np.ones(len(field.simplices), dtype=bool)
+        if bodies is not None:
+            self._is_chosen = np.isin(field.body_of_simplex, bodies)
+        self._chosen = np.flatnonzero(self._is_chosen)
 
     @cached_property
     def _tree(self) -> tuple[geometry.BoundingBoxTree, np.ndarray]:
-        """Return the tree of boxes of the simplices, and the number of each box."""
+        """Return the tree of boxes of the simplices, and the simplex of each box."""
         nodes, cells = np.unique(self.field.simplices[self._chosen], return_inverse=True)
         x = np.ascontiguousarray(self.field.x[nodes])
         mesh = distribute(MPI.COMM_SELF, cells.reshape(len(self._chosen), -1), x)
         extent = np.ptp(x, axis=0).max()
         tree = geometry.bb_tree(mesh, mesh.topology.dim, padding=PADDING * extent)
-        return tree, mesh.topology.original_cell_index
+        return tree, self._chosen[mesh.topology.original_cell_index]
 
-    def places(self, x: np.ndarray) -> PlacesInCells:
-        """Find points, shape (n, d) [length]."""
-        simplex, least = self._simplices(x)
+    def places(self, x: np.ndarray, guess: np.ndarray | None = None) -> PlacesInCells:
+        """Find points.
+
+        Args:
+            x: The points [length], shape (n, d).
+            guess: Simplices in which they may be, which are tried first, shape (n,).
+        """
+        simplex = np.zeros(len(x), dtype=np.int64)
+        least = np.full(len(x), -np.inf)
+        if guess is not None:
+            simplex = guess.copy()
+            least = np.where(self._is_chosen[guess], self._least(guess, x), -np.inf)
+        left = np.flatnonzero(least < 0.0)
+        if len(left):
+            simplex[left], least[left] = self._simplices(x[left])
         distance = np.zeros(len(x))
         near = x.copy()
         outside = np.flatnonzero(least < INSIDE)
         if len(outside):
-            facet, feet, distance[outside] = self._nearest(x[outside])
-            simplex[outside] = facet
-            near[outside] = feet
-        of_file = self._chosen[simplex]
+            simplex[outside], near[outside], distance[outside] = self._nearest(x[outside])
         field = self.field
-        block_of = field.block_of_simplex[of_file]
-        cell_of = field.cell_of_simplex[of_file]
+        block_of = field.block_of_simplex[simplex]
+        cell_of = field.cell_of_simplex[simplex]
         local = np.empty(x.shape)
         for number, block in enumerate(field.blocks):
             here = np.flatnonzero(block_of == number)
@@ -102,7 +112,7 @@ class FieldInCells:
             at_node = np.matmul(corner_functions(shape).at(node)[:, None], corners)[:, 0]
             is_node = np.linalg.norm(at_node - near[here], axis=1) <= self.tolerance
             local[here] = np.where(is_node[:, None], node, found)
-        return PlacesInCells(block_of, cell_of, local, distance)
+        return PlacesInCells(simplex, block_of, cell_of, local, distance)
 
     def values(self, places: PlacesInCells) -> np.ndarray:
         """Evaluate the displacement [length], shape (n, d)."""
@@ -129,30 +139,35 @@ class FieldInCells:
             result[here] = np.matmul(along, inverses(jacobian))
         return result
 
+    def _least(self, simplex: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return the least barycentric coordinate of points in simplices, (n,)."""
+        corners = self.field.x[self.field.simplices[simplex]]
+        edges = corners[:, 1:] - corners[:, :1]
+        offset = x - corners[:, 0]
+        local = np.linalg.solve(edges.transpose(0, 2, 1), offset[..., None])[..., 0]
+        return np.asarray(barycentric(local).min(axis=1))
+
     def _simplices(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Find the simplex that holds each point best.
 
         Returns:
-            Its number among the chosen simplices, and the least barycentric coordinate
-            of the point in it, -inf where no simplex is near.
+            The simplex, and the least barycentric coordinate of the point in it, -inf
+            where no simplex is near.
         """
         tree, numbers = self._tree
         candidates = geometry.compute_collisions_points(tree, in_space(x))
-        point = np.repeat(np.arange(len(x)), np.diff(candidates.offsets))
+        counts = np.diff(candidates.offsets)
+        point = np.repeat(np.arange(len(x)), counts)
         simplex = numbers[candidates.array]
-        corners = self._corners[simplex]
-        edges = corners[:, 1:] - corners[:, :1]
-        offset = x[point] - corners[:, 0]
-        local = np.linalg.solve(edges.transpose(0, 2, 1), offset[..., None])[..., 0]
-        least = barycentric(local).min(axis=1)
+        least = self._least(simplex, x[point])
         # The last one of each point in this order is the best.
         order = np.lexsort((-simplex, least, point))
-        last = np.searchsorted(point[order], np.arange(len(x)), side="right") - 1
+        has_one = counts > 0
+        last = order[np.cumsum(counts)[has_one] - 1]
         found = np.zeros(len(x), dtype=np.int64)
         best = np.full(len(x), -np.inf)
-        has_one = np.diff(candidates.offsets) > 0
-        found[has_one] = simplex[order][last[has_one]]
-        best[has_one] = least[order][last[has_one]]
+        found[has_one] = simplex[last]
+        best[has_one] = least[last]
         return found, best
 
     @cached_property
@@ -163,7 +178,7 @@ class FieldInCells:
         facets = simplices[:, facet_vertices(d)].reshape(-1, d)
         (numbers,) = row_numbers(facets)
         outer = np.flatnonzero(np.bincount(numbers)[numbers] == 1)
-        return outer // (d + 1), self.field.x[facets[outer]]
+        return self._chosen[outer // (d + 1)], self.field.x[facets[outer]]
 
     def _nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Find the point of the boundary that is nearest to each point.

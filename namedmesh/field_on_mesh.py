@@ -44,7 +44,7 @@ class FieldOnMesh:
 
     Example:
         >>> on_mesh = FieldOnMesh(block, field)
-        >>> u, distance = on_mesh.at_nodes(nodes_of_cells, x)
+        >>> u = on_mesh.at_nodes(nodes_of_cells, x)
     """
 
     def __init__(self, domain: NamedMesh, field: FileField) -> None:
@@ -56,6 +56,7 @@ class FieldOnMesh:
         every = FieldInCells(field, None, tolerance)
         self._group = _bodies_of_mesh(domain)
         found = every.places(self._corners.mean(axis=1))
+        self._simplex = found.simplex
         body = np.empty(len(self._corners), dtype=np.int64)
         for number, block in enumerate(field.blocks):
             here = found.block == number
@@ -123,7 +124,8 @@ class FieldOnMesh:
         values = np.empty(points.shape)
         gradients = np.empty((len(points), d, d))
         for inside, here in self._by_body(cell):
-            places = inside.places(points[here])
+            # Most points of a cell are where its middle is.
+            places = inside.places(points[here], self._simplex[cell[here]])
             values[here] = inside.values(places)
             gradients[here] = inside.gradients(places)
         return values.reshape(x.shape), gradients.reshape(*x.shape, d)
