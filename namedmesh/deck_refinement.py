@@ -107,7 +107,8 @@ class FinerDeckMesh:
 
     def sides_on(self, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the sides that lie on faces of the deck, as cells and numbers."""
-        return np.nonzero(np.isin(self.faces, faces) & (self.faces >= 0))
+        cell, side = np.nonzero(np.isin(self.faces, faces) & (self.faces >= 0))
+        return cell, side
 
     def corners_of_sides(self, cell: np.ndarray, side: np.ndarray) -> np.ndarray:
         """Return the corners of sides, shape (m, d)."""

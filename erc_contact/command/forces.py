@@ -102,10 +102,12 @@ def _forces_in_file(error: ConstitutiveError, field: FileField) -> dict[str, np.
     if field.forces is None or error.domain.dim < 3 or has_body_force:
         return {}
     supports = {support.facets for support in scene.supports}
-    loads = {load.facets for load in scene.loads}
+    loads = {load.facets for load in scene.loads if load.facets is not None}
     x = field.x[: len(field.forces)]
     on = {name: _is_on_part(error, name, x) for name in sorted(supports | loads)}
-    count = np.sum([on[name] for name in sorted(supports | loads)], axis=0, initial=0)
+    count = np.zeros(len(x), dtype=np.int64)
+    for is_on in on.values():
+        count += is_on
     size = abs(field.forces).max(axis=1)
     has_force = size > ROUND_OFF * size.max(initial=0.0)
     if (has_force & (count == 0)).any():

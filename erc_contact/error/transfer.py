@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from dolfinx import fem
@@ -153,7 +154,7 @@ def _lost(
         x = np.matmul(places, cells.corners[chunk])
         values, gradients = field.in_cells(here, x)
         in_mesh = mandel(0.5 * (gradients + gradients.swapaxes(2, 3)))
-        in_file = space.section.strain_at(in_mesh, lambda u=values: u, x)
+        in_file = space.section.strain_at(in_mesh, partial(np.asarray, values), x)
         strain = in_file - on_mesh.at_points(chunk, points, x)
         difference = values - np.matmul(shape, nodal[chunk])
         outer = difference[..., :, None] * slope[chunk, None, None, :]

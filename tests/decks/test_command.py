@@ -36,7 +36,7 @@ def last_line(text):
     return text.rstrip().splitlines()[-1]
 
 
-@pytest.mark.parametrize("name", ["parts", "deck", "certify", "solve", "check"])
+@pytest.mark.parametrize("name", ["parts", "deck", "certify", "refine", "solve", "check"])
 def test_each_has_help_with_an_example(name, tmp_path):
     returned, told, _ = command(tmp_path, name, "--help")
     assert returned == 0
@@ -127,13 +127,27 @@ def test_a_result_of_calculix_is_certified(tmp_path):
     assert returned == 0, wrong
     assert "freecad_contact.frd at t = 1 has the error eps = 0.1153%" in told
     assert "Bodies penetrate by up to 8e-06" in told
-    assert "Forces: 2 of 2 have an interval, and freecad_contact.frd is in all of these." in told
+    assert "Forces: 2 of 2 are known of freecad_contact.frd and have an interval" in told
     folder = tmp_path / "freecad_contact_certified"
     assert last_line(told) == "Report: freecad_contact_certified/report.html"
     page = (folder / "report.html").read_text()
     assert "Share of each element in eps." in page
     assert "Bodies penetrate" in page
     assert (folder / "verdict.txt").read_text().splitlines()[0] in told
+
+
+@calculix
+def test_a_finer_deck_does_not_depend_on_the_ranks(tmp_path):
+    """A concrete column under its weight: eps of 6% falls with the square of the size."""
+    files = computed(tmp_path, "prepomax_weight")
+    for ranks in (1, 2):
+        words = ("refine", *files, "--accuracy", 0.02, "-o", f"next_{ranks}.inp")
+        returned, told, wrong = command(tmp_path, *words, ranks=ranks)
+        assert returned == 0, wrong
+        assert "for about 2%" in told
+        assert last_line(told) == f"Deck: next_{ranks}.inp"
+    alone, together = ((tmp_path / f"next_{ranks}.inp").read_text() for ranks in (1, 2))
+    assert alone == together
 
 
 @calculix
