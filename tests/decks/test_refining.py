@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from two_blocks import two_blocks
+from calculix_boxes import two_boxes
 
 import erc_contact as ec
 from erc_contact.decks.rewriting import written_anew
@@ -34,7 +34,7 @@ def refined(path, degree, share=0.6):
 
 def deck_of(name, folder):
     path = folder / f"{name}.inp"
-    text = two_blocks("C3D20") if name == "blocks" else (HERE / path.name).read_text()
+    text = two_boxes("C3D20") if name == "blocks" else (HERE / path.name).read_text()
     path.write_text(text)
     return path
 
@@ -94,7 +94,7 @@ def test_the_new_deck_is_the_old_one(name, degree, tmp_path):
 @pytest.mark.parametrize("degree", [1, 2])
 def test_forces_on_nodes_keep_their_moment(degree, tmp_path):
     path = tmp_path / "beam.inp"
-    text = two_blocks("C3D20").replace("*NODE FILE", "*CLOAD\nROOF, 1, 2.\n61, 2, 5.\n*NODE FILE")
+    text = two_boxes("C3D20").replace("*NODE FILE", "*CLOAD\nROOF, 1, 2.\n61, 2, 5.\n*NODE FILE")
     path.write_text(text)
     finer = refined(path, degree)
     lines = written_anew(finer).splitlines()
@@ -119,7 +119,7 @@ def test_what_cannot_follow_is_refused(tmp_path):
     with pytest.raises(ec.InputError, match="parts and instances"):
         written_anew(refined(HERE / "abaqus_press.inp", 1))
     path = tmp_path / "axes.inp"
-    text = two_blocks("C3D8").replace("*STEP", "*TRANSFORM, NSET=ROOF\n0,1,0,-1,0,0\n*STEP")
+    text = two_boxes("C3D8").replace("*STEP", "*TRANSFORM, NSET=ROOF\n0,1,0,-1,0,0\n*STEP")
     path.write_text(text.replace("*NODE FILE", "*CLOAD\nROOF, 1, 2.\n*NODE FILE"))
     with pytest.raises(ec.InputError, match=r"\*CLOAD .*local axes"):
         written_anew(refined(path, 1))

@@ -13,7 +13,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from two_blocks import two_blocks
+from calculix_boxes import two_boxes
 
 import erc_contact as ec
 from erc_contact.__main__ import main
@@ -41,7 +41,7 @@ def certified(name):
 @pytest.mark.parametrize("kind", ["C3D8", "C3D20", "C3D20R", "C3D10"])
 def test_the_transfer_costs_less_than_a_tenth(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("blocks.inp").write_text(two_blocks(kind, (1, 1, 1)))
+    Path("blocks.inp").write_text(two_boxes(kind, (1, 1, 1)))
     computed("blocks")
     certificate = certified("blocks")
     assert certificate.interpolated
