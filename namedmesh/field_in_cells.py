@@ -119,9 +119,9 @@ class FieldInCells:
         result = np.empty(places.local.shape)
         for number, block in enumerate(self.field.blocks):
             here = np.flatnonzero(places.block == number)
-            nodal = self.field.values[block.nodes[places.cell[here]]]
-            weights = block.functions.at(places.local[here])
-            result[here] = np.matmul(weights[:, None], nodal)[:, 0]
+            products = block.functions.products(places.local[here])
+            factors = self.field.factors[number][places.cell[here]]
+            result[here] = np.matmul(products[:, None], factors)[:, 0]
         return result
 
     def gradients(self, places: PlacesInCells) -> np.ndarray:
@@ -131,8 +131,8 @@ class FieldInCells:
         for number, block in enumerate(self.field.blocks):
             here = np.flatnonzero(places.block == number)
             local = places.local[here]
-            nodal = self.field.values[block.nodes[places.cell[here]]]
-            along = np.matmul(nodal.swapaxes(1, 2), block.functions.gradients(local))
+            factors = self.field.factors[number][places.cell[here]]
+            along = np.matmul(factors.swapaxes(1, 2), block.functions.slopes(local))
             corners = self.field.x[block.corners[places.cell[here]]]
             of_map = corner_functions(block.functions.shape).gradients(local)
             jacobian = np.matmul(corners.swapaxes(1, 2), of_map)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import cast
 
@@ -86,6 +87,11 @@ class FileField:
         """Tell whether its cells are triangles or tetrahedra of a degree."""
         functions = [block.functions for block in self.blocks]
         return all(of.shape in SIMPLICES and of.order == degree for of in functions)
+
+    @cached_property
+    def factors(self) -> list[np.ndarray]:
+        """Return the factors of the products in the cells of each block, (m, k, d)."""
+        return [block.functions.factors(self.values[block.nodes]) for block in self.blocks]
 
     @property
     def body_of_simplex(self) -> np.ndarray:

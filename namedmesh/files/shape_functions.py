@@ -79,14 +79,32 @@ class ShapeFunctions:
 
     def at(self, local: np.ndarray) -> np.ndarray:
         """Evaluate the functions at local coordinates (n, d), shape (n, k)."""
-        return _products(self._powers, local) @ self._coefficients
+        return self.products(local) @ self._coefficients
 
     def gradients(self, local: np.ndarray) -> np.ndarray:
         """Evaluate their derivatives along the local coordinates, shape (n, k, d)."""
-        result = np.empty((len(local), len(self.nodes), local.shape[1]))
-        for axis in range(local.shape[1]):
-            result[..., axis] = _derivatives(self._powers, local, axis) @ self._coefficients
-        return result
+        slopes = self.slopes(local)
+        return np.matmul(slopes.swapaxes(1, 2), self._coefficients).swapaxes(1, 2)
+
+    def factors(self, nodal: np.ndarray) -> np.ndarray:
+        """Return the factors of the products in fields with values at nodes.
+
+        Many points of a cell are evaluated by ``products(local) @ factors`` with less
+        work than by its functions.
+
+        Args:
+            nodal: Values at the nodes of cells, shape (m, k, i).
+        """
+        return np.matmul(self._coefficients, nodal)
+
+    def products(self, local: np.ndarray) -> np.ndarray:
+        """Evaluate the products at local coordinates (n, d), shape (n, k)."""
+        return _products(self._powers, local)
+
+    def slopes(self, local: np.ndarray) -> np.ndarray:
+        """Evaluate the derivatives of the products, shape (n, k, d)."""
+        axes = range(local.shape[1])
+        return np.stack([_derivatives(self._powers, local, axis) for axis in axes], axis=-1)
 
 
 @cache
