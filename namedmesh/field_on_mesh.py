@@ -84,9 +84,7 @@ class FieldOnMesh:
         Raises:
             InputError: If nodes are farther outside than half of a cell.
         """
-        # Any cell of a node will do: nodes of two bodies are two.
-        _, first = np.unique(nodes, return_index=True)
-        cell = first // nodes.shape[1]
+        cell = self.cell_of_nodes(nodes)
         values = np.zeros(x.shape)
         distance = np.zeros(len(x))
         for inside, here in self._by_body(cell):
@@ -104,6 +102,17 @@ class FieldOnMesh:
                 "model, in the same place and in the same unit of length."
             )
         return values
+
+    def cell_of_nodes(self, nodes: np.ndarray) -> np.ndarray:
+        """Return the cell in which each node is evaluated, shape (m,).
+
+        Any cell of a node will do, as nodes of two bodies are two.
+
+        Args:
+            nodes: Numbers of the nodes of the cells on this rank, shape (n, k).
+        """
+        _, first = np.unique(nodes, return_index=True)
+        return np.asarray(first // nodes.shape[1])
 
     def in_cells(self, cells: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Evaluate the displacement and its derivatives in cells.

@@ -11,11 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from erc_contact.command.decks import deck_of, folder_of, say, write_words
-from erc_contact.command.forces import BoundedForce, bounded_forces, in_columns, with_forces_of
+from erc_contact.command.forces import (
+    BoundedForce,
+    bolt_forces,
+    bounded_forces,
+    in_columns,
+    with_forces_of,
+)
 from erc_contact.decks.deck import Deck
 from erc_contact.error.certify import ADVICE, Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
+from erc_contact.model.preload import shifts_of
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_report
 from erc_contact.output.verdict import verdict
@@ -84,6 +91,7 @@ def certify_file(arguments: Namespace) -> int:
     forces = bounded_forces(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
         forces = with_forces_of(forces, error, certified.field)
+    bolts = bolt_forces(error, deck.scene_at(time))
     sentences = [
         _how_wrong(certificate, name, time),
         *_of_the_time(deck, time, name),
@@ -91,7 +99,9 @@ def certify_file(arguments: Namespace) -> int:
         _where(error),
         _how_many_cells(certificate, arguments.accuracy),
         _of_forces(forces, name),
+        *_of_bolts(bolts, error),
     ]
+    forces += bolts
     words = "\n".join(sentences)
     columns = in_columns(forces)
     write_words(folder / "verdict.txt", f"{words}\n\n{columns}")
@@ -248,3 +258,20 @@ def _of_forces(forces: Sequence[BoundedForce], name: str) -> str:
             "it is in all of these."
         )
     return f"Forces: the forces of {name} on {', '.join(outside)} are outside their intervals."
+
+
+def _of_bolts(bolts: Sequence[BoundedForce], error: ConstitutiveError) -> list[str]:
+    """Say with which shifts bolts are certified, and which forces they cause."""
+    shifts = shifts_of(error.solution.scene.ties)
+    sentences = []
+    for bolt in bolts:
+        shift = f"{shifts[bolt.part]:.5g}"
+        sentences.append(
+            f"The bolt at {bolt.part} is shortened by {shift} as in the result; the error is that "
+            "of the bodies with this bolt."
+        )
+        if bolt.bounds is not None:
+            where = "outside of" if bolt.is_outside else "in"
+            force = f"The force {bolt.computed:.5g} that the deck asks for"
+            sentences.append(f"{force} is {where} the interval of its force.")
+    return sentences

@@ -13,8 +13,10 @@ from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.interval import interval
 from erc_contact.error.numbers import Bounds
-from erc_contact.scene.goal import Resultant
+from erc_contact.scene.goal import BoltForce, Resultant
 from erc_contact.scene.load import BodyForce
+from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import SAME_PLACE, FileField, closest
 from namedmesh.simplex import of_facets
@@ -31,7 +33,7 @@ class BoundedForce:
 
     Attributes:
         part: Name of the part on which it acts.
-        axis: "x", "y" or "z"; of axisymmetric bodies "r" or "z".
+        axis: "x", "y" or "z"; of axisymmetric bodies "r" or "z"; "bolt" along a bolt.
         computed: The component that the other code has by its nodal forces [force];
             None if these are not known.
         bounds: The interval of the exact solution; None if there is none.
@@ -75,6 +77,24 @@ def bounded_forces(error: ConstitutiveError) -> list[BoundedForce]:
             direction = tuple(np.eye(len(force))[axis].tolist())
             bounds, why = _bounds_of(error, name, direction, is_contact=name in contacts)
             rows.append(BoundedForce(name, letters[axis], float(force[axis]), bounds, why))
+    return rows
+
+
+def bolt_forces(error: ConstitutiveError, scene: Scene) -> list[BoundedForce]:
+    """Bound the forces of bolts with the shifts of a result; collective.
+
+    Args:
+        error: The error of the result, whose scene has the shifts.
+        scene: The scene that prescribes the forces of some bolts.
+    """
+    rows = []
+    for tie in scene.ties:
+        if isinstance(tie, Preload) and tie.force is not None:
+            try:
+                bounds, why = interval(error, BoltForce(tie.facets)), ""
+            except (InputError, NotConverged) as reason:
+                bounds, why = None, str(reason)
+            rows.append(BoundedForce(tie.facets, "bolt", tie.force, bounds, why))
     return rows
 
 

@@ -41,6 +41,7 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.exceptions import InputError, NotBalanced
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
+from erc_contact.error.shifts import with_shifts_of
 from erc_contact.error.strategy import largest, refined
 from erc_contact.error.transfer import gain_in_file, interpolated, transfer_squares
 from erc_contact.model.contact.contact_values import gap_at_nodes
@@ -209,7 +210,8 @@ def certify(
     whatever the quality of u.
 
     Args:
-        scene: The problem that u is to solve.
+        scene: The problem that u is to solve. Preloads by a force get the shifts that
+            the file of u has; ``error.solution.scene`` tells them.
         domain: The mesh on which u lives.
         u: The displacement [length]: a DOLFINx Function on ``domain.mesh``; or a
             callable of points of shape (d, n), which returns values of shape (d, n); or
@@ -243,10 +245,12 @@ def certify(
         'the displacement'
     """
     refuse_potential(scene.material, "certify()", BY_ADAPT)
-    _refuse_unknown_shifts(scene)
     file = from_file(domain.comm, u) if isinstance(u, str | Path) else u
     if not isinstance(file, FileField):
+        _refuse_unknown_shifts(scene)
         return _certificate(scene, domain, file, traction, degree, tighten)[0]
+    scene = with_shifts_of(scene, domain, file)
+    _refuse_unknown_shifts(scene)
     # The mesh of a solution is one body at ties.
     domain = domain.tied([tie.sides for tie in scene.ties])
     while True:
@@ -384,9 +388,9 @@ def _refuse_unknown_shifts(scene: Scene) -> None:
     unknown = [tie.facets for tie in preloads if tie.shortening is None]
     if unknown:
         raise InputError(
-            f"certify: the shifts of the preloads at {unknown} are not known, without which a "
-            "result says nothing of their forces; give shortening= as the other code has it, or "
-            "solve the scene by ec.adapt or `erc-contact solve`, which find them."
+            f"certify: the shifts of the preloads at {unknown} are not known; give the file of the "
+            "results, which tells them, or shortening= as the other code has it, or solve the "
+            "scene with ec.adapt, which finds them."
         )
 
 

@@ -44,6 +44,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.reference import mandel
 from erc_contact.base.exceptions import together
 from erc_contact.model.model import Model
+from erc_contact.newton.given import values_of_file
 from namedmesh.for_solvers import FieldOnMesh
 from namedmesh.simplex import barycentric, lagrange, rule
 
@@ -75,10 +76,8 @@ def interpolated(model: Model, field: FieldOnMesh) -> fem.Function:
         InputError: If nodes are outside of the bodies of the file.
     """
     space = model.space
-    nodes = space.V.dofmap.list
-    x = space.V.tabulate_dof_coordinates()[:, : space.d]
     u = space.function()
-    u.x.array[:] = together(space.comm, field.at_nodes, nodes, x).ravel()
+    u.x.array[:] = together(space.comm, values_of_file, model, field).ravel()
     u.x.scatter_forward()
     return u
 
@@ -153,6 +152,10 @@ def _lost(
         chunk = slice(begin, begin + len(here))
         x = np.matmul(places, cells.corners[chunk])
         values, gradients = field.in_cells(here, x)
+        # The displacement of the mesh is without the jumps at cuts of preloads.
+        flat = x.reshape(-1, d)
+        values -= model.jumps_at(np.repeat(here, x.shape[1]), flat).reshape(x.shape)
+        gradients -= model.jump_gradients(here)[:, None]
         in_mesh = mandel(0.5 * (gradients + gradients.swapaxes(2, 3)))
         in_file = space.section.strain_at(in_mesh, partial(np.asarray, values), x)
         strain = in_file - on_mesh.at_points(chunk, points, x)
