@@ -70,7 +70,7 @@ class FinerDeckMesh:
 
     @cached_property
     def old_nodes(self) -> np.ndarray:
-        """Return the node of the deck that each node is, -1 for new ones, (n,)."""
+        """Return the node of the deck at each node, -1 for none, shape (n,)."""
         counts = np.diff(self.weights.indptr)
         old = np.full(len(self.x), -1)
         single = np.flatnonzero(counts == 1)
@@ -127,9 +127,9 @@ class FinerDeckMesh:
             row = [*face]
             if self.cells.shape[1] > d + 1:
                 ends = [frozenset(pair) for pair in EDGES[d]]
-                count = 1 if d == 2 else d
-                pairs = [frozenset((face[i], face[(i + 1) % d])) for i in range(count)]
-                row += [d + 1 + ends.index(pair) for pair in pairs]
+                pairs = [frozenset((face[i], face[(i + 1) % d])) for i in range(d)]
+                # The side of a triangle has one edge, both ways.
+                row += [d + 1 + ends.index(pair) for pair in dict.fromkeys(pairs)]
             columns.append(row)
         return np.array(columns)
 

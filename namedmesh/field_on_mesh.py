@@ -1,4 +1,4 @@
-"""Carry the displacement of a file to a mesh, whatever meshes both have.
+"""Carry the displacement of a file to any mesh of its bodies.
 
 Bodies that touch have other displacements at one place. So each body of the mesh, known
 by its region and by what is connected on this rank, gets the displacement of the bodies
@@ -79,7 +79,7 @@ class FieldOnMesh:
 
         Returns:
             The displacement [length], shape (m, d). A node outside of the bodies of the
-            file gets that of their nearest point.
+            file gets the displacement of their nearest point.
 
         Raises:
             InputError: If nodes are farther outside than half of a cell.
@@ -127,7 +127,7 @@ class FieldOnMesh:
         """
         d = x.shape[2]
         cell = np.repeat(cells, x.shape[1])
-        # On a side of a cell the derivatives are those of this cell.
+        # On a side of a cell its own derivatives are meant.
         middles = self._corners[cells].mean(axis=1, keepdims=True)
         points = (x + INWARD * (middles - x)).reshape(-1, d)
         values = np.empty(points.shape)

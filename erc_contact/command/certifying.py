@@ -5,12 +5,10 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isclose
-from pathlib import Path
 
 import numpy as np
 
-from erc_contact.command.decks import deck_of, folder_of, say, write_words
+from erc_contact.command.decks import folder_of, say, write_words
 from erc_contact.command.forces import (
     BoundedForce,
     bolt_forces,
@@ -18,8 +16,9 @@ from erc_contact.command.forces import (
     in_columns,
     with_forces_of,
 )
+from erc_contact.command.results import certified_file
 from erc_contact.decks.deck import Deck
-from erc_contact.error.certify import ADVICE, Certificate, certify
+from erc_contact.error.certify import ADVICE, Certificate
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
 from erc_contact.model.preload import shifts_of
@@ -31,10 +30,7 @@ from namedmesh.base.html import table
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
-from namedmesh.for_solvers import FileField, from_file
 
-SAME_TIME = 1e-5
-"""Relative difference of times that is none: files have six digits [-]."""
 IN_WORDS = {
     "the mesh": "the mesh",
     "the contact": "the contact enforcement (penetration, tension, friction)",
@@ -51,34 +47,6 @@ class Certified:
 
     error: ConstitutiveError
     outcome: str
-
-
-@dataclass(frozen=True)
-class CertifiedFile:
-    """Hold the certificate of a file of results.
-
-    Attributes:
-        deck: The deck that it is a result of.
-        name: Name of the file.
-        time: The time of its last result [time].
-        field: Its displacement and forces, as the file has them.
-        certificate: The error of this result.
-    """
-
-    deck: Deck
-    name: str
-    time: float
-    field: FileField
-    certificate: Certificate
-
-
-def certified_file(arguments: Namespace) -> CertifiedFile:
-    """Certify the file of results of a command line; collective."""
-    deck = deck_of(arguments)
-    field = from_file(deck.domain.comm, arguments.result)
-    time = _time_of(deck, field)
-    certificate = certify(deck.scene_at(time), deck.domain, field)
-    return CertifiedFile(deck, Path(arguments.result).name, time, field, certificate)
 
 
 def certify_file(arguments: Namespace) -> int:
@@ -137,15 +105,6 @@ def _in_its_cells(certificate: Certificate) -> list[tuple[str, str]]:
         "follows is of its displacement on simplices, between whose nodes it is interpolated."
     )
     return [("bound", words)]
-
-
-def _time_of(deck: Deck, field: FileField) -> float:
-    """Return the time of a result; the end of the last step if its file tells none."""
-    ends = deck.times or [0.0]
-    if field.time is None:
-        return ends[-1]
-    same = [end for end in ends if isclose(end, field.time, rel_tol=SAME_TIME)]
-    return (same or [field.time])[0]
 
 
 def _how_wrong(certificate: Certificate, name: str, time: float) -> str:

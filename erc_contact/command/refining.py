@@ -6,8 +6,8 @@ from argparse import Namespace
 from pathlib import Path
 from typing import cast
 
-from erc_contact.command.certifying import certified_file
 from erc_contact.command.decks import say
+from erc_contact.command.results import certified_file
 from erc_contact.decks.rewriting import written_anew
 from erc_contact.error.certify import ADVICE
 from erc_contact.error.sizes import PREDICTIVE_ERROR, Sizes, size_map

@@ -15,14 +15,16 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.decks.affine import linear_traction
+from erc_contact.decks.affine import linear_traction, moment_of
 from namedmesh.for_solvers import Card, FinerDeckMesh, components, shape_of
-from namedmesh.simplex import lagrange, measures, rule
+from namedmesh.simplex import lagrange, measures, node_between, rule
 
 PER_LINE = 10
 """Numbers in a line: CalculiX reads at most 16."""
 FACE = re.compile(r"P(\d)")
 """Label of a pressure on a face of elements."""
+FAMILY = re.compile(r"[A-Z]*?(3D)?(?=\d+[A-Z]*$)")
+"""Beginning of the type of an element, before the number of its nodes."""
 OF_SPACE = ("NODE", "NSET", "ELSET", "SURFACE")
 """Cards of which the finer mesh has its own."""
 
@@ -75,7 +77,7 @@ class _Rewriting:
     # --- the mesh
 
     def _nodes(self) -> Iterator[str]:
-        """Write the nodes of the mesh, and those that belong to no cell."""
+        """Write the nodes of the mesh, and nodes that belong to no cell."""
         finer = self.finer
         loose = np.flatnonzero(~self.deck.node_is_used)
         numbers = np.concatenate([finer.node_numbers, self.deck.numbers[loose]])
@@ -87,12 +89,12 @@ class _Rewriting:
     def _elements(self) -> Iterator[str]:
         """Write the cells, for each type of the deck a simplex of its kind."""
         finer = self.finer
-        d = self.deck.d
         numbers = finer.node_numbers[finer.cells]
         types = self._types_of_cells()
         for kind in np.unique(types):
-            family = re.sub(r"\d+\D*$", "", kind) if d == 2 else "C3D"
-            yield f"*ELEMENT, TYPE={family}{finer.cells.shape[1]}"
+            family = FAMILY.match(kind)
+            assert family is not None
+            yield f"*ELEMENT, TYPE={family.group()}{finer.cells.shape[1]}"
             for cell in np.flatnonzero(types == kind):
                 yield ", ".join(map(str, [cell + 1, *numbers[cell]]))
 
@@ -148,7 +150,7 @@ class _Rewriting:
     # --- what is prescribed
 
     def _boundary(self, card: Card) -> Iterator[str]:
-        """Write prescribed displacements; those of nodes by their numbers anew."""
+        """Write prescribed displacements, at nodes by their numbers anew."""
         yield _head(card)
         tables: dict[tuple[str, str], list[tuple[str, float]]] = {}
         for row in card.rows:
@@ -164,7 +166,7 @@ class _Rewriting:
                 yield f"{number}, {first}, {last}, {value:.9g}"
 
     def _temperatures(self, card: Card) -> Iterator[str]:
-        """Write temperatures; those of nodes by their numbers anew."""
+        """Write temperatures, at nodes by their numbers anew."""
         yield _head(card)
         table = []
         for row in card.rows:
@@ -209,7 +211,7 @@ class _Rewriting:
                 yield ", ".join(row)
 
     def _forces(self, card: Card) -> Iterator[str]:
-        """Write forces on nodes as those of a traction with their force and moment."""
+        """Write the nodal forces of a traction with the same force and moment."""
         yield _head(card)
         d = self.deck.d
         forces: dict[int, np.ndarray] = {}
@@ -238,7 +240,7 @@ class _Rewriting:
         Raises:
             InputError: If nodes have local axes, or a body is axisymmetric.
         """
-        has_axes = any(other.keyword == "TRANSFORM" for other in self.deck.cards)
+        has_axes = any(known.keyword == "TRANSFORM" for known in self.deck.cards)
         is_ring = any("AX" in part.kind for part in self.deck.blocks)
         if has_axes or is_ring:
             why = "local axes (*TRANSFORM)" if has_axes else "an axisymmetric body"
@@ -275,10 +277,7 @@ class _Rewriting:
         deck, finer = self.deck, self.finer
         d = deck.d
         x = deck.mesh.points[nodes, :d]
-        if d == 2:
-            moment = np.array([np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])])
-        else:
-            moment = np.cross(x, forces).sum(axis=0)
+        moment = moment_of(x, forces)
         old = deck.simplices(faces)
         traction = linear_traction(forces.sum(axis=0), moment, deck.x[old], deck.measures(faces))
         cell, side = finer.sides_on(faces)
@@ -297,14 +296,14 @@ class _Rewriting:
 
 
 def _order(d: int, degree: int) -> list[int]:
-    """Return the places of the nodes of a side of Abaqus among those of a simplex.
+    """Return the places of the nodes of a side of Abaqus in a simplex.
 
-    The nodes of edges of a simplex lie opposite to its vertices.
+    Abaqus has the middle of the first two corners first, then around.
     """
-    corners = list(range(d))
-    if degree == 1:
-        return corners
-    return [*corners, 2] if d == 2 else [*corners, 5, 3, 4]
+    between = node_between(d - 1, degree)
+    middles = [int(between[i, (i + 1) % d]) for i in range(d)]
+    # The two middles of an edge are one, and there are none (-1) of degree 1.
+    return [*range(d), *(node for node in dict.fromkeys(middles) if node >= d)]
 
 
 def _as_it_is(card: Card) -> Iterator[str]:

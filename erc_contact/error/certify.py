@@ -43,9 +43,10 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.shifts import with_shifts_of
 from erc_contact.error.strategy import largest, refined
-from erc_contact.error.transfer import gain_in_file, interpolated, transfer_squares
+from erc_contact.error.transfer import gain_in_file, transfer_squares
 from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.trace import split
+from erc_contact.model.files import interpolated
 from erc_contact.model.law.constitution import act
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -96,7 +97,7 @@ class Certificate:
             unless u comes from a file with other cells than the mesh.
         transfer: The cost e_T of its transfer [sqrt(force length)]: the error of the
             result in the file is at most ``absolute + transfer``.
-        interpolated: Whether u lives in other cells than those of the mesh.
+        interpolated: Whether u lives in cells that the mesh does not have.
 
     Example:
         >>> certificate = ec.certify(scene, block, solution.u)
@@ -327,7 +328,7 @@ def _in_file(
     """
     error = certificate.error
     if whole <= max(LOSSLESS * error.absolute, DIGITS * error.scale):
-        # Linear cells may be split without loss, and are still not those of the mesh.
+        # Linear cells may be split without loss, and are still no cells of the mesh.
         is_same = field.field.has_elements_of(error.degree)
         return replace(certificate, interpolated=not is_same)
     gain = gain_in_file(error.admissible, u, field)

@@ -2,7 +2,7 @@
 
 A result of a bolt that is drawn together by a force has some shift q at its cut, the
 mean of the jump ``(u_1 - u_2) . d`` along the axis d out of the first side. With this
-shift the cut is no unknown: the error is that of the body whose bolt is shortened by q.
+shift the cut is no unknown: the error is the error of the body with this bolt.
 The force that q causes has an interval then, in which the given force may be or not.
 """
 

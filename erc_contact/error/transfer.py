@@ -2,15 +2,15 @@
 
 The displacement u_f of a file lives in its own cells, hexahedra for instance; u is what
 the mesh of a certificate has of it at its nodes, and u^ is u where u keeps supports and
-gaps. The error e of u^ is not that of u_f. But any displacement that keeps supports and
-gaps has an error with sigma^, in which it need not live on the mesh. So take
+gaps. The error e of u^ is not the error of u_f. But any displacement that keeps
+supports and gaps has an error with sigma^, and need not live on the mesh. So take
 
     v = u^ + chi (u_f - u),
 
 with chi linear in each cell of the mesh, 0 at the vertices on contacts, tied joints and
-springs, and 1 at others. On them v is u^. On supports u_f - u is zero, as both have
-the prescribed values at nodes, if these are linear on each facet. With the error e_v of
-v and sigma^, and
+springs, and 1 at all other vertices. There v is u^; on supports u_f - u is zero, as
+both have the prescribed values at nodes, if these are linear on each facet. With the
+error e_v of v and sigma^, and
 
     e_T = |(1 - chi) (u_f - u)|,    |w|^2 = int C eps(w) : eps(w),
 
@@ -42,9 +42,7 @@ from erc_contact.admissible.elastic import CHUNK, CellStrains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.reference import mandel
-from erc_contact.base.exceptions import together
 from erc_contact.model.model import Model
-from erc_contact.newton.given import values_of_file
 from namedmesh.for_solvers import FieldOnMesh
 from namedmesh.simplex import barycentric, lagrange, rule
 
@@ -67,19 +65,6 @@ class Lost:
     x: np.ndarray
     strain: np.ndarray
     of_chi: np.ndarray
-
-
-def interpolated(model: Model, field: FieldOnMesh) -> fem.Function:
-    """Return the displacement of a file at the nodes of a mesh [length]; collective.
-
-    Raises:
-        InputError: If nodes are outside of the bodies of the file.
-    """
-    space = model.space
-    u = space.function()
-    u.x.array[:] = together(space.comm, values_of_file, model, field).ravel()
-    u.x.scatter_forward()
-    return u
 
 
 def transfer_squares(

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.files import values_of_file
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
@@ -146,19 +147,6 @@ def _values(model: Model, u: AnyField) -> np.ndarray:
         )
     nodes = np.arange(len(space.V.tabulate_dof_coordinates()))
     return nodal_values(space, u, nodes, "certify: u")
-
-
-def values_of_file(model: Model, field: FieldOnMesh) -> np.ndarray:
-    """Return the displacement of a file at the nodes of this rank [length], (nodes, d).
-
-    At cuts of preloads it is without the jumps that their shifts add.
-
-    Raises:
-        InputError: If nodes are outside of the bodies of the file.
-    """
-    nodes = model.space.V.dofmap.list
-    x = model.space.V.tabulate_dof_coordinates()[:, : model.space.d]
-    return field.at_nodes(nodes, x) - model.jumps_at(field.cell_of_nodes(nodes), x)
 
 
 def _multipliers(model: Model, elastic: Any, u: fem.Function) -> tuple[fem.Function, ...]:

@@ -122,7 +122,7 @@ def local_coordinates(shape: str, corners: np.ndarray, x: np.ndarray) -> np.ndar
         x: The points [length], shape (n, d).
 
     Returns:
-        Shape (n, d), within the cell: a point beside it gets those of a point of it.
+        Shape (n, d), within the cell: a point beside it gets a point of the cell.
     """
     functions = corner_functions(shape)
     local = np.broadcast_to(functions.nodes.mean(axis=0), x.shape).copy()
