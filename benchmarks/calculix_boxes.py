@@ -18,8 +18,10 @@ import numpy as np
 
 import erc_contact as ec
 
-HEXAHEDRON = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4))
-HEXAHEDRON += ((0, 4), (1, 5), (2, 6), (3, 7))
+HEXAHEDRON = (
+    *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
+    *((0, 4), (1, 5), (2, 6), (3, 7)),
+)
 TETRAHEDRON = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 """Ends of the edges, in the order of CalculiX's nodes in their middles."""
 EDGES = {"C3D20": HEXAHEDRON, "C3D20R": HEXAHEDRON, "C3D10": TETRAHEDRON}
@@ -37,7 +39,7 @@ def box(
     kind: str, low: tuple[float, ...], high: tuple[float, ...], counts: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes and elements of a box."""
-    lines = [np.linspace(*ends, n + 1) for *ends, n in zip(low, high, counts, strict=True)]
+    lines = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, counts, strict=True)]
     x = np.array(list(product(*lines)))
     number = np.arange(len(x)).reshape([n + 1 for n in counts])
     first = np.array(list(product(*map(range, counts))))[:, None]

@@ -14,7 +14,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import together
 from erc_contact.scene.scene import Scene
-from erc_contact.scene.tied import Preload
+from erc_contact.scene.tied import Preload, Tied
 from namedmesh import Domain
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import FieldOnMesh, FileField
@@ -41,7 +41,7 @@ def with_shifts_of(scene: Scene, domain: Domain, file: FileField) -> Scene:
     field = FieldOnMesh(domain, file)
     u = together(domain.comm, field.at_nodes, nodes, x)
     shifts = {tie.facets: _shift(domain, tie, u) for tie in unknown}
-    ties = []
+    ties: list[Tied] = []
     for tie in scene.ties:
         if tie.facets in shifts:
             ties.append(Preload(tie.facets, tie.against, shortening=shifts[tie.facets]))
