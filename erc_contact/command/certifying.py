@@ -118,7 +118,7 @@ def _how_wrong(certificate: Certificate, name: str, time: float) -> str:
     if not certificate.error.guaranteed:
         return f"{words}The report names what is not proved of it."
     if certificate.interpolated:
-        return f"{words}This is proved, up to the digits of integrals over its cells."
+        return f"{words}This is proved, up to the quadrature in its cells."
     return f"{words}This is proved."
 
 

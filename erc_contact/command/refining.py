@@ -70,6 +70,7 @@ def _write(arguments: Namespace, sizes: Sizes, output: Path) -> tuple[int, bool]
             wanted = scale * rows["h"]
             finer = refined_deck_mesh(deck, rows["x"], wanted, degree=error.degree, most=most)
             scale *= COARSER
+        output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(written_anew(finer))
         return len(finer.cells), scale == COARSER
 

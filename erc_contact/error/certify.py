@@ -96,7 +96,7 @@ class Certificate:
         absolute: e of u in its own cells [sqrt(force length)]. It is ``error.absolute``
             unless u comes from a file with other cells than the mesh.
         transfer: The cost e_T of its transfer [sqrt(force length)]: the error of the
-            result in the file is at most ``absolute + transfer``.
+            result in the file, corrected as u^ is, is at most ``absolute + transfer``.
         interpolated: Whether u lives in cells that the mesh does not have.
 
     Example:
