@@ -42,6 +42,9 @@ class FieldOnMesh:
     Attributes:
         field: The displacement.
 
+    Raises:
+        InputError: If the cells of the file have another dimension.
+
     Example:
         >>> on_mesh = FieldOnMesh(block, field)
         >>> u = on_mesh.at_nodes(nodes_of_cells, x)
@@ -50,6 +53,11 @@ class FieldOnMesh:
     def __init__(self, domain: NamedMesh, field: FileField) -> None:
         self.field = field
         d = domain.dim
+        if field.x.shape[1] != d:
+            raise InputError(
+                f"the cells of the file are in {field.x.shape[1]}D, and the mesh is in {d}D; let "
+                "the other code write results of its own cells, CalculiX by OUTPUT=2D."
+            )
         x, corners = domain.points
         self._corners = x[corners, :d]
         tolerance = SAME_PLACE * domain.extent

@@ -183,6 +183,8 @@ def test_nodes_outside_have_the_nearest_point():
     geometry = domain.mesh.geometry
     u = FieldOnMesh(domain, field).at_nodes(cell_nodes(geometry), geometry.x)
     assert abs(u - np.minimum(geometry.x, [1.0, 1.0, 0.99])).max() < 1e-12
+    with pytest.raises(ec.InputError, match="in 3D, and the mesh is in 2D"):
+        FieldOnMesh(box_of(2), field)
     small = displacement_of(grid("hexahedron", 1, lambda x: x, (0.0,) * 3, (1.0, 1.0, 0.5), 2))
     with pytest.raises(ec.InputError, match="outside of the bodies of the file, the first"):
         FieldOnMesh(domain, small).at_nodes(cell_nodes(geometry), geometry.x)
