@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from io import StringIO
 
 import numpy as np
 
@@ -83,8 +84,7 @@ class _Rewriting:
         numbers = np.concatenate([finer.node_numbers, self.deck.numbers[loose]])
         x = np.vstack([finer.x, self.deck.x[loose]])
         yield "*NODE"
-        for number, point in zip(numbers, x, strict=True):
-            yield ", ".join([str(number), *(f"{value:.12g}" for value in point)])
+        yield _table(np.column_stack([numbers, x]), ["%d", *["%.12g"] * self.deck.d])
 
     def _elements(self) -> Iterator[str]:
         """Write the cells, for each type of the deck a simplex of its kind."""
@@ -95,8 +95,8 @@ class _Rewriting:
             family = FAMILY.match(kind)
             assert family is not None
             yield f"*ELEMENT, TYPE={family.group()}{finer.cells.shape[1]}"
-            for cell in np.flatnonzero(types == kind):
-                yield ", ".join(map(str, [cell + 1, *numbers[cell]]))
+            cells = np.flatnonzero(types == kind)
+            yield _table(np.column_stack([cells + 1, numbers[cells]]), "%d")
 
     def _types_of_cells(self) -> np.ndarray:
         """Return the type of the deck's cell of each new cell."""
@@ -318,6 +318,13 @@ def _head(card: Card) -> str:
     for name, value in card.parameters.items():
         words.append(f"{name}={value}" if value else name)
     return ", ".join(words)
+
+
+def _table(rows: np.ndarray, formats: str | list[str]) -> str:
+    """Write a table of numbers."""
+    text = StringIO()
+    np.savetxt(text, rows, fmt=formats, delimiter=", ")
+    return text.getvalue().rstrip()
 
 
 def _in_lines(numbers: np.ndarray) -> Iterator[str]:
