@@ -144,6 +144,7 @@ def test_a_result_of_calculix_is_certified(tmp_path):
     assert (folder / "verdict.txt").read_text().splitlines()[0] in told
 
 
+@pytest.mark.broad
 @calculix
 def test_a_finer_deck_does_not_depend_on_the_ranks(tmp_path):
     """A concrete column under its weight: eps of 6% falls with the square of the size."""

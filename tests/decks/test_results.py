@@ -38,6 +38,7 @@ def certified(name):
     return ec.certify(deck.scene, deck.domain, f"{name}.frd")
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("kind", ["C3D8", "C3D20", "C3D20R", "C3D10"])
 def test_the_transfer_costs_less_than_a_tenth(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -79,6 +80,7 @@ def test_end_to_end(name, tmp_path, monkeypatch, capsys):
     assert after.total < 1.5 * accuracy
 
 
+@pytest.mark.broad
 def test_forces_of_hexahedra_are_in_their_intervals(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = (HERE.parents[1] / "meshes" / "calculix" / "hexahedra.inp").read_text()
