@@ -6,7 +6,7 @@ elements; see :mod:`erc_contact.decks.supports` and :mod:`erc_contact.decks.load
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -389,7 +389,25 @@ def read_temperature(reading: DeckReading, card: Card, space: DeckSpace) -> None
         reading.steps.renew("warmth")
     amplitude = reading.amplitude(card)
     for nodes, values in _nodal_values(reading, card, space):
-        reading.steps.add("warmth", (nodes.tobytes(),), Warmth(nodes, values, card), amplitude)
+        key = (nodes.tobytes(),)
+        for earlier in reading.steps.acting("warmth", key):
+            _warm_anew(reading, earlier, nodes)
+        reading.steps.add("warmth", key, Warmth(nodes, values, card), amplitude)
+
+
+def _warm_anew(reading: DeckReading, earlier: Entry, nodes: np.ndarray) -> None:
+    """End the share of an earlier temperature that is of nodes which are given anew."""
+    warmth: Warmth = earlier.what
+    is_anew = np.isin(warmth.nodes, nodes)
+    if not is_anew.any():
+        return
+    stays = Warmth(warmth.nodes[~is_anew], warmth.values[~is_anew], warmth.card)
+    fades = replace(
+        earlier, what=Warmth(warmth.nodes[is_anew], warmth.values[is_anew], warmth.card)
+    )
+    earlier.what = stays
+    reading.steps.entries["warmth"].append(fades)
+    reading.steps.fade(fades)
 
 
 def read_initial(reading: DeckReading, card: Card, space: DeckSpace) -> None:

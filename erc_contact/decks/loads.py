@@ -11,8 +11,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spin
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.nodal import NodalTable
-from erc_contact.decks.plan import Heat, Volume
+from erc_contact.decks.plan import Volume
 from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
 from namedmesh.for_solvers import components
@@ -245,38 +244,3 @@ def _force_per_mass(load: Gravity | Spin, d: int) -> tuple[Affine, ...]:
     for i in range(d):
         result.append(Affine(float(origin[i]), tuple(float(value) for value in slopes[i, :d])))
     return tuple(result)
-
-
-def heat_of(reading: DeckReading) -> list[Entry]:
-    """Return the changes of temperature, as values in the whole body."""
-    mesh = reading.mesh
-    every = np.flatnonzero(mesh.corner_count)
-    initial = np.array([reading.initial.get(int(node), 0.0) for node in every])
-    together: dict[Any, tuple[Entry, np.ndarray]] = {}
-    for entry in reading.steps.entries.get("warmth", []):
-        # Sets of nodes that warm up together are one field.
-        history = (tuple(entry.times), tuple(entry.factors))
-        _, change = together.setdefault(history, (entry, np.zeros(len(every))))
-        temperature = np.full(len(mesh.x), np.nan)
-        temperature[entry.what.nodes] = entry.what.values
-        is_given = ~np.isnan(temperature[every])
-        change[is_given] = temperature[every][is_given] - initial[is_given]
-    result = []
-    for entry, change in together.values():
-        field: Affine | NodalTable | None = fitted(mesh.x[every], change)
-        if field is None:
-            values = np.zeros(len(mesh.x))
-            values[every] = change
-            field = NodalTable(*mesh.with_values(values))
-        result.append(replace(entry, what=Heat(field)))
-    return result
-
-
-def temperature_of(reading: DeckReading) -> float | None:
-    """Return the temperature at the end of the deck; None if it is not one number."""
-    values = set()
-    for entry in reading.steps.entries.get("warmth", [])[-1:]:
-        values |= set(entry.what.values.tolist())
-    if not values:
-        values = set(reading.initial.values())
-    return values.pop() if len(values) == 1 else None

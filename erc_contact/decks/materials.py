@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from erc_contact.decks.heat import at_temperatures
 from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection
-from erc_contact.decks.told import numbers_in
+from erc_contact.decks.told import number_of, numbers_in
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic
 from namedmesh.for_solvers import Card, DeckSpace
@@ -53,6 +53,7 @@ def read_expansion(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic expansion alone is read.")
     elif material:
         material.expansion = [numbers_in(card, line) for line in range(len(card.lines))]
+        material.zero = number_of(card, card.get("ZERO"))
 
 
 def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
@@ -140,24 +141,11 @@ def thickness_of(reading: DeckReading, hypothesis: str) -> float:
     return thickness
 
 
-def at_temperature(rows: list[list[float]], column: int, temperature: float | None) -> list[float]:
-    """Return the values of a table by temperature, in its first columns.
-
-    Args:
-        rows: Values, then the temperature.
-        column: Number of the column of the temperature.
-        temperature: The temperature; None takes the first row.
-    """
-    if len(rows) == 1 or temperature is None:
-        return rows[0][:column]
-    temperatures = [row[column] if len(row) > column else 0.0 for row in rows]
-    return [
-        float(np.interp(temperature, temperatures, [row[i] for row in rows])) for i in range(column)
-    ]
-
-
 def material_of(
-    reading: DeckReading, material: MaterialCards, hypothesis: str, temperature: float | None
+    reading: DeckReading,
+    material: MaterialCards,
+    hypothesis: str,
+    temperatures: np.ndarray | None,
 ) -> Any:
     """Return a material of a scene; None if it is refused."""
     told = reading.told
@@ -165,9 +153,9 @@ def material_of(
         told.refuse(material.card, f"{material.name!r} has no *ELASTIC; give E and nu.")
         return None
     if len(material.elastic) > 1:
-        at = "the first temperature" if temperature is None else f"T = {temperature:g}"
+        at = "the first temperature" if temperatures is None else "the last temperatures"
         told.assume(material.card, f"{material.name!r}: moduli are taken at {at}")
-    E, nu, *_ = [*at_temperature(material.elastic, 2, temperature), 0.0]
+    E, nu, *_ = [*at_temperatures(reading.mesh, material.elastic, 2, temperatures), 0.0]
     if not material.plastic:
         return Elastic(E, nu, hypothesis=hypothesis)
     if hypothesis == PLANE_STRESS:
@@ -177,7 +165,7 @@ def material_of(
 
 
 def _plastic_of(
-    reading: DeckReading, material: MaterialCards, E: float, nu: float, hypothesis: str
+    reading: DeckReading, material: MaterialCards, E: Any, nu: Any, hypothesis: str
 ) -> Plastic:
     """Return the plastic law of a material."""
     rows = material.plastic
@@ -188,7 +176,7 @@ def _plastic_of(
             material.card, f"{material.name!r} hardens linearly, also beyond its last line"
         )
     if slope <= 0.0:
-        slope = LEAST_HARDENING * E
+        slope = LEAST_HARDENING * material.elastic[0][0]
         reading.told.assume(
             material.card,
             f"{material.name!r} has no hardening: it hardens by {slope:g}, 1% of E, as no error is "
@@ -196,17 +184,3 @@ def _plastic_of(
         )
     hardening, kinematic = (0.0, slope) if material.kinematic else (slope, 0.0)
     return Plastic(E, nu, rows[0][0], hardening, kinematic, hypothesis=hypothesis)
-
-
-def expansions_of(
-    reading: DeckReading, materials: Mapping[str, MaterialCards], temperature: float | None
-) -> dict[str, float]:
-    """Return the coefficient of expansion of each region [1/temperature]."""
-    result = {}
-    for region, material in materials.items():
-        rows = material.expansion
-        if len(rows) > 1:
-            at = "the first temperature" if temperature is None else f"T = {temperature:g}"
-            reading.told.assume(material.card, f"{material.name!r}: expansion is taken at {at}")
-        result[region] = at_temperature(rows, 1, temperature)[0] if rows else 0.0
-    return result

@@ -1,10 +1,11 @@
-"""Hold values at the nodes of a deck, linear in its simplices, as a callable of x."""
+"""Hold values at the nodes of a deck, quadratic in its simplices, as a callable of x."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -22,22 +23,25 @@ AT_ONCE = 20000
 class NodalTable:
     """Hold values at nodes, which scenes take as a callable of x.
 
-    It is linear in the simplices of the deck's mesh, whatever the mesh of the scene;
+    It is quadratic in the simplices of the deck's mesh, whatever the mesh of the scene;
     beyond them the nearest simplex goes on.
 
     Attributes:
         x: The nodes [length], shape (n, d).
         simplices: Their corners, shape (m, d+1).
         values: Values at the nodes, shape (n,).
+        between: Values at the middles of the edges of each simplex, in the order of
+            ``itertools.combinations``, shape (m, d(d+1)/2).
     """
 
     x: np.ndarray
     simplices: np.ndarray
     values: np.ndarray
+    between: np.ndarray
 
     def __post_init__(self) -> None:
         """Make arrays of lists, as code has them."""
-        for name in ("x", "simplices", "values"):
+        for name in ("x", "simplices", "values", "between"):
             object.__setattr__(self, name, np.asarray(getattr(self, name)))
 
     def __call__(self, x: Any) -> Any:
@@ -51,12 +55,13 @@ class NodalTable:
 
     def times(self, factor: float) -> NodalTable:
         """Return the values times a factor."""
-        return NodalTable(self.x, self.simplices, factor * self.values)
+        return replace(self, values=factor * self.values, between=factor * self.between)
 
     @cached_property
     def _digest(self) -> str:
         """Return a text that tells these numbers from other numbers."""
-        code = b"|".join(array.tobytes() for array in (self.x, self.simplices, self.values))
+        arrays = (self.x, self.simplices, self.values, self.between)
+        code = b"|".join(array.tobytes() for array in arrays)
         return hashlib.sha256(code).hexdigest()[:16]
 
     @property
@@ -74,6 +79,11 @@ class NodalTable:
         """Return the maps to barycentric coordinates but the first, (m, d, d)."""
         corners = self.x[self.simplices]
         return np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        """Return the ends of the edges of a simplex, shape (2, edges)."""
+        return np.array(list(combinations(range(self.simplices.shape[1]), 2))).T
 
     def interpolated(self, places: np.ndarray, slope: int | None = None) -> np.ndarray:
         """Evaluate the values, or a slope of them, at places (..., d)."""
@@ -94,8 +104,16 @@ class NodalTable:
         # The simplex that has the place, or is left least.
         best = weights.min(axis=2).argmax(axis=1)
         rows = np.arange(len(places))
-        values = self.values[self.simplices[near[rows, best]]]
+        chosen = near[rows, best]
+        at = weights[rows, best]
+        values = self.values[self.simplices[chosen]]
+        first, second = self._ends
+        # Beside the linear function stands 4 w_i w_j times what the middle is above it.
+        above = self.between[chosen] - 0.5 * (values[:, first] + values[:, second])
         if slope is None:
-            return np.einsum("nk,nk->n", weights[rows, best], values)
-        along = self._maps[near[rows, best], :, slope]
-        return np.einsum("nk,nk->n", along, values[:, 1:] - values[:, :1])
+            bumps = 4.0 * at[:, first] * at[:, second]
+            return np.asarray((at * values).sum(axis=1) + (bumps * above).sum(axis=1))
+        along = self._maps[chosen, :, slope]
+        along = np.column_stack([-along.sum(axis=1), along])
+        rises = 4.0 * (at[:, first] * along[:, second] + at[:, second] * along[:, first])
+        return np.asarray((along * values).sum(axis=1) + (rises * above).sum(axis=1))

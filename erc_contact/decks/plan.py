@@ -121,7 +121,8 @@ class DeckPlan:
         d: Dimension.
         material: Material of each region.
         thickness: Thickness by which forces are divided [length].
-        alphas: Coefficient of expansion of each region [1/temperature].
+        alphas: Coefficient of expansion of each region [1/temperature], a number or a
+            callable of x.
         planes: Parts on planes of symmetry.
         radials: Parts held along the radius of a cylinder.
         joints: Contacts, tied joints and cuts.
@@ -133,7 +134,7 @@ class DeckPlan:
     d: int
     material: Mapping[str, Any]
     thickness: float = 1.0
-    alphas: Mapping[str, float] = field(default_factory=dict)
+    alphas: Mapping[str, Any] = field(default_factory=dict)
     planes: list[Plane] = field(default_factory=list)
     radials: list[Radial] = field(default_factory=list)
     joints: list[DeckJoint] = field(default_factory=list)

@@ -16,15 +16,10 @@ from erc_contact.decks.grips import (
     plan_grips,
     shared_forces,
 )
+from erc_contact.decks.heat import expansions_of, heat_of, temperatures_of
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.loads import (
-    LoadedFaces,
-    heat_of,
-    loaded_faces,
-    temperature_of,
-    volumes_of,
-)
-from erc_contact.decks.materials import expansions_of, hypothesis_of, material_of, thickness_of
+from erc_contact.decks.loads import LoadedFaces, loaded_faces, volumes_of
+from erc_contact.decks.materials import hypothesis_of, material_of, thickness_of
 from erc_contact.decks.pairs import adjusted
 from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
 from erc_contact.decks.reading import DeckReading, MaterialCards
@@ -60,10 +55,10 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     hypothesis = hypothesis_of(reading)
     reading.is_ring = hypothesis == AXISYMMETRIC
     thickness = thickness_of(reading, hypothesis)
-    temperature = temperature_of(reading)
+    temperatures = temperatures_of(reading)
     regions, cards = regions_of(reading)
-    plan = DeckPlan(reading.mesh.d, _materials(reading, cards, hypothesis, temperature), thickness)
-    plan.alphas = expansions_of(reading, cards, temperature)
+    plan = DeckPlan(reading.mesh.d, _materials(reading, cards, hypothesis, temperatures), thickness)
+    plan.alphas = expansions_of(reading, cards, temperatures)
     plan.times = list(reading.steps.times)
     if told.refused:
         return plan, {}, {}
@@ -152,14 +147,14 @@ def _materials(
     reading: DeckReading,
     cards: dict[str, MaterialCards],
     hypothesis: str,
-    temperature: float | None,
+    temperatures: np.ndarray | None,
 ) -> dict[str, Any]:
     """Return the material of each region; regions of one material share it."""
     made: dict[int, Any] = {}
     result = {}
     for region, material in cards.items():
         if id(material) not in made:
-            made[id(material)] = material_of(reading, material, hypothesis, temperature)
+            made[id(material)] = material_of(reading, material, hypothesis, temperatures)
         result[region] = made[id(material)]
     return result
 

@@ -24,6 +24,7 @@ class MaterialCards:
         card: The card *MATERIAL.
         elastic: Rows E, nu and temperature.
         expansion: Rows alpha and temperature.
+        zero: Temperature from which alpha is a mean.
         density: Mass per volume; None if it has none.
         plastic: Rows yield stress, plastic strain and temperature.
         kinematic: Whether the hardening is kinematic.
@@ -33,6 +34,7 @@ class MaterialCards:
     card: Card
     elastic: list[list[float]] = field(default_factory=list)
     expansion: list[list[float]] = field(default_factory=list)
+    zero: float = 0.0
     density: float | None = None
     plastic: list[list[float]] = field(default_factory=list)
     kinematic: bool = False
