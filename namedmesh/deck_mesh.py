@@ -364,7 +364,7 @@ class DeckMesh:
         return simplices.x, simplices.cells, every, between
 
     def _values_between(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return numbers of edges and diagonals of cells, increasing, and values there."""
+        """Return numbers of edges and diagonals of cells, sorted, and values there."""
         numbers = []
         at_middle = []
         for number in self.body.blocks:

@@ -1,4 +1,4 @@
-"""Hold values at the nodes of a deck, quadratic in its simplices, as a callable of x."""
+"""Hold values at the nodes of a deck, quadratic in its simplices, as functions of x."""
 
 from __future__ import annotations
 
@@ -13,8 +13,13 @@ from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from erc_contact.base.ufl_tables import TableData, TableValue
 
-NEAREST = 24
-"""Number of simplices that are tried for a point, nearest middles first."""
+FEW, NEAREST = 6, 24
+"""Numbers of simplices that are tried for a point, nearest middles first.
+
+The greater number is for points that are in none of the first simplices.
+"""
+INSIDE = 1e-9
+"""Barycentric coordinate below zero that round-off leaves inside [-]."""
 AT_ONCE = 20000
 """Number of points that are worked on at once."""
 
@@ -96,16 +101,9 @@ class NodalTable:
 
     def _at(self, places: np.ndarray, slope: int | None) -> np.ndarray:
         """Evaluate at places (n, d)."""
-        count = min(NEAREST, len(self.simplices))
-        _, near = self._tree.query(places, k=[*range(1, count + 1)])
-        origin = self.x[self.simplices[near, 0]]
-        later = np.einsum("nkij,nkj->nki", self._maps[near], places[:, None] - origin)
-        weights = np.concatenate([1.0 - later.sum(axis=2, keepdims=True), later], axis=2)
-        # The simplex that has the place, or is left least.
-        best = weights.min(axis=2).argmax(axis=1)
-        rows = np.arange(len(places))
-        chosen = near[rows, best]
-        at = weights[rows, best]
+        chosen, at = self._located(places, FEW)
+        outside = np.flatnonzero(at.min(axis=1) < -INSIDE)
+        chosen[outside], at[outside] = self._located(places[outside], NEAREST)
         values = self.values[self.simplices[chosen]]
         first, second = self._ends
         # Beside the linear function stands 4 w_i w_j times what the middle is above it.
@@ -117,3 +115,19 @@ class NodalTable:
         along = np.column_stack([-along.sum(axis=1), along])
         rises = 4.0 * (at[:, first] * along[:, second] + at[:, second] * along[:, first])
         return np.asarray((along * values).sum(axis=1) + (rises * above).sum(axis=1))
+
+    def _located(self, places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Find the simplex of each place among those with the nearest middles.
+
+        Returns:
+            Its number, and the barycentric coordinates there, shape (n, d+1).
+        """
+        count = min(count, len(self.simplices))
+        _, near = self._tree.query(places, k=[*range(1, count + 1)])
+        origin = self.x[self.simplices[near, 0]]
+        later = np.einsum("nkij,nkj->nki", self._maps[near], places[:, None] - origin)
+        weights = np.concatenate([1.0 - later.sum(axis=2, keepdims=True), later], axis=2)
+        # The simplex that has the place, or is left least.
+        best = weights.min(axis=2).argmax(axis=1)
+        rows = np.arange(len(places))
+        return near[rows, best], weights[rows, best]
