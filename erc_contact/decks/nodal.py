@@ -9,17 +9,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from erc_contact.base.ufl_tables import TableData, TableValue
+from erc_contact.decks.locating import Locator
 
-FEW, NEAREST = 6, 24
-"""Numbers of simplices that are tried for a point, nearest middles first.
-
-The greater number is for points that are in none of the first simplices.
-"""
-INSIDE = 1e-9
-"""Barycentric coordinate below zero that round-off leaves inside [-]."""
 AT_ONCE = 20000
 """Number of points that are worked on at once."""
 
@@ -75,15 +68,9 @@ class NodalTable:
         return [np.unique(self.x[:, i]) for i in range(self.x.shape[1])]
 
     @cached_property
-    def _tree(self) -> Any:
-        """Return a tree of the middles of the simplices."""
-        return cKDTree(self.x[self.simplices].mean(axis=1))
-
-    @cached_property
-    def _maps(self) -> np.ndarray:
-        """Return the maps to barycentric coordinates but the first, (m, d, d)."""
-        corners = self.x[self.simplices]
-        return np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+    def _locator(self) -> Locator:
+        """Return what finds the simplices of points."""
+        return Locator(self.x[self.simplices])
 
     @cached_property
     def _ends(self) -> np.ndarray:
@@ -101,9 +88,7 @@ class NodalTable:
 
     def _at(self, places: np.ndarray, slope: int | None) -> np.ndarray:
         """Evaluate at places (n, d)."""
-        chosen, at = self._located(places, FEW)
-        outside = np.flatnonzero(at.min(axis=1) < -INSIDE)
-        chosen[outside], at[outside] = self._located(places[outside], NEAREST)
+        chosen, at = self._locator.locate(places)
         values = self.values[self.simplices[chosen]]
         first, second = self._ends
         # Beside the linear function stands 4 w_i w_j times what the middle is above it.
@@ -111,23 +96,7 @@ class NodalTable:
         if slope is None:
             bumps = 4.0 * at[:, first] * at[:, second]
             return np.asarray((at * values).sum(axis=1) + (bumps * above).sum(axis=1))
-        along = self._maps[chosen, :, slope]
+        along = self._locator.maps[chosen, :, slope]
         along = np.column_stack([-along.sum(axis=1), along])
         rises = 4.0 * (at[:, first] * along[:, second] + at[:, second] * along[:, first])
         return np.asarray((along * values).sum(axis=1) + (rises * above).sum(axis=1))
-
-    def _located(self, places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Find the simplex of each place among those with the nearest middles.
-
-        Returns:
-            Its number, and the barycentric coordinates there, shape (n, d+1).
-        """
-        count = min(count, len(self.simplices))
-        _, near = self._tree.query(places, k=[*range(1, count + 1)])
-        origin = self.x[self.simplices[near, 0]]
-        later = np.einsum("nkij,nkj->nki", self._maps[near], places[:, None] - origin)
-        weights = np.concatenate([1.0 - later.sum(axis=2, keepdims=True), later], axis=2)
-        # The simplex that has the place, or is left least.
-        best = weights.min(axis=2).argmax(axis=1)
-        rows = np.arange(len(places))
-        return near[rows, best], weights[rows, best]
