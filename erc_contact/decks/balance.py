@@ -1,4 +1,4 @@
-"""Compute the resultants of loads on bodies, to tell whether points must carry them."""
+"""Compute the resultants of loads on bodies, and the reactions of points to them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.loads import LoadedFaces
-from erc_contact.decks.reading import DeckReading
+from erc_contact.decks.reading import DeckReading, HeldPoints
 from namedmesh.simplex import measures, rule
 
 DEGREE = 3
@@ -16,39 +16,50 @@ UNBALANCED = 1e-6
 """Resultant over the sum of all forces and moments that is not zero [-]."""
 
 
-def unbalanced_bodies(
+def reactions_of(
     reading: DeckReading,
     loads: list[LoadedFaces],
     volumes: list[tuple[Entry, np.ndarray, tuple[Affine, ...]]],
-    free: dict[int, np.ndarray],
+    points: HeldPoints,
     *,
     ring: bool,
-) -> list[int]:
-    """Return bodies on which the loads are not in balance in motions that are free.
+) -> list[tuple[Entry, np.ndarray, np.ndarray]] | None:
+    """Return the forces on points that are in balance with loads.
+
+    A load does the work w on the rigid motions of a body that its faces leave free.
+    Where R are the displacements of the held points along their components in these
+    motions, the reactions r have ``R^T r = -w``; of several the least are taken.
 
     Args:
         reading: The deck.
         loads: Loads on faces.
         volumes: Forces per volume: entry, cells and values.
-        free: Motions of each body that faces leave free, columns of rigid motions.
+        points: The points of a body.
         ring: Whether the body is axisymmetric.
+
+    Returns:
+        Entries of loads, nodes, and forces on them, shape (n, d); None if no forces
+        are in balance with a load.
     """
     mesh = reading.mesh
+    works = []
+    for load in loads:
+        faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == points.body]
+        works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
+    for entry, cells, value in volumes:
+        corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == points.body])
+        works.append((entry, _work(corners, value, ring=ring)))
     result = []
-    for body, motions in free.items():
-        works = []
-        for load in loads:
-            faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
-            works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
-        for entry, cells, value in volumes:
-            points = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
-            works.append((entry, _work(points, value, ring=ring)))
-        for t in reading.steps.times:
-            terms = [entry.factor(t) * work for entry, work in works]
-            total, size = np.sum(terms, axis=0) if terms else (np.zeros(len(motions)), 0.0)
-            if (abs(motions.T @ total) > UNBALANCED * np.max(size)).any():
-                result.append(body)
-                break
+    for entry, (work, size) in works:
+        along = points.free.T @ work
+        least = UNBALANCED * size.max()
+        if (abs(along) <= least).all():
+            continue
+        found = np.linalg.lstsq(points.acting.T, -along, rcond=UNBALANCED)[0]
+        if (abs(points.acting.T @ found + along) > least).any():
+            return None
+        forces = found[:, None] * np.eye(mesh.d)[points.components]
+        result.append((entry, points.nodes, forces))
     return result
 
 

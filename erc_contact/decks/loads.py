@@ -72,11 +72,12 @@ def loaded_faces(
                 continue
             result.append(LoadedFaces(name, faces, pressure, (), entry, load.name))
     for entry in reading.steps.entries.get("forces", []):
-        result += _of_nodes(reading, entry, held, sides, names, ring=ring, thickness=thickness)
+        load = replace(entry, what=replace(entry.what, forces=entry.what.forces / thickness))
+        result += forces_on_faces(reading, load, held, sides, names, ring=ring)
     return result
 
 
-def _of_nodes(
+def forces_on_faces(
     reading: DeckReading,
     entry: Entry,
     held: list[HeldFaces],
@@ -84,15 +85,23 @@ def _of_nodes(
     names: dict[Any, str],
     *,
     ring: bool,
-    thickness: float,
 ) -> list[LoadedFaces]:
-    """Return faces with the tractions that have the resultants of forces on nodes."""
+    """Return faces with the tractions that have the resultants of forces on nodes.
+
+    Args:
+        reading: The deck.
+        entry: The forces [force/thickness of a plane body].
+        held: Faces that the deck holds, which take no forces along what they hold.
+        sides: Faces of contacts and ties, which take no forces.
+        names: Names of nameless loads so far.
+        ring: Whether the body is axisymmetric.
+    """
     mesh = reading.mesh
     load: NodalForces = entry.what
     every = _in_coordinates(reading, load)
     acting = abs(every).max(axis=1) > 0
     nodes = load.nodes[acting]
-    forces = every[acting] / thickness
+    forces = every[acting]
     if not len(nodes):
         return []
     used = mesh.node_is_used[nodes]
@@ -111,7 +120,9 @@ def _of_nodes(
             result.append((faces, on))
     for i in np.flatnonzero(left):
         around = np.setdiff1d(mesh.around(mesh.corners_near(nodes[i : i + 1])), sides)
-        around = _free_faces(held, around, forces[i : i + 1])
+        # The moment of a traction may have components that the force has not.
+        whole = _free_faces(held, around, np.ones((1, mesh.d)))
+        around = whole if len(whole) else _free_faces(held, around, forces[i : i + 1])
         if not len(around):
             reading.told.refuse(
                 load.card,

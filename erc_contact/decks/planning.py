@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.balance import unbalanced_bodies
+from erc_contact.decks.balance import reactions_of
 from erc_contact.decks.claims import INNER, Claims
+from erc_contact.decks.conditions import NodalForces
 from erc_contact.decks.grips import (
     claim_cuts,
     gripped_faces,
@@ -18,7 +19,7 @@ from erc_contact.decks.grips import (
 )
 from erc_contact.decks.heat import expansions_of, heat_of, temperatures_of
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.loads import LoadedFaces, loaded_faces, volumes_of
+from erc_contact.decks.loads import LoadedFaces, forces_on_faces, loaded_faces, volumes_of
 from erc_contact.decks.materials import hypothesis_of, material_of, thickness_of
 from erc_contact.decks.pairs import adjusted
 from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
@@ -71,7 +72,7 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     loads += shared_forces(reading, grips, thickness)
     free_of_loads(reading, pairs, loads)
     volumes = volumes_of(reading, regions, cards)
-    _check_balance(reading, pairs, loads, volumes, regions)
+    loads += _reactions(reading, pairs, held, loads, volumes, regions)
     if told.refused:
         return plan, {}, {}
     known = _known_sets(reading)
@@ -94,28 +95,39 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     return plan, regions, parts
 
 
-def _check_balance(
+def _reactions(
     reading: DeckReading,
     pairs: list[Pair],
+    held: list[HeldFaces],
     loads: list[LoadedFaces],
     volumes: list[Entry],
     regions: Members,
-) -> None:
-    """Refuse points that were left out where they would carry the loads."""
-    if reading.loose is None:
-        return
-    card, shown, free = reading.loose
+) -> list[LoadedFaces]:
+    """Return the reactions of points to loads, as loads on the faces around them."""
+    mesh = reading.mesh
     # What a contact carries is not known before the solution.
     sides = [side.faces for pair in pairs for side in pair.sides]
-    in_pairs = reading.mesh.bodies[reading.mesh.cell_of_face[np.concatenate([NONE, *sides])]]
-    alone = {body: motions for body, motions in free.items() if body not in in_pairs}
-    every = np.concatenate(reading.mesh.body.numbers)
+    in_pairs = mesh.bodies[mesh.cell_of_face[np.concatenate([NONE, *sides])]]
+    every = np.concatenate(mesh.body.numbers)
     in_body = []
     for entry in volumes:
         region = entry.what.region
         in_body.append((entry, every if region is None else regions[region], entry.what.value))
-    if unbalanced_bodies(reading, loads, in_body, alone, ring=reading.is_ring):
-        reading.told.refuse(card, f"nodes {shown} {NO_FORCE}")
+    result = []
+    for points in reading.points:
+        if points.body in in_pairs:
+            continue
+        found = reactions_of(reading, loads, in_body, points, ring=reading.is_ring)
+        if found is None:
+            reading.told.refuse(points.card, f"its nodes {NO_FORCE}")
+            continue
+        for entry, nodes, forces in found:
+            reading.told.assume(
+                points.card, "the reactions of its nodes follow from balance, and are loads"
+            )
+            reaction = replace(entry, what=NodalForces("", nodes, forces, points.card))
+            result += forces_on_faces(reading, reaction, held, NONE, {}, ring=reading.is_ring)
+    return result
 
 
 def _known_sets(reading: DeckReading) -> Members:

@@ -14,7 +14,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine, fitted
 from erc_contact.decks.conditions import Held
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.reading import Axes, DeckReading
+from erc_contact.decks.reading import Axes, DeckReading, HeldPoints
 
 FLAT = 1e-6
 """Sine of an angle that is none [-]."""
@@ -242,53 +242,58 @@ def _check_points(
     numbers = sorted({int(mesh.numbers[node]) for _, nodes, _ in left for node in nodes[:4]})
     shown = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
     moved = any(entry.what.values.any() for entry, _, _ in left)
-    motions = None if moved else _motions_that_points_stop(reading, result, left)
-    if motions is None:
+    found = None if moved else _points_of_bodies(reading, result, left)
+    if found is None:
         reading.told.refuse(first.card, f"nodes {shown} {NO_FORCE}")
         return
-    reading.loose = (first.card, shown, motions)
+    reading.points = found
     reading.told.assume(
         first.card,
-        f"nodes {shown} stop rigid motions alone: they are left out, and their reactions are zero",
+        f"nodes {shown} stop rigid motions alone: they are left out, and displacements are up to "
+        "such a motion",
     )
 
 
-def _motions_that_points_stop(
+def _points_of_bodies(
     reading: DeckReading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
-) -> dict[int, np.ndarray] | None:
-    """Return the rigid motions of bodies with points that faces leave free.
+) -> list[HeldPoints] | None:
+    """Return the points of each body, with the rigid motions that faces leave free.
 
-    It is None unless points hold each of these motions once: only then loads in balance
-    cause no reactions there.
+    It is None unless points hold each of these motions once: only then their reactions
+    follow from balance.
     """
-    found = {}
+    found = []
     mesh = reading.mesh
-    body_of_node = mesh.body_of_node
-    for body in np.unique(body_of_node[body_of_node >= 0]):
+    count = 3 if mesh.d == 2 else 6
+    nodes = np.concatenate([points for _, points, _ in left])
+    components = np.repeat([component for *_, component in left], [len(p) for _, p, _ in left])
+    body_of_points = mesh.body_of_node[nodes]
+    for body in np.unique(body_of_points):
         rows_of_faces = []
         for held in result:
             faces = held.faces[mesh.bodies[mesh.cell_of_face[held.faces]] == body]
             rows_of_faces += _rows_of_faces(reading, held, faces)
-        rows_of_points = []
-        for _, points, component in left:
-            nodes = points[body_of_node[points] == body]
-            rows_of_points.append(_rigid_rows(mesh.x[nodes], component, ring=reading.is_ring))
-        count = 3 if mesh.d == 2 else 6
         of_faces = np.concatenate([np.empty((0, count)), *rows_of_faces])
-        of_points = np.concatenate([np.empty((0, count)), *rows_of_points])
         free = _null_space(of_faces, count)
         if reading.is_ring:
             free = free[:, abs(free[1]) > RANK]
+        here = body_of_points == body
+        of_points = np.zeros((here.sum(), count))
+        for component in range(mesh.d):
+            along = components[here] == component
+            x = mesh.x[nodes[here][along]]
+            of_points[along] = _rigid_rows(x, component, ring=reading.is_ring)
         acting = of_points @ free
         size = np.linalg.norm(acting, axis=1)
         if (size <= RANK * abs(of_points).max(initial=0.0)).any():
             return None  # it resists a strain alone
         # Points on a line across a plane problem say the same.
         distinct = np.unique(np.round(acting / size[:, None], DIGITS), axis=0)
-        if len(distinct) and len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
+        if len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
             return None
-        if len(of_points):
-            found[int(body)] = free
+        card = left[0][0].what.card
+        points = HeldPoints(int(body), nodes[here], components[here], free, acting, card)
+        found.append(points)
     return found
 
 
