@@ -7,7 +7,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.loads import LoadedFaces
-from erc_contact.decks.reading import DeckReading, HeldPoints
+from erc_contact.decks.reading import DeckReading
 from namedmesh.simplex import measures, rule
 
 DEGREE = 3
@@ -20,11 +20,13 @@ def reactions_of(
     reading: DeckReading,
     loads: list[LoadedFaces],
     volumes: list[tuple[Entry, np.ndarray, tuple[Affine, ...]]],
-    points: HeldPoints,
+    body: int,
+    free: np.ndarray,
+    acting: np.ndarray,
     *,
     ring: bool,
-) -> list[tuple[Entry, np.ndarray, np.ndarray]] | None:
-    """Return the forces on points that are in balance with loads.
+) -> list[tuple[Entry, np.ndarray]] | None:
+    """Return the reactions of points that are in balance with loads.
 
     A load does the work w on the rigid motions of a body that its faces leave free.
     Where R are the displacements of the held points along their components in these
@@ -34,32 +36,33 @@ def reactions_of(
         reading: The deck.
         loads: Loads on faces.
         volumes: Forces per volume: entry, cells and values.
-        points: The points of a body.
+        body: Number of the body.
+        free: Its motions that faces leave free, as columns, shape (3 or 6, k).
+        acting: R, shape (n, k).
         ring: Whether the body is axisymmetric.
 
     Returns:
-        Entries of loads, nodes, and forces on them, shape (n, d); None if no forces
-        are in balance with a load.
+        Entries of loads, and the reactions to them [force], shape (n,); None if no
+        reactions are in balance with a load.
     """
     mesh = reading.mesh
     works = []
     for load in loads:
-        faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == points.body]
+        faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
         works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
     for entry, cells, value in volumes:
-        corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == points.body])
+        corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
         works.append((entry, _work(corners, value, ring=ring)))
     result = []
     for entry, (work, size) in works:
-        along = points.free.T @ work
+        along = free.T @ work
         least = UNBALANCED * size.max()
         if (abs(along) <= least).all():
             continue
-        found = np.linalg.lstsq(points.acting.T, -along, rcond=UNBALANCED)[0]
-        if (abs(points.acting.T @ found + along) > least).any():
+        found = np.linalg.lstsq(acting.T, -along, rcond=UNBALANCED)[0]
+        if (abs(acting.T @ found + along) > least).any():
             return None
-        forces = found[:, None] * np.eye(mesh.d)[points.components]
-        result.append((entry, points.nodes, forces))
+        result.append((entry, found))
     return result
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from erc_contact.decks.balance import reactions_of
 from erc_contact.decks.claims import INNER, Claims
-from erc_contact.decks.conditions import NodalForces
 from erc_contact.decks.grips import (
+    Gripped,
     claim_cuts,
     gripped_faces,
     plan_cuts,
@@ -19,10 +19,18 @@ from erc_contact.decks.grips import (
 )
 from erc_contact.decks.heat import expansions_of, heat_of, temperatures_of
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.loads import LoadedFaces, forces_on_faces, loaded_faces, volumes_of
+from erc_contact.decks.loads import LoadedFaces, loaded_faces, volumes_of
 from erc_contact.decks.materials import hypothesis_of, material_of, thickness_of
+from erc_contact.decks.pads import pads_of
 from erc_contact.decks.pairs import adjusted
 from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
+from erc_contact.decks.points import (
+    NO_FORCE,
+    follow_from_balance,
+    free_motions,
+    points_of_bodies,
+    reactions_as_loads,
+)
 from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.regions import regions_of
 from erc_contact.decks.sides import (
@@ -34,7 +42,7 @@ from erc_contact.decks.sides import (
     pairs_of,
     plan_pairs,
 )
-from erc_contact.decks.supports import NO_FORCE, RADIAL, SYMMETRY, HeldFaces, held_faces
+from erc_contact.decks.supports import RADIAL, SYMMETRY, HeldFaces, LonePoints, held_faces
 from erc_contact.scene.material import AXISYMMETRIC
 
 Members = dict[str, np.ndarray]
@@ -64,7 +72,7 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     if told.refused:
         return plan, {}, {}
     pairs = pairs_of(reading)
-    held = held_faces(reading)
+    held, lone = held_faces(reading)
     grips = gripped_faces(reading)
     free_of_supports(reading, pairs, held)
     sides = faces_of_pairs(pairs)
@@ -72,7 +80,9 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     loads += shared_forces(reading, grips, thickness)
     free_of_loads(reading, pairs, loads)
     volumes = volumes_of(reading, regions, cards)
-    loads += _reactions(reading, pairs, held, loads, volumes, regions)
+    reactions, pads = _supported_points(reading, lone, held, pairs, loads, volumes, regions)
+    loads += reactions
+    grips += pads
     if told.refused:
         return plan, {}, {}
     known = _known_sets(reading)
@@ -95,39 +105,46 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     return plan, regions, parts
 
 
-def _reactions(
+def _supported_points(
     reading: DeckReading,
-    pairs: list[Pair],
+    lone: list[LonePoints],
     held: list[HeldFaces],
+    pairs: list[Pair],
     loads: list[LoadedFaces],
     volumes: list[Entry],
     regions: Members,
-) -> list[LoadedFaces]:
-    """Return the reactions of points to loads, as loads on the faces around them."""
+) -> tuple[list[LoadedFaces], Gripped]:
+    """Return what stands for points that are held: their reactions, and rigid pads."""
     mesh = reading.mesh
-    # What a contact carries is not known before the solution.
-    sides = [side.faces for pair in pairs for side in pair.sides]
-    in_pairs = mesh.bodies[mesh.cell_of_face[np.concatenate([NONE, *sides])]]
+    sides = np.concatenate([NONE, *(side.faces for pair in pairs for side in pair.sides)])
+    taken = [sides]
+    taken += [support.faces for support in held]
+    taken += [load.faces for load in loads]
+    in_pairs = mesh.bodies[mesh.cell_of_face[sides]]
     every = np.concatenate(mesh.body.numbers)
     in_body = []
     for entry in volumes:
         region = entry.what.region
         in_body.append((entry, every if region is None else regions[region], entry.what.value))
-    result = []
-    for points in reading.points:
-        if points.body in in_pairs:
+    ring = reading.is_ring
+    reactions = []
+    pads: Gripped = []
+    for points in points_of_bodies(reading, lone):
+        free = free_motions(reading, held, points.body)
+        rows = points.rows(mesh.x, ring=ring)
+        acting = rows @ free
+        if points.values.any() or not follow_from_balance(acting, rows):
+            pads += pads_of(reading, points, np.concatenate(taken))
             continue
-        found = reactions_of(reading, loads, in_body, points, ring=reading.is_ring)
+        # What a contact carries is not known before the solution.
+        known = [] if points.body in in_pairs else loads
+        inside = [] if points.body in in_pairs else in_body
+        found = reactions_of(reading, known, inside, points.body, free, acting, ring=ring)
         if found is None:
-            reading.told.refuse(points.card, f"its nodes {NO_FORCE}")
-            continue
-        for entry, nodes, forces in found:
-            reading.told.assume(
-                points.card, "the reactions of its nodes follow from balance, and are loads"
-            )
-            reaction = replace(entry, what=NodalForces("", nodes, forces, points.card))
-            result += forces_on_faces(reading, reaction, held, NONE, {}, ring=reading.is_ring)
-    return result
+            reading.told.refuse(points.card, f"{points.words()} {NO_FORCE}")
+        else:
+            reactions += reactions_as_loads(reading, held, points, found)
+    return reactions, pads
 
 
 def _known_sets(reading: DeckReading) -> Members:

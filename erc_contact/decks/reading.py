@@ -180,27 +180,6 @@ class Axes:
         return np.stack([radii, around, along], axis=1)[:, :, :d]
 
 
-@dataclass(frozen=True)
-class HeldPoints:
-    """Hold points of a body that stop rigid motions alone, component by component.
-
-    Attributes:
-        body: Number of the body.
-        nodes: The point of each component that is held, shape (n,).
-        components: The components, from 0, shape (n,).
-        free: Rigid motions that faces leave free, as columns, shape (3 or 6, k).
-        acting: The components of the points in these motions, shape (n, k).
-        card: The first card that holds them.
-    """
-
-    body: int
-    nodes: np.ndarray
-    components: np.ndarray
-    free: np.ndarray
-    acting: np.ndarray
-    card: Card
-
-
 @dataclass
 class DeckReading:
     """Hold what has been read of a deck.
@@ -211,7 +190,6 @@ class DeckReading:
         penalty: "hard" or "kept": what a pressure over an overclosure is.
         steps: Its steps, with what they prescribe.
         is_ring: Whether the body is axisymmetric.
-        points: Points that stop rigid motions alone, body by body.
         current: What the cards belong to that come next: a material, an interaction, a
             coupling.
     """
@@ -221,7 +199,6 @@ class DeckReading:
     penalty: str
     steps: Steps = field(default_factory=Steps)
     is_ring: bool = False
-    points: list[HeldPoints] = field(default_factory=list)
     current: Any = None
     materials: dict[str, MaterialCards] = field(default_factory=dict)
     sections: list[SolidSection] = field(default_factory=list)
