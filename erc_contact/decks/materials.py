@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from erc_contact.decks.heat import at_temperatures
-from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection
+from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection, Tensor
 from erc_contact.decks.told import number_of, numbers_in
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic
@@ -29,17 +30,9 @@ def read_material(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     reading.current = material
 
 
-def _material_of(reading: DeckReading, card: Card) -> MaterialCards | None:
-    """Return the material to which a card belongs; refuse the card without one."""
-    if isinstance(reading.current, MaterialCards):
-        return reading.current
-    reading.told.refuse(card, "it stands below no *MATERIAL; put it there.")
-    return None
-
-
 def read_elastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read isotropic moduli, by temperature."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     if card.get("TYPE").upper() not in ISOTROPIC:
         reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic elasticity alone is read.")
     elif material:
@@ -48,7 +41,7 @@ def read_elastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 def read_expansion(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read coefficients of thermal expansion, by temperature."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     if card.get("TYPE").upper() not in ISOTROPIC:
         reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic expansion alone is read.")
     elif material:
@@ -58,7 +51,7 @@ def read_expansion(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the mass per volume."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     numbers = numbers_in(card)
     if material and numbers:
         material.density = numbers[0]
@@ -66,7 +59,7 @@ def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 def read_plastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read von Mises plasticity with linear hardening: one or two lines."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     rows = [numbers_in(card, line) for line in range(len(card.lines))]
     hardening = card.get("HARDENING").upper()
     if hardening not in ("", "ISOTROPIC", "KINEMATIC"):
@@ -184,3 +177,25 @@ def _plastic_of(
         )
     hardening, kinematic = (0.0, slope) if material.kinematic else (slope, 0.0)
     return Plastic(E, nu, rows[0][0], hardening, kinematic, hypothesis=hypothesis)
+
+
+def eigenstrains_of(
+    reading: DeckReading, regions: Mapping[str, np.ndarray], materials: Mapping[str, Any]
+) -> dict[str, Tensor]:
+    """Return the strain ``-C^-1 s`` of the stress s that regions have before all steps.
+
+    The stress of a body with this given strain is s where it is not strained.
+    """
+    result = {}
+    for region, cells in regions.items():
+        if int(cells[0]) not in reading.stresses:
+            continue
+        stress, card = reading.stresses[int(cells[0])]
+        material = materials[region]
+        if callable(material.E) or callable(material.nu):
+            reading.told.refuse(card, "its material has moduli that vary in the body.")
+            continue
+        s = np.array(stress)
+        strain = (material.nu * np.trace(s) * np.eye(3) - (1.0 + material.nu) * s) / material.E
+        result[region] = tuple(map(tuple, strain.tolist()))
+    return result

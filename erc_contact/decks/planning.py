@@ -20,7 +20,12 @@ from erc_contact.decks.grips import (
 from erc_contact.decks.heat import expansions_of, heat_of, temperatures_of
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.loads import LoadedFaces, loaded_faces, volumes_of
-from erc_contact.decks.materials import hypothesis_of, material_of, thickness_of
+from erc_contact.decks.materials import (
+    eigenstrains_of,
+    hypothesis_of,
+    material_of,
+    thickness_of,
+)
 from erc_contact.decks.pads import pads_of
 from erc_contact.decks.pairs import adjusted
 from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
@@ -71,6 +76,7 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     plan.times = list(reading.steps.times)
     if told.refused:
         return plan, {}, {}
+    plan.eigenstrains = eigenstrains_of(reading, regions, plan.material)
     pairs = pairs_of(reading)
     held, lone = held_faces(reading)
     grips = gripped_faces(reading)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from namedmesh.for_solvers import Card, DeckMesh, DeckSpace
 
 TINY = 1e-300
 """Radius of a point on the axis [length]."""
+Parent = TypeVar("Parent")
+"""Type of what cards belong to."""
+Tensor = tuple[tuple[float, ...], ...]
+"""Components of a tensor, rows of rows."""
 
 
 @dataclass
@@ -190,6 +194,7 @@ class DeckReading:
         penalty: "hard" or "kept": what a pressure over an overclosure is.
         steps: Its steps, with what they prescribe.
         is_ring: Whether the body is axisymmetric.
+        stresses: The stress [force/area] of a cell at the beginning, and its card.
         current: What the cards belong to that come next: a material, an interaction, a
             coupling.
     """
@@ -210,6 +215,14 @@ class DeckReading:
     pretensions: list[Pretension] = field(default_factory=list)
     transforms: list[Axes] = field(default_factory=list)
     initial: dict[int, float] = field(default_factory=dict)
+    stresses: dict[int, tuple[Tensor, Card]] = field(default_factory=dict)
+
+    def below(self, card: Card, kind: type[Parent], keyword: str) -> Parent | None:
+        """Return what a card belongs to; refuse a card that stands below no keyword."""
+        if isinstance(self.current, kind):
+            return self.current
+        self.told.refuse(card, f"it stands below no *{keyword}; put it there.")
+        return None
 
     def amplitude(self, card: Card) -> Amplitude | None:
         """Return the amplitude that a card names, None if it names no amplitude."""
