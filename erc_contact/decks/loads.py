@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
-from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spin
+from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Pressure, Spin
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.plan import Volume
 from erc_contact.decks.reading import DeckReading, MaterialCards
@@ -57,24 +57,33 @@ def loaded_faces(
         name = load.name
         if not name:
             name = names.setdefault(load.faces.tobytes(), f"load {len(names) + 1}")
-        faces = load.faces[reading.mesh.outer[load.faces]]
-        if len(faces) < len(load.faces):
+        if not reading.mesh.outer[load.faces].all():
             reading.told.refuse(load.card, f"{name!r} has faces inside the body.")
-        elif isinstance(load, FaceTraction):
-            traction = tuple(constant(value, reading.mesh.d) for value in load.value)
-            result.append(LoadedFaces(name, faces, None, traction, entry, load.name))
-        else:
-            pressure = fitted(reading.mesh.centres(faces), load.values)
-            if pressure is None:
-                reading.told.refuse(
-                    load.card, f"the pressures of {name!r} are not linear in the position."
-                )
-                continue
-            result.append(LoadedFaces(name, faces, pressure, (), entry, load.name))
+            continue
+        of_faces = reading.shares[reading.mesh.cell_of_face[load.faces]]
+        for share in np.unique(of_faces):
+            there = of_faces == share
+            result += _with_share(reading, entry, name, there, float(share))
     for entry in reading.steps.entries.get("forces", []):
         load = replace(entry, what=replace(entry.what, forces=entry.what.forces / thickness))
         result += forces_on_faces(reading, load, held, sides, names, ring=ring)
     return result
+
+
+def _with_share(
+    reading: DeckReading, entry: Entry, name: str, there: np.ndarray, share: float
+) -> list[LoadedFaces]:
+    """Return those faces of a load whose cells have a share of the thickness."""
+    load: FaceTraction | Pressure = entry.what
+    faces = load.faces[there]
+    if isinstance(load, FaceTraction):
+        traction = tuple(constant(value * share, reading.mesh.d) for value in load.value)
+        return [LoadedFaces(name, faces, None, traction, entry, load.name)]
+    pressure = fitted(reading.mesh.centres(faces), load.values[there] * share)
+    if pressure is None:
+        reading.told.refuse(load.card, f"the pressures of {name!r} are not linear in the position.")
+        return []
+    return [LoadedFaces(name, faces, pressure, (), entry, load.name)]
 
 
 def forces_on_faces(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -116,22 +117,43 @@ def hypothesis_of(reading: DeckReading) -> str:
 
 
 def thickness_of(reading: DeckReading, hypothesis: str) -> float:
-    """Return the thickness of a plane body [length]; 1 of another one."""
+    """Return the thickness of a plane body [length], the first of several; else 1.
+
+    In plane stress a cell of another thickness is as stiff as a cell of this thickness
+    whose moduli, density and pressures are times the share of its thickness.
+    """
+    reading.shares = np.ones(reading.mesh.body.count)
     if reading.mesh.d == 3 or hypothesis == AXISYMMETRIC:
         return 1.0
     values = {section.thickness: section.card for section in reading.sections}
-    if len(values) > 1:
-        numbers = ", ".join(f"{value:g}" for value in values)
-        card = list(values.values())[-1]
-        reading.told.refuse(card, f"thicknesses {numbers}: a plane body has one thickness.")
     thickness = next(iter(values), 1.0)
-    if thickness != 1.0:
+    numbers = ", ".join(f"{value:g}" for value in values)
+    card = list(values.values())[-1] if values else None
+    if card and len(values) > 1 and hypothesis != PLANE_STRESS:
+        reading.told.refuse(card, f"thicknesses {numbers}: in plane strain there is one.")
+    elif card and len(values) > 1:
+        reading.told.assume(
+            card,
+            f"thicknesses {numbers}: moduli, stresses, densities and pressures are times the "
+            f"thickness over {thickness:g}",
+        )
+        for section in reading.sections:
+            reading.shares[section.cells] = section.thickness / thickness
+    if card and thickness != 1.0:
         reading.told.assume(
             values[thickness],
             f"forces and energies are per unit of thickness: times {thickness:g} they are of the "
             "body",
         )
     return thickness
+
+
+def thickened(material: MaterialCards, share: float) -> MaterialCards:
+    """Return a material of plane stress in cells with a share of the thickness."""
+    elastic = [[E * share, *others] for E, *others in material.elastic]
+    plastic = [[stress * share, *others] for stress, *others in material.plastic]
+    density = None if material.density is None else material.density * share
+    return replace(material, elastic=elastic, plastic=plastic, density=density)
 
 
 def material_of(

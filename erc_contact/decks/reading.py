@@ -195,6 +195,7 @@ class DeckReading:
         steps: Its steps, with what they prescribe.
         is_ring: Whether the body is axisymmetric.
         stresses: The stress [force/area] of a cell at the beginning, and its card.
+        shares: Thickness of each cell over the thickness of the body, else 1 [-].
         current: What the cards belong to that come next: a material, an interaction, a
             coupling.
     """
@@ -204,6 +205,7 @@ class DeckReading:
     penalty: str
     steps: Steps = field(default_factory=Steps)
     is_ring: bool = False
+    shares: np.ndarray = field(default_factory=lambda: np.empty(0))
     current: Any = None
     materials: dict[str, MaterialCards] = field(default_factory=dict)
     sections: list[SolidSection] = field(default_factory=list)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from erc_contact.decks.materials import thickened
 from erc_contact.decks.reading import DeckReading, MaterialCards, Tensor
 
 
@@ -38,13 +39,16 @@ def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, M
     names = _names(reading, [int(section) for section in found[:, 0]], members)
     regions = dict(zip(names, members, strict=True))
     materials = {}
+    made: dict[tuple[str, float], MaterialCards] = {}
     for name, number in zip(names, found[:, 0], strict=True):
         section = reading.sections[number]
         material = reading.materials.get(section.material)
         if material is None:
             reading.told.refuse(section.card, f"no *MATERIAL is called {section.material!r}.")
             return {}, {}
-        materials[name] = material
+        share = float(reading.shares[regions[name][0]])
+        key = (section.material, share)
+        materials[name] = made.setdefault(key, thickened(material, share))
     return regions, materials
 
 
