@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from erc_contact.decks.affine import Affine
@@ -42,8 +44,8 @@ def reactions_of(
         ring: Whether the body is axisymmetric.
 
     Returns:
-        Entries of loads, and the reactions to them [force], shape (n,); None if no
-        reactions are in balance with a load.
+        An entry of loads that act together, and the reactions to them [force], shape
+        (n,), of each history; None if no reactions are in balance with them.
     """
     mesh = reading.mesh
     works = []
@@ -53,8 +55,14 @@ def reactions_of(
     for entry, cells, value in volumes:
         corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
         works.append((entry, _work(corners, value, ring=ring)))
+    # Loads that act together may be in balance with each other.
+    together: dict[Any, tuple[Entry, np.ndarray]] = {}
+    for entry, work in works:
+        history = (tuple(entry.times), tuple(entry.factors), entry.begin, entry.end)
+        first, before = together.get(history, (entry, 0.0))
+        together[history] = (first, before + work)
     result = []
-    for entry, (work, size) in works:
+    for entry, (work, size) in together.values():
         along = free.T @ work
         least = UNBALANCED * size.max()
         if (abs(along) <= least).all():

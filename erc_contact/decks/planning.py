@@ -139,7 +139,7 @@ def _supported_points(
         free = free_motions(reading, held, points.body)
         rows = points.rows(mesh.x, ring=ring)
         acting = rows @ free
-        if points.values.any() or not follow_from_balance(acting, rows):
+        if points.values.any() or not follow_from_balance(reading, held, points, acting, rows):
             pads += pads_of(reading, points, np.concatenate(taken))
             continue
         # What a contact carries is not known before the solution.

@@ -115,19 +115,47 @@ def free_motions(reading: DeckReading, held: list[HeldFaces], body: int) -> np.n
     return free
 
 
-def follow_from_balance(acting: np.ndarray, rows: np.ndarray) -> bool:
+def follow_from_balance(
+    reading: DeckReading,
+    held: list[HeldFaces],
+    points: HeldPoints,
+    acting: np.ndarray,
+    rows: np.ndarray,
+) -> bool:
     """Tell whether points hold rigid motions alone, each of them once.
 
     Args:
+        reading: The deck.
+        held: Faces that it holds.
+        points: The points of a body.
         acting: Their components in the motions that faces leave free, shape (n, k).
         rows: Their components in all rigid motions, shape (n, 3 or 6).
     """
     size = np.linalg.norm(acting, axis=1)
     if (size <= RANK * abs(rows).max(initial=0.0)).any():
         return False  # it resists a strain alone
-    # Points on a line across a plane problem say the same.
-    distinct = np.unique(np.round(acting / size[:, None], DIGITS), axis=0)
+    # In a plane problem that is meshed in space points across the plane are one.
+    mesh = reading.mesh
+    across = _held_across(reading, held, points.body)
+    places = mesh.mesh.points[points.nodes, : mesh.d] / np.ptp(mesh.x, axis=0).max()
+    places[:, across] = 0.0
+    alike = np.column_stack([acting / size[:, None], points.components, places])
+    _, first = np.unique(np.round(alike, DIGITS), axis=0, return_index=True)
+    distinct = acting[first] / size[first, None]
     return len(distinct) <= int(np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS))
+
+
+def _held_across(reading: DeckReading, held: list[HeldFaces], body: int) -> list[int]:
+    """Return the axes along which faces hold all corners of a body."""
+    mesh = reading.mesh
+    corners = np.flatnonzero(mesh.corner_count)
+    corners = corners[mesh.body_of_node[corners] == body]
+    result = []
+    for axis in range(mesh.d):
+        faces = [support.faces for support in held if support.component == axis]
+        if np.isin(corners, mesh.corners(np.concatenate([NONE, *faces]))).all():
+            result.append(axis)
+    return result
 
 
 def reactions_as_loads(
