@@ -269,7 +269,7 @@ class Multigrid(ElasticEquations):
         return self._hierarchy is not None or self._factor is not None
 
     def make(self) -> None:
-        """Make the hierarchy, and a factor that solves, if there is none; collective."""
+        """Make what solves, a hierarchy and maybe a factor; collective."""
         self.hierarchy.set_share(1.0)
         if self._factor_of_stiffness == self._ways_of_stiffness()[0]:
             self._factor_of_stiffness()
