@@ -111,8 +111,8 @@ def differences(path: Path, deck: ec.Deck, result: Any) -> str:
             is_held = np.array([value is not None for value in support.value])
             of_ccx = forces[name.upper()][:d]
             of_us = np.array(result.force(name).force) * deck.plan.thickness
-            greatest = max(greatest, abs(of_ccx).max())
-            apart = max(apart, abs((of_us - of_ccx) * is_held).max())
+            greatest = max(greatest, float(abs(of_ccx).max()))
+            apart = max(apart, float(abs((of_us - of_ccx) * is_held).max()))
     words += f", F {apart / greatest:.1%}" if greatest else ""
     return words
 
