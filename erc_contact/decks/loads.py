@@ -120,9 +120,9 @@ def forces_on_faces(
         return []
     if ring:
         # The axis is no boundary.
-        every = np.flatnonzero(mesh.outer)
-        on_axis = (mesh.x[mesh.corners(every), 0] == 0.0).all(axis=1)
-        sides = np.union1d(sides, every[on_axis])
+        outer = np.flatnonzero(mesh.outer)
+        on_axis = (mesh.x[mesh.corners(outer), 0] == 0.0).all(axis=1)
+        sides = np.union1d(sides, outer[on_axis])
     free = np.setdiff1d(mesh.within(_with_middles(reading, nodes)), sides)
     free = _free_faces(held, free, forces)
     result = []

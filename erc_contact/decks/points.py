@@ -177,14 +177,16 @@ def reactions_as_loads(
         f"{points.words()} stop rigid motions alone: they are left out, and displacements are "
         "up to such a motion",
     )
+    nodes, row = np.unique(points.nodes, return_inverse=True)
     result = []
     for entry, reactions in found:
         reading.told.assume(
             points.card,
             f"{points.words()} have reactions that follow from balance; they are loads",
         )
-        forces = reactions[:, None] * np.eye(reading.mesh.d)[points.components]
-        reaction = replace(entry, what=NodalForces("", points.nodes, forces, points.card))
+        forces = np.zeros((len(nodes), reading.mesh.d))
+        np.add.at(forces, (row, points.components), reactions)
+        reaction = replace(entry, what=NodalForces("", nodes, forces, points.card))
         result += forces_on_faces(reading, reaction, held, NONE, {}, ring=reading.is_ring)
     return result
 
