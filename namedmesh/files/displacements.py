@@ -30,6 +30,11 @@ NAMES = ("disp", "u", "depl")
 """Beginnings of the names of displacements, in small letters."""
 NAMES_OF_FORCES = ("forc", "rf")
 """The same of forces on nodes, which are reactions and loads."""
+DIAGONALS = {
+    "quadrilateral": ((0, 2), (1, 3)),
+    "hexahedron": ((0, 6), (1, 7), (2, 4), (3, 5)),
+}
+"""Ends of the diagonals of cells through their middles."""
 SAMPLE = 50
 """Number of cells whose nodes tell between which corners the nodes of a block lie."""
 
@@ -200,6 +205,32 @@ def columns_of_middles(mesh: FileMesh, block: Block, groups: list[tuple[int, ...
         gaps = np.linalg.norm(x[:, count:] - middle[:, None], axis=2).mean(axis=0)
         columns.append(count + int(gaps.argmin()))
     return columns
+
+
+def values_between(
+    mesh: FileMesh, block: Block, u: np.ndarray
+) -> list[tuple[int, int, np.ndarray]]:
+    """Return pairs of corners of cells, and the values in their middles.
+
+    The pairs are the edges and the diagonals of faces and of hexahedra.
+
+    Args:
+        mesh: The mesh.
+        block: The cells.
+        u: Values at its points, shape (n, ...).
+    """
+    functions, columns = _functions_of(mesh, block)
+    pairs = [*middle_groups(block.shape, whole=False)]
+    for face in SHAPES[block.shape].faces:
+        if len(face) == 4:
+            pairs += [(face[0], face[2]), (face[1], face[3])]
+    pairs += DIAGONALS.get(block.shape, ())
+    nodal = u[block.nodes[:, columns]]
+    result = []
+    for a, b in pairs:
+        (shares,) = functions.at(functions.nodes[[a, b]].mean(axis=0, keepdims=True))
+        result.append((a, b, np.tensordot(nodal, shares, axes=(1, 0))))
+    return result
 
 
 def edge_nodes(mesh: FileMesh, block: Block) -> dict[tuple[int, int], int]:
