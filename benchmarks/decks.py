@@ -78,10 +78,16 @@ def differences(path: Path, deck: ec.Deck, result: Any) -> str:
         field = displacement_of(read(frd, "frd", numbered=False))
         table = (Path(folder) / "job.dat").read_text("latin-1")
     d = deck.plan.d
-    x = field.points[: field.vertices]
-    places = (x + INWARD * field.inward[: field.vertices])[:, :d]
-    theirs = field.values[: field.vertices, :d]
-    if d == 2:  # CalculiX makes a layer of a plane body
+    every = field.simplices.ravel()
+    middles = np.repeat(field.x[field.simplices].mean(axis=1), field.simplices.shape[1], axis=0)
+    sums = np.zeros(field.x.shape)
+    np.add.at(sums, every, middles)
+    corners = np.unique(np.concatenate([block.corners.ravel() for block in field.blocks]))
+    x = field.x[corners]
+    inward = sums[corners] / np.bincount(every)[corners, None] - x
+    places = (x + INWARD * inward)[:, :d]
+    theirs = field.values[corners, :d]
+    if field.x.shape[1] > d:  # CalculiX makes a layer of a plane body
         is_top = x[:, 2] == x[:, 2].max()
         places, theirs = places[is_top], theirs[is_top]
     ours = np.full(theirs.shape, np.nan)
