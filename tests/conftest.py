@@ -3,7 +3,10 @@
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent
 unless a test fails there, and then say so on stderr and end with an exit code of their
 own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
-run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Of a
+run. Without ``--broad`` only a part of the tests runs, in some minutes on a new machine:
+of a test with many cases so many that each value of each parameter is in one of them,
+and none marked ``broad``, which are random families, long runs and comparisons beside a
+shorter test of the same. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Of a
 test marked ``on_ranks`` only the named cases run, one for each way in which ranks
 work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
 many cases that any two values of two of its parameters meet in one of them; a case
@@ -95,6 +98,14 @@ class Ranks:
         sys.stderr.flush()
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--broad",
+        action="store_true",
+        help="all cases of all tests, also those marked broad: some ten minutes on two cores",
+    )
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     if COMM.rank > 0:
@@ -114,7 +125,12 @@ def pytest_collection_modifyitems(config, items):
     whole_files = not any("::" in argument for argument in config.args)
     if whole_files:
         raise_if_unknown(items)
-        out.update(cases_beyond_pairs(items))
+        marked = [item for item in items if item.get_closest_marker("pairs") is not None]
+        out.update(cases_beyond(marked, pairs_of))
+    if whole_files and not config.option.broad:
+        out.update(item for item in items if item.get_closest_marker("broad") is not None)
+        several = [item for item in items if item not in out and hasattr(item, "callspec")]
+        out.update(cases_beyond(several, values_of))
     config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
 
@@ -133,39 +149,42 @@ def cases_left_out(items):
             yield item
 
 
-def cases_beyond_pairs(items):
-    """Return the cases of tests marked ``pairs`` whose pairs of values other cases have."""
+def cases_beyond(items, tuples_of):
+    """Return the cases whose tuples of values other cases of the same test have."""
     functions = {}
     for item in items:
-        if item.get_closest_marker("pairs") is not None:
-            functions.setdefault(item.nodeid.split("[")[0], []).append(item)
+        functions.setdefault(item.nodeid.split("[")[0], []).append(item)
     for cases in functions.values():
-        yield from set(cases) - set(covering(cases))
+        yield from set(cases) - set(covering(cases, tuples_of))
 
 
-def covering(cases):
-    """Return cases that have all pairs of values: named ones, then those with most new pairs."""
-    pairs = {case: pairs_of(case.callspec.params) for case in cases}
-    missing = set().union(*pairs.values())
+def covering(cases, tuples_of):
+    """Return cases that have all tuples of values: named ones, then those with most new ones."""
+    tuples = {case: tuples_of(case.callspec.params) for case in cases}
+    missing = set().union(*tuples.values())
     kept = []
 
     def keep(case):
         kept.append(case)
-        missing.difference_update(pairs[case])
+        missing.difference_update(tuples[case])
 
     for case in cases:
         mark = case.get_closest_marker("on_ranks")
         if mark is not None and case.callspec.id in mark.args:
             keep(case)
     while missing:
-        keep(max(cases, key=lambda case: len(pairs[case] & missing)))
+        keep(max(cases, key=lambda case: len(tuples[case] & missing)))
     return kept
 
 
 def pairs_of(values):
     """Return all pairs of the values of parameters, which are known by their identity."""
-    named = [(name, id(value)) for name, value in sorted(values.items())]
-    return set(combinations_with_replacement(named, 2))
+    return set(combinations_with_replacement(sorted(values_of(values)), 2))
+
+
+def values_of(values):
+    """Return the values of parameters, which are known by their identity."""
+    return {(name, id(value)) for name, value in values.items()}
 
 
 def raise_if_unknown(items):

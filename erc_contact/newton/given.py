@@ -24,7 +24,7 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
 from erc_contact.newton.arguments import check_arguments
-from erc_contact.newton.choice import multigrid_is_faster
+from erc_contact.newton.linear.choice import multigrid_is_faster
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche

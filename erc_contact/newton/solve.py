@@ -31,12 +31,12 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
-from erc_contact.newton.choice import multigrid_is_faster
 from erc_contact.newton.contact_solve import solution_of
 from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.law import solution_of_law
+from erc_contact.newton.linear.choice import multigrid_is_faster
 from erc_contact.newton.methods import Method
 from erc_contact.newton.plausibility import doubts, tell
 from erc_contact.newton.preload import (
@@ -96,9 +96,9 @@ def solve(
         solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense
             problem of the contact on one rank. "iterative" solves for the whole body in
             parallel, with algebraic multigrid, to 1e-10 of the contact forces. "auto"
-            takes what will be faster (:mod:`erc_contact.newton.choice`): multigrid for
-            large bodies in 3D and for long contacts, and the direct solver where
-            multigrid fails, or is slow in its first 20 cycles.
+            predicts which is faster: multigrid for large bodies in 3D and for long
+            contacts. It takes the direct solver where multigrid fails, or is slow in
+            its first 20 cycles.
 
     Returns:
         The solution. ``singular`` tells that it may be one of many; a warning is

@@ -9,6 +9,7 @@ cycle does A alone. W and S are made once, for the first matrix.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -80,6 +81,13 @@ class LooseMultigrid(Multigrid):
         """Set y to about the inverse times x."""
         super().cycle(x, y)
         y.array[:] += self._motions_of_faces.respond(x.array_r)
+
+    def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
+        """Return what makes the preconditioners for K without the motions of faces.
+
+        K has the faces at rest, and a factor of K is not exact.
+        """
+        return [self._cycle, self._factor_of_sum]
 
     def _iterate(
         self,

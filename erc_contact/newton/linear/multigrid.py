@@ -24,6 +24,7 @@ from erc_contact.base.sparse import as_entries
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
+from erc_contact.newton.linear.choice import factor_is_cheaper
 from erc_contact.newton.linear.elastic import ElasticEquations
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, hold, weak_share
 from erc_contact.newton.linear.krylov import (
@@ -160,8 +161,8 @@ class Multigrid(ElasticEquations):
 
         The loads must do no work on rigid motions that no support holds; u has no part
         in these motions. Without supports it is a correction, of which four digits are
-        right by default. In the plane a factor of K solves: it costs as much as some
-        ten cycles, and no less of a slender body.
+        right by default. A factor of K solves where it costs less than the cycles, as
+        in the plane; slender bodies would take hundreds of them.
 
         Args:
             b: Nodal forces [force], whose ghost contributions are added up here.
@@ -169,13 +170,7 @@ class Multigrid(ElasticEquations):
                 zero.
             tolerance: Residual over the right side [-].
         """
-        if self.model.loose_faces:
-            # K has the faces at rest, and a factor of it is not exact.
-            ways = [self._cycle, self._factor_of_sum]
-        elif self.model.space.d == 2:
-            ways = [self._factor_of_stiffness]
-        else:
-            ways = [self._cycle, self._factor_of_stiffness]
+        ways = self._ways_of_stiffness()
         if self._cycle in ways:
             self.hierarchy.set_share(weak_share(self.model))
         right = self.right_side(b, supports=supports)
@@ -270,12 +265,14 @@ class Multigrid(ElasticEquations):
 
     @property
     def factorised(self) -> bool:
-        """Tell whether a hierarchy is in memory."""
-        return self._hierarchy is not None
+        """Tell whether a hierarchy or a factor is in memory."""
+        return self._hierarchy is not None or self._factor is not None
 
     def make(self) -> None:
-        """Make the hierarchy, if there is none; collective."""
+        """Make the hierarchy, and a factor that solves, if there is none; collective."""
         self.hierarchy.set_share(1.0)
+        if self._factor_of_stiffness == self._ways_of_stiffness()[0]:
+            self._factor_of_stiffness()
 
     def free(self) -> None:
         """Free K and the hierarchy; a later solve makes them again."""
@@ -408,6 +405,12 @@ class Multigrid(ElasticEquations):
         return conjugate_gradients(
             matrix, way.pc, way.matrix, b, x, tolerance, limit=way.limit, hurried=hurried
         )
+
+    def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
+        """Return what makes the preconditioners for K, in the order of trying."""
+        if factor_is_cheaper(self.model):
+            return [self._factor_of_stiffness]
+        return [self._cycle, self._factor_of_stiffness]
 
     def _cycle(self) -> Way:
         """Return a cycle of the hierarchy as a preconditioner."""

@@ -8,9 +8,9 @@ and d dimensions,
 
     direct     a_d N^p_d + 1.4e-7 L^2 + 5e-11 L^3 [s],    multigrid     m_d N [s].
 
-Where two ways cost about the same, either is good: of 55 bodies (layers, compact
+Where both cost about the same, either is good: of 55 bodies (layers, compact
 bodies, sheets, bars, rings, two bodies along a whole side; both degrees; 500 to 260 000
-unknowns) the choice took at most 1.2 times as long as the better way, with the pair.
+unknowns) the choice takes at most 1.2 times as long as the better one, with the pair.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ DENSE = (1.4e-7, 5e-11)
 """Seconds of the dense layer, for the square and the cube of its size."""
 MULTIGRID = {2: 4.3e-5, 3: 9e-5}
 """Seconds of multigrid for one unknown, by dimension."""
+CYCLES = 6e-5
+"""Seconds of the elastic solves of a pair for one unknown, by cycles of multigrid."""
 MOST_FACTORISED = 2_000_000
 """Number of unknowns beyond which a factor takes too much memory."""
 
@@ -39,15 +41,28 @@ def multigrid_is_faster(model: Model) -> bool:
 
     The answer does not depend on the number of ranks.
     """
-    space = model.space
-    unknowns = space.V.dofmap.index_map.size_global * space.d
-    if unknowns > MOST_FACTORISED:
-        return True
+    unknowns = _unknowns(model)
     of_square, of_cube = DENSE
     layer = layer_size(model)
-    for_one, power = FACTOR[space.d]
-    direct = for_one * unknowns**power + of_square * layer**2 + of_cube * layer**3
-    return MULTIGRID[space.d] * unknowns < direct
+    direct = _seconds_of_factor(model) + of_square * layer**2 + of_cube * layer**3
+    return MULTIGRID[model.space.d] * unknowns < direct
+
+
+def factor_is_cheaper(model: Model) -> bool:
+    """Tell whether elastic solves without the contact are faster by a factor."""
+    return _seconds_of_factor(model) < CYCLES * _unknowns(model)
+
+
+def _seconds_of_factor(model: Model) -> float:
+    """Predict the seconds of a factor, which are infinite where memory ends."""
+    unknowns = _unknowns(model)
+    for_one, power = FACTOR[model.space.d]
+    return for_one * unknowns**power if unknowns <= MOST_FACTORISED else np.inf
+
+
+def _unknowns(model: Model) -> int:
+    """Return the number of components of displacement of all ranks."""
+    return int(model.space.V.dofmap.index_map.size_global) * model.space.d
 
 
 def layer_size(model: Model) -> int:
