@@ -27,6 +27,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "sphinxcontrib.bibtex",
     "downloads",
     "rendered",
 ]
@@ -91,6 +92,9 @@ html_logo = html_favicon = "_static/logo.svg"
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
+
+bibtex_bibfiles = ["references.bib"]
+bibtex_reference_style = "author_year"
 
 copybutton_exclude = ".linenos, .gp, .go"
 
