@@ -61,8 +61,8 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!erc_contact).*")
 ]  # names of other packages, whose pages CI does not ask
 
-# Their lists of names come over the network, so links to them are made where it is asked for:
-# sphinx-build -t linked. Without the lists the names are text.
+# The lists of names of other sites come over the network. So links to them are made
+# where that is asked for, by sphinx-build -t linked; else the names are text.
 intersphinx_mapping = (
     {
         "dolfinx": ("https://docs.fenicsproject.org/dolfinx/main/python/", None),
@@ -94,6 +94,7 @@ myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 
 bibtex_bibfiles = ["references.bib"]
+bibtex_default_style = "plain"
 bibtex_reference_style = "author_year"
 
 copybutton_exclude = ".linenos, .gp, .go"

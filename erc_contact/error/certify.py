@@ -40,6 +40,7 @@ from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 from namedmesh import Domain
+from namedmesh.base.html import table
 from namedmesh.base.percent import percent
 from namedmesh.files.displacements import FileField, from_file
 
@@ -97,6 +98,15 @@ class Certificate:
                 "counts as the displacement's."
             )
         return "\n".join(words)
+
+    def _repr_html_(self) -> str:
+        """Return the error and its causes as a table in a notebook."""
+        scale = self.error.scale or 1.0
+        rows = [("eps", percent(self.error.relative))]
+        rows += [(name, percent(part / scale)) for name, part in self._parts.items()]
+        rows += [("off the supports", f"{self.off_supports:.3g}")]
+        rows += [("penetration", f"{self.penetration:.3g}")]
+        return table(rows, caption="Certificate")
 
     @property
     def cause(self) -> str:

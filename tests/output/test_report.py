@@ -320,6 +320,8 @@ def test_notebooks_show_tables(history):
                 error.solution.scene,
                 ["Elastic: E = 1.0, nu = 0.3", "Coulomb friction 0.3", "lambda x: 0.02"],
             ),
+            "interval": (ec.Bounds(2.0, 1.0, 3.0, guaranteed=True), ["proved", "between 1 and 3"]),
+            "force": (ec.results.Force(np.array([1.5, 2.5]), np.array([4.0])), ["1.5", "moment"]),
         }
         for value, words in shown.values():
             page = Page(value._repr_html_())

@@ -75,7 +75,9 @@ def test_public_names_are_on_a_page():
     assert set(ec.__all__) <= shown
     assert {f"results.{name}" for name in ec.results.__all__} <= shown
     assert "output" in shown
-    summary = re.findall(r"^   ([\w.]+)$", (ROOT / "docs" / "api" / "index.md").read_text(), re.MULTILINE)
+    summary = re.findall(
+        r"^   ([\w.]+)$", (ROOT / "docs" / "api" / "index.md").read_text(), re.MULTILINE
+    )
     assert set(ec.__all__) - {"output", "results"} <= set(summary)
 
 
