@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from erc_contact.command.decks import deck_of, folder_of, say, write_words
-from erc_contact.command.forces import BoundedForce, bounded_forces, in_columns
+from erc_contact.command.forces import narrowly_bounded
 from erc_contact.decks.deck import Deck
 from erc_contact.error.certify import ADVICE, Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
+from erc_contact.output.bounded_forces import BoundedForce, forces_in_columns, forces_in_html
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_report
 from erc_contact.output.verdict import verdict
 from erc_contact.run.history import add_error
-from namedmesh.base.html import table
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
@@ -49,7 +49,7 @@ def certify_file(arguments: Namespace) -> int:
     certificate = certify(deck.scene_at(time), deck.domain, field)
     error = certificate.error
     name = Path(arguments.result).name
-    forces = bounded_forces(error)
+    forces = narrowly_bounded(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
         forces = [replace(force, computed=None) for force in forces]
     sentences = [
@@ -61,20 +61,19 @@ def certify_file(arguments: Namespace) -> int:
         _of_forces(forces, certificate, name),
     ]
     words = "\n".join(sentences)
-    columns = in_columns(forces)
+    columns = forces_in_columns(forces)
     write_words(folder / "verdict.txt", f"{words}\n\n{columns}")
     say(words, "", columns, "")
     gallery = Gallery(error.domain, folder, 0.0, every=True)
     add_error(gallery, error, "certificate.error")
-    header = ("part", "axis", "by its displacement", "exact solution")
-    tables = {"Forces": table([row.row for row in forces], header)}
     path = folder / "report.html"
     write_report(
         Certified(error, words),
         path,
         f"{name}: eps = {percent(error.total)}",
-        tables,
+        {},
         gallery,
+        results=forces_in_html(forces),
         claims=[*_assumed(deck), *verdict(error)],
     )
     say(f"Report: {path}")

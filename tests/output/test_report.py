@@ -15,6 +15,7 @@ import platform
 import shutil
 import tempfile
 from dataclasses import replace
+from datetime import date
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
@@ -120,6 +121,11 @@ def test_report_needs_nothing_else(history, folder):
             f"{step.seconds:.2f}",
         } <= set(lines)
     assert history.outcome in lines
+    assert f"{folder.name}, {date.today()}" in lines
+    headings = ["Forces and their intervals", "What the number means", "Scene", "Meshes"]
+    places = [lines.index(heading) for heading in headings]
+    assert places == sorted(places)
+    assert any(line.startswith("between ") for line in lines[places[0] : places[1]])
     assert f"{forces['bottom'].force[1]:.6g}" in lines
     for code in (
         "ec.Elastic(E=1.0, nu=0.3)",
