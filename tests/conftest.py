@@ -3,11 +3,10 @@
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent
 unless a test fails there, and then say so on stderr and end with an exit code of their
 own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
-run. Without ``--broad`` only a part of the tests runs, in some minutes on a new machine:
-of a test with many cases so many that each value of each parameter is in one of them,
-and none marked ``broad``, which are random families, long runs and comparisons beside a
-shorter test of the same. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Of a
-test marked ``on_ranks`` only the named cases run, one for each way in which ranks
+run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Tests
+marked ``broad`` are left out unless asked for by ``-m broad``: random families, long
+runs and comparisons. On one rank so are cases of other tests whose values of parameters
+are all in other cases. Of a test marked ``on_ranks`` only the named cases run, one for each way in which ranks
 work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
 many cases that any two values of two of its parameters meet in one of them; a case
 that is asked for by its name runs always. The demos, marked ``gallery``, run only if
@@ -98,14 +97,6 @@ class Ranks:
         sys.stderr.flush()
 
 
-def pytest_addoption(parser):
-    parser.addoption(
-        "--broad",
-        action="store_true",
-        help="all cases of all tests, also those marked broad: some ten minutes on two cores",
-    )
-
-
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     if COMM.rank > 0:
@@ -115,22 +106,23 @@ def pytest_configure(config):
         config.pluginmanager.register(Ranks(), "ranks")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    left_out = ["serial" if COMM.size > 1 else "ranks"]
-    if "gallery" not in config.option.markexpr:
-        left_out.append("gallery")
-    out = {item for item in items if any(item.get_closest_marker(mark) for mark in left_out)}
+    out = set()
     if COMM.size > 1:
         out.update(cases_left_out(items))
-    whole_files = not any("::" in argument for argument in config.args)
-    if whole_files:
+    by_name = any("::" in argument for argument in config.args)
+    if not by_name:
         raise_if_unknown(items)
-        marked = [item for item in items if item.get_closest_marker("pairs") is not None]
-        out.update(cases_beyond(marked, pairs_of))
-    if whole_files and not config.option.broad:
-        out.update(item for item in items if item.get_closest_marker("broad") is not None)
-        several = [item for item in items if item not in out and hasattr(item, "callspec")]
-        out.update(cases_beyond(several, values_of))
+        out.update(cases_beyond(items, pairs_of, "pairs"))
+        if COMM.size == 1:
+            for item in cases_beyond([item for item in items if item not in out], values_of):
+                item.add_marker("broad")
+    left_out = ["serial" if COMM.size > 1 else "ranks"]
+    left_out += [mark for mark in ("gallery", "broad") if mark not in config.option.markexpr]
+    if by_name:
+        left_out.remove("broad")
+    out.update(item for item in items if any(item.get_closest_marker(mark) for mark in left_out))
     config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
 
@@ -149,11 +141,15 @@ def cases_left_out(items):
             yield item
 
 
-def cases_beyond(items, tuples_of):
-    """Return the cases whose tuples of values other cases of the same test have."""
+def cases_beyond(items, tuples_of, mark=None):
+    """Return the cases whose tuples of values other cases of the same test have.
+
+    With a mark, of tests with this mark.
+    """
     functions = {}
     for item in items:
-        functions.setdefault(item.nodeid.split("[")[0], []).append(item)
+        if hasattr(item, "callspec") and (mark is None or item.get_closest_marker(mark)):
+            functions.setdefault(item.nodeid.split("[")[0], []).append(item)
     for cases in functions.values():
         yield from set(cases) - set(covering(cases, tuples_of))
 

@@ -116,6 +116,7 @@ def test_displacement_is_below_a_cusp(degree):
     assert beyond.max() <= 1e-15
 
 
+@pytest.mark.broad
 def test_noise_of_coordinates_is_no_peak(monkeypatch):
     """A gap ``|x| - R`` is level on its circle, but for the round-off of the coordinates.
 

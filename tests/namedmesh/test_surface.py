@@ -84,6 +84,7 @@ def test_refined_half_disc_is_on_the_circle(measures):
     assert missing[2] / missing[1] == pytest.approx(0.25, rel=0.01)
 
 
+@pytest.mark.broad
 def test_refined_ball_is_on_sphere_and_rim(shared_tmp_path, measures):
     """The rim lies on sphere and plane: its new vertices go to the common circle."""
     domain = from_script(BALL, shared_tmp_path, "ball")
@@ -97,6 +98,7 @@ def test_refined_ball_is_on_sphere_and_rim(shared_tmp_path, measures):
         assert missing[2] / missing[1] == pytest.approx(0.25, rel=0.15)
 
 
+@pytest.mark.broad
 def test_rim_where_three_surfaces_meet_is_round(shared_tmp_path):
     """New vertices of the foot of a pin go to the circle, as all vertices above them do."""
     bodies = from_script(PIN_IN_SLEEVE, shared_tmp_path, "pin").split(

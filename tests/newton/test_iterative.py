@@ -252,6 +252,7 @@ def test_units_do_not_change_the_error():
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("foundation-1", "two bodies-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("name", ["foundation", "two bodies"])
@@ -298,6 +299,7 @@ def test_body_that_flies_away_is_refused():
         ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), solver="iterative")
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", ["Nitsche", "AL"])
 def test_many_solutions_are_reported(method):
@@ -305,6 +307,7 @@ def test_many_solutions_are_reported(method):
     assert not ec.solve(*triangle(1.9), METHODS[method], solver="iterative").singular
 
 
+@pytest.mark.broad
 def test_auto_falls_back_where_multigrid_fails(monkeypatch):
     scene, domain = SCENES["cube"]()
     expected = eps(ec.solve(scene, domain, solver="direct"))
@@ -369,6 +372,7 @@ def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     assert eps(solution) == pytest.approx(expected, rel=SAME)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_adaptive_run_makes_the_same_meshes():
     scene, domain = SCENES["cube on a sphere"]()
