@@ -33,7 +33,7 @@ OMP_NUM_THREADS=1 python benchmarks/reference_values.py
 - **The way**: "energies" is the intersection of the intervals of all meshes of the run, where
   they are proved, "lifting bound" is {{py:func}}`erc_contact.resultant` on the last mesh,
   "difference-quotient bound" {{py:func}}`erc_contact.interval`, of a contact both together
-  ([bounds on single numbers](number.md#bounds-on-single-numbers)), which is not used
+  ([intervals of single numbers](intervals.md)), which is not used
   with Coulomb friction.
 - **Others** are closed forms, published figures and other codes: "inside" or "outside" the
   interval, up to the rounding of the figure. In brackets is the relative difference of a figure

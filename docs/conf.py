@@ -20,9 +20,14 @@ release = metadata.version("erc-contact")
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+    "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "sphinxcontrib.bibtex",
     "downloads",
     "rendered",
 ]
@@ -56,6 +61,21 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!erc_contact).*")
 ]  # names of other packages, whose pages CI does not ask
 
+# The lists of names of other sites come over the network. So links to them are made
+# where that is asked for, by sphinx-build -t linked; else the names are text.
+intersphinx_mapping = (
+    {
+        "dolfinx": ("https://docs.fenicsproject.org/dolfinx/main/python/", None),
+        "numpy": ("https://numpy.org/doc/stable/", None),
+        "python": ("https://docs.python.org/3/", None),
+        "pyvista": ("https://docs.pyvista.org/", None),
+        "scipy": ("https://docs.scipy.org/doc/scipy/", None),
+        "ufl": ("https://docs.fenicsproject.org/ufl/main/", None),
+    }
+    if tags.has("linked")  # noqa: F821 - Sphinx defines tags
+    else {}
+)
+
 mathjax = str(
     Path(util.find_spec("sphinx-mathjax-offline").origin).parent
     / "static"
@@ -68,9 +88,16 @@ html_theme = "furo"
 html_title = "erc_contact"
 html_static_path = ["_static", mathjax]
 html_css_files = ["site.css"]
+html_logo = html_favicon = "_static/logo.svg"
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
+
+bibtex_bibfiles = ["references.bib"]
+bibtex_default_style = "plain"
+bibtex_reference_style = "author_year"
+
+copybutton_exclude = ".linenos, .gp, .go"
 
 autodoc_preserve_defaults = True
 autodoc_default_options = {"members": True, "member-order": "bysource"}

@@ -13,7 +13,8 @@ from mpi4py import MPI
 
 from namedmesh import parts
 from namedmesh.base.exceptions import InputError
-from namedmesh.base.html import table
+from namedmesh.base.html import in_columns, table
+from namedmesh.base.names import first_names
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
 from namedmesh.sides import facets_of_cells
@@ -89,17 +90,25 @@ class Bodies(NamedMesh):
             names += f", pairs {self.interface_map}"
         return f"<Domain in {self.dim}D: {self.cells} cells, boundary parts {names}>"
 
+    def __str__(self) -> str:
+        """Describe the domain in some lines; one rank alone may do so."""
+        return in_columns([("domain", f"in {self.dim}D"), *self._in_words()])
+
     def _repr_html_(self) -> str:
         """Describe the domain in a notebook; one rank alone may do so."""
-        rows: list[tuple[str, object]] = [("cells", self.cells), ("vertices", self.vertices)]
-        rows.append(("boundary parts", ", ".join(self.names)))
+        return table(self._in_words(), caption=f"Domain in {self.dim}D")
+
+    def _in_words(self) -> list[tuple[str, str]]:
+        """Return what the domain is made of, of many parts the first ones."""
+        rows = [("cells", str(self.cells)), ("vertices", str(self.vertices))]
+        rows.append(("boundary parts", first_names(self.names)))
         if self.regions:
-            rows.append(("regions", ", ".join(self.regions)))
+            rows.append(("regions", first_names(self.regions)))
         if self.pairs:
-            rows.append(("pairs", self.interface_map))
+            rows.append(("pairs", first_names(str(self.interface_map).split(", "))))
         curved = self.curved_facets is not None
         rows.append(("shape", parts.shape_in_words(self.geometry, self.dim, curved=curved)))
-        return table(rows, caption=f"Domain in {self.dim}D")
+        return rows
 
     @cached_property
     def offset(self) -> fem.Function | None:

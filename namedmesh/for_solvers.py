@@ -27,7 +27,7 @@ from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL
 from namedmesh.surface import sides_of_facets, swept
-from namedmesh.tags import NO_TAG, listed, tag_table
+from namedmesh.tags import NO_TAG, tag_table
 
 __all__ = [
     "FILL",
@@ -57,7 +57,6 @@ __all__ = [
     "from_file",
     "in_space",
     "inner_facets",
-    "listed",
     "order_along_curves",
     "points_in_words",
     "read_deck_mesh",

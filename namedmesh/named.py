@@ -16,11 +16,12 @@ from mpi4py import MPI
 
 from namedmesh.base.communicators import lasting
 from namedmesh.base.exceptions import InputError
+from namedmesh.base.names import known_names
 from namedmesh.base.ranks import box
 from namedmesh.base.releases import cell_nodes
 from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides
-from namedmesh.tags import NO_TAG, listed, tag_table
+from namedmesh.tags import NO_TAG, tag_table
 
 INSIDE_CELLS = "DG inside cells"
 """Family of polynomials in each cell whose nodes are inside it.
@@ -168,7 +169,8 @@ class NamedMesh:
         """
         if name not in self.names:
             raise InputError(
-                f"No boundary part is called {name!r}; this domain has {listed(self.names)}."
+                f"No boundary part is called {name!r}; this domain has "
+                f"{known_names(name, self.names)}"
             )
         if name in self._inside:
             raise InputError(
@@ -208,7 +210,8 @@ class NamedMesh:
         """
         if self.cell_tags is None or name not in self.regions:
             raise InputError(
-                f"No cell region is called {name!r}; this domain has {listed(self.regions)}."
+                f"No cell region is called {name!r}; this domain has "
+                f"{known_names(name, self.regions)}"
             )
         return self.cell_tags.find(self.regions[name])
 

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from namedmesh.base import checks
 from namedmesh.base.exceptions import InputError, raise_together, together
+from namedmesh.base.names import known_names
 from namedmesh.base.percent import place_words
 from namedmesh.interface_map import Interface
 from namedmesh.lying import Facets, lying_against
@@ -27,7 +28,7 @@ from namedmesh.named import NamedMesh
 from namedmesh.sides import boundary_sides, inner_facets, local_facets
 from namedmesh.simplex import measures, of_facets, outward_normals
 from namedmesh.size_field import Labels, SizeField
-from namedmesh.tags import NO_TAG, listed, tag_table, tags_of
+from namedmesh.tags import NO_TAG, tag_table, tags_of
 from namedmesh.where import EXAMPLE, as_rules, where
 
 BOUNDARY = -2
@@ -245,7 +246,8 @@ def _region_tag(mesh: NamedMesh, name: str) -> int:
     """
     if name not in mesh.regions:
         raise InputError(
-            f"named: no cell region is called {name!r}; this domain has {listed(mesh.regions)}."
+            f"named: no cell region is called {name!r}; this domain has "
+            f"{known_names(name, mesh.regions)}"
         )
     return mesh.regions[name]
 

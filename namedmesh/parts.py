@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from namedmesh.base.communicators import lasting
 from namedmesh.base.exceptions import InputError, raise_together
-from namedmesh.tags import listed
+from namedmesh.base.names import known_names, listed
 
 
 def check_names(names: Mapping[str, int], regions: Mapping[str, int]) -> None:
@@ -146,7 +146,8 @@ def check_sides(
             )
         if not isinstance(region, str) or region not in regions:
             raise InputError(
-                f"split: no cell region is called {region!r}; this domain has {listed(regions)}."
+                f"split: no cell region is called {region!r}; this domain has "
+                f"{known_names(region, regions)}"
             )
     if regions[pairs[0][1]] == regions[pairs[1][1]]:
         raise InputError(
@@ -154,7 +155,9 @@ def check_sides(
             "regions can be split."
         )
     if on is not None and (not isinstance(on, str) or on not in names):
-        raise InputError(f"split: no part is called {on!r}; this domain has {listed(names)}.")
+        raise InputError(
+            f"split: no part is called {on!r}; this domain has {known_names(on, names)}"
+        )
 
 
 def with_facets(

@@ -5,7 +5,6 @@ Symbols: d dimension.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -14,7 +13,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from namedmesh.base.exceptions import InputError
-from namedmesh.base.html import table
+from namedmesh.base.html import in_columns, table
 from namedmesh.base.percent import place_words
 from namedmesh.named import NamedMesh
 from namedmesh.sides import boundary_sides
@@ -105,23 +104,6 @@ class Parts:
             row = [name, str(self.facets[i]), f"{self.area[i]:.4g}", centre, normal]
             rows.append([*row, ", ".join(self.regions[i])] if any(self.regions) else row)
         return rows
-
-
-def in_columns(rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
-    """Write a table as text.
-
-    Args:
-        rows: Its rows, the header first.
-        numbers: Columns that end at the right, as numbers do.
-    """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = []
-        for column, (cell, width) in enumerate(zip(row, widths, strict=True)):
-            cells.append(cell.rjust(width) if column in numbers else cell.ljust(width))
-        lines.append("  ".join(cells).rstrip())
-    return "\n".join(lines)
 
 
 def facets_of_parts(mesh: NamedMesh) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 from dolfinx import la
 from dolfinx import mesh as dmesh
@@ -11,11 +9,6 @@ from mpi4py import MPI
 
 NO_TAG = -1
 """Stands in a table where a cell or facet has no tag."""
-
-
-def listed(names: Iterable[str]) -> str:
-    """Return names in alphabetical order as text, or "none"."""
-    return ", ".join(sorted(names)) or "none"
 
 
 def tag_table(tags: dmesh.MeshTags) -> np.ndarray:

@@ -13,17 +13,16 @@ from mpi4py import MPI
 
 from namedmesh.base.checks import is_number
 from namedmesh.base.exceptions import InputError, together
-from namedmesh.base.html import table
+from namedmesh.base.html import in_columns, table
 from namedmesh.base.logs import log_of
+from namedmesh.base.names import listed
 from namedmesh.base.ranks import from_first
 from namedmesh.base.releases import cell_nodes
 from namedmesh.bodies import Bodies
 from namedmesh.closest import closest
-from namedmesh.parts_table import in_columns
 from namedmesh.plain import PlainMesh
 from namedmesh.rows import in_space
 from namedmesh.simplex import measures, of_facets, outward_normals
-from namedmesh.tags import listed
 from namedmesh.transfer import gather_mesh
 
 OPPOSED = -0.7

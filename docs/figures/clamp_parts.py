@@ -1,4 +1,4 @@
-"""Draws clamp_parts.png: the names of the clamp that a STEP file gives.
+"""Draws clamp_parts.webp: the names of the clamp that a STEP file gives.
 
 python docs/figures/clamp_parts.py
 """
@@ -11,8 +11,8 @@ import erc_contact as ec
 
 HERE = Path(__file__).parent
 clamp = ec.read_mesh(HERE.parents[1] / "meshes" / "clamp.step", size=8.0)
-path = HERE / "clamp_parts.png"
+path = HERE / "clamp_parts.webp"
 ec.draw_parts(clamp, path)
 picture = Image.open(path).convert("RGB")
 small = picture.resize((1000, 1000 * picture.height // picture.width), Image.Resampling.LANCZOS)
-small.quantize(48).save(path, optimize=True)
+small.save(path, quality=75, method=6)

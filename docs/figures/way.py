@@ -80,6 +80,7 @@ def beside(ax, x, name):
 
 
 plt.rcParams["svg.hashsalt"] = "way"  # the same file each time
+plt.rcParams["svg.fonttype"] = "none"  # letters stay text: a fifth of the size
 fig, ax = plt.subplots(figsize=(5.9, 5.9))
 value(ax, 0.0, 6.0, 3.05, "Scene", "material, supports, contacts")
 value(ax, 3.55, 6.0, 2.85, "Domain", "a mesh with named parts")

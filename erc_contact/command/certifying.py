@@ -9,24 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from erc_contact.command.decks import folder_of, say, write_words
-from erc_contact.command.forces import (
-    BoundedForce,
-    bolt_forces,
-    bounded_forces,
-    in_columns,
-    with_forces_of,
-)
+from erc_contact.command.forces import bolt_forces, narrowly_bounded, with_forces_of
 from erc_contact.command.results import certified_file
 from erc_contact.decks.deck import Deck
 from erc_contact.error.certify import ADVICE, Certificate
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
 from erc_contact.model.preload import shifts_of
+from erc_contact.output.bounded_forces import BoundedForce, forces_in_columns, forces_in_html
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_report
 from erc_contact.output.verdict import verdict
 from erc_contact.run.history import add_error
-from namedmesh.base.html import table
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
@@ -56,7 +50,7 @@ def certify_file(arguments: Namespace) -> int:
     deck, name, time = certified.deck, certified.name, certified.time
     certificate = certified.certificate
     error = certificate.error
-    forces = bounded_forces(error)
+    forces = narrowly_bounded(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
         forces = with_forces_of(forces, error, certified.field)
     bolts = bolt_forces(error, deck.scene_at(time))
@@ -71,20 +65,19 @@ def certify_file(arguments: Namespace) -> int:
     ]
     forces += bolts
     words = "\n".join(sentences)
-    columns = in_columns(forces)
+    columns = forces_in_columns(forces)
     write_words(folder / "verdict.txt", f"{words}\n\n{columns}")
     say(words, "", columns, "")
     gallery = Gallery(error.domain, folder, 0.0, every=True)
     add_error(gallery, error, "certificate.error")
-    header = ("part", "axis", "of the result", "exact solution")
-    tables = {"Forces": table([row.row for row in forces], header)}
     path = folder / "report.html"
     write_report(
         Certified(error, words),
         path,
         f"{name}: eps = {percent(certificate.total)}",
-        tables,
+        {},
         gallery,
+        results=forces_in_html(forces),
         claims=[*_assumed(deck), *_in_its_cells(certificate), *verdict(error)],
     )
     say(f"Report: {path}")

@@ -1,9 +1,9 @@
-"""List the forces of supports and contacts with their certified intervals."""
+"""Bound forces of supports, contacts and bolts, and find them in files of results."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +13,12 @@ from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.interval import interval
 from erc_contact.error.numbers import Bounds
+from erc_contact.output.bounded_forces import (
+    ROUND_OFF,
+    BoundedForce,
+    bounded_forces,
+    contact_names,
+)
 from erc_contact.scene.goal import BoltForce, Resultant
 from erc_contact.scene.load import BodyForce
 from erc_contact.scene.scene import Scene
@@ -21,63 +27,25 @@ from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import SAME_PLACE, FileField, closest
 from namedmesh.simplex import of_facets
 
-NEGLIGIBLE = 1e-6
-"""Component of a force over the greatest force that is not listed [-]."""
-ROUND_OFF = 1e-5
-"""Distance to an interval over its ends that is none: files have six digits [-]."""
 
+def narrowly_bounded(error: ConstitutiveError) -> list[BoundedForce]:
+    """Bound the forces of supports and contacts, all that matter; collective.
 
-@dataclass(frozen=True)
-class BoundedForce:
-    """Hold a component of a force.
-
-    Attributes:
-        part: Name of the part on which it acts.
-        axis: "x", "y" or "z"; of axisymmetric bodies "r" or "z"; "bolt" along a bolt.
-        computed: The component that the other code has by its nodal forces [force];
-            None if these are not known.
-        bounds: The interval of the exact solution; None if there is none.
-        why: Why there is none.
+    :func:`erc_contact.interval` solves the scene some more times for each component.
     """
+    contacts = contact_names(error)
+    supports = [support.facets for support in error.solution.scene.supports]
 
-    part: str
-    axis: str
-    computed: float | None
-    bounds: Bounds | None
-    why: str = ""
+    def bounds_of(error: ConstitutiveError, name: str, direction: tuple[float, ...]) -> Bounds:
+        try:
+            return interval(error, Resultant(name, direction))
+        except (InputError, NotConverged):
+            # A contact has an interval of lower order, which needs no further solution.
+            if name in contacts:
+                return resultant(error, name, direction)
+            raise
 
-    @property
-    def row(self) -> tuple[str, str, str, str]:
-        """Return part, axis, component and interval in words."""
-        words = "no interval" if self.bounds is None else _in_words(self.bounds)
-        number = "" if self.computed is None else f"{self.computed:.5g}"
-        return self.part, self.axis, number, words
-
-    @property
-    def is_outside(self) -> bool:
-        """Tell whether the component is outside its interval."""
-        if self.bounds is None or self.computed is None:
-            return False
-        low, high = self.bounds.low, self.bounds.high
-        room = ROUND_OFF * max(abs(low), abs(high))
-        return not low - room <= self.computed <= high + room
-
-
-def bounded_forces(error: ConstitutiveError) -> list[BoundedForce]:
-    """Bound the forces of supports and contacts, all that matter; collective."""
-    scene = error.solution.scene
-    contacts = [contact.sides[0] for contact in scene.contacts]
-    names = [*(support.facets for support in scene.supports), *contacts]
-    forces = {name: error.solution.force(name).force for name in dict.fromkeys(names)}
-    greatest = max((abs(force).max() for force in forces.values()), default=0.0)
-    letters = "rz" if error.model.space.axisymmetric else "xyz"
-    rows = []
-    for name, force in forces.items():
-        for axis in np.flatnonzero(abs(force) > NEGLIGIBLE * greatest):
-            direction = tuple(np.eye(len(force))[axis].tolist())
-            bounds, why = _bounds_of(error, name, direction, is_contact=name in contacts)
-            rows.append(BoundedForce(name, letters[axis], float(force[axis]), bounds, why))
-    return rows
+    return bounded_forces(error, [*supports, *contacts], bounds_of)
 
 
 def bolt_forces(error: ConstitutiveError, scene: Scene) -> list[BoundedForce]:
@@ -146,36 +114,3 @@ def _is_on_part(error: ConstitutiveError, name: str, x: np.ndarray) -> np.ndarra
     corners = of_facets(space.cell_corners()[sides[:, 0]], sides[:, 1])
     (every,) = of_all(space.comm, corners)
     return np.asarray(closest(x, every).distance <= SAME_PLACE * error.domain.extent)
-
-
-def _bounds_of(
-    error: ConstitutiveError, name: str, direction: tuple[float, ...], *, is_contact: bool
-) -> tuple[Bounds | None, str]:
-    """Bound a component of the force on a part; collective.
-
-    Returns:
-        The interval, or None and why there is none.
-    """
-    try:
-        return interval(error, Resultant(name, direction)), ""
-    except (InputError, NotConverged) as reason:
-        # A contact has an interval of lower order, which needs no further solution.
-        return (resultant(error, name, direction), "") if is_contact else (None, str(reason))
-
-
-def _in_words(bounds: Bounds) -> str:
-    """Write an interval."""
-    kind = "proved" if bounds.guaranteed else "estimated"
-    return f"between {bounds.low:.5g} and {bounds.high:.5g} ({kind})"
-
-
-def in_columns(rows: list[BoundedForce]) -> str:
-    """Write a table of forces, and below it why some have no interval."""
-    cells = [row.row for row in rows]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = []
-    for row in cells:
-        columns = [word.ljust(width) for word, width in zip(row, widths, strict=True)]
-        lines.append("  ".join(columns).rstrip())
-    reasons = dict.fromkeys(row.why for row in rows if row.why)
-    return "\n".join([*lines, *reasons])

@@ -6,8 +6,9 @@ from argparse import Namespace
 
 from erc_contact.base.logs import log_to_console
 from erc_contact.command.decks import deck_of, folder_of, say, write_words
-from erc_contact.command.forces import bounded_forces, in_columns
+from erc_contact.command.forces import narrowly_bounded
 from erc_contact.decks.deck import Deck
+from erc_contact.output.bounded_forces import forces_in_columns
 from erc_contact.run.adapt import adapt
 from erc_contact.run.evolution import Evolution
 from erc_contact.run.evolve import evolve
@@ -22,7 +23,7 @@ def solve_deck(arguments: Namespace) -> int:
     say(deck, "")
     run = _run(deck, arguments)
     run.save(folder, pictures=arguments.pictures or None)
-    forces = in_columns(bounded_forces(run.error))
+    forces = forces_in_columns(narrowly_bounded(run.error))
     write_words(folder / "forces.txt", forces)
     say("", "Forces on the parts at the end:", forces, "")
     say(f"Report: {folder / 'report.html'}")

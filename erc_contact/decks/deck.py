@@ -18,7 +18,7 @@ from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
 from namedmesh import Domain
 from namedmesh.base.exceptions import on_rank
-from namedmesh.base.html import table
+from namedmesh.base.html import in_columns, table
 from namedmesh.for_solvers import FileMesh, domain_of, read_deck_mesh
 
 PENALTIES = ("hard", "kept")
@@ -86,9 +86,7 @@ class Deck:
 
     def __repr__(self) -> str:
         """Write the deck as a table."""
-        rows = self._rows()
-        width = max(len(name) for name, _ in rows)
-        return "\n".join(f"{name.ljust(width)}  {words}".rstrip() for name, words in rows)
+        return in_columns(self._rows())
 
     def _repr_html_(self) -> str:
         """Return the table in HTML, for notebooks."""

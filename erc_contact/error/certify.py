@@ -55,6 +55,7 @@ from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 from namedmesh import Domain
+from namedmesh.base.html import table
 from namedmesh.base.percent import percent
 from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import FieldOnMesh, FileField, from_file
@@ -138,6 +139,16 @@ class Certificate:
                 f"contacts and ties, which costs {percent(self.share(self.transfer))}."
             )
         return "\n".join(words)
+
+    def _repr_html_(self) -> str:
+        """Return the error and its causes as a table in a notebook."""
+        rows = [("eps", percent(self.relative))]
+        rows += [(name, percent(self.share(part))) for name, part in self.causes.items()]
+        if self.interpolated:
+            rows += [("the transfer", percent(self.share(self.transfer)))]
+        rows += [("off the supports", f"{self.off_supports:.3g}")]
+        rows += [("penetration", f"{self.penetration:.3g}")]
+        return table(rows, caption="Certificate")
 
     def share(self, part: float) -> float:
         """Return a part of e over the scale of eps [-]."""

@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.model.data.quadrature import Integral
+from namedmesh.base.html import table
 
 ROUND_OFF = 1e-12
 """Numbers below this, relative to their scale, count as zero [-]."""
@@ -50,16 +51,31 @@ class Bounds:
         for name in ("guaranteed", "weighted"):
             object.__setattr__(self, name, bool(getattr(self, name)))
 
+    def _repr_html_(self) -> str:
+        """Return the interval as a table in a notebook."""
+        low, high, value = self._in_digits()
+        rows = [("value", value), (self._kind, f"between {low} and {high}")]
+        return table(rows)
+
     def __str__(self) -> str:
         """Write the interval with as many digits as tell its ends apart."""
+        low, high, value = self._in_digits()
+        return f"{value}, between {low} and {high} ({self._kind})"
+
+    @property
+    def _kind(self) -> str:
+        """Say whether the interval is proved."""
+        return "proved" if self.guaranteed else "estimated"
+
+    def _in_digits(self) -> tuple[str, str, str]:
+        """Return both ends and the value, in digits that tell the ends apart."""
         digits = 4
         width = self.high - self.low
         size = max(abs(self.low), abs(self.high))
         if 0.0 < width < size < np.inf:
             digits = min(max(4, 3 - int(np.floor(np.log10(width / size)))), 15)
-        kind = "proved" if self.guaranteed else "estimated"
         low, high, value = (f"{end:.{digits}g}" for end in (self.low, self.high, self.value))
-        return f"{value}, between {low} and {high} ({kind})"
+        return low, high, value
 
     def narrowed(self, second: Bounds) -> Bounds:
         """Return what both intervals hold.

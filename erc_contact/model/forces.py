@@ -27,6 +27,7 @@ from erc_contact.model.contact.ties import Claim, tie_forces
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
+from namedmesh.base.html import table
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import coefficients, lagrange, rule
 
@@ -45,6 +46,13 @@ class Force:
 
     force: np.ndarray
     moment: np.ndarray
+
+    def _repr_html_(self) -> str:
+        """Return force and moment as a table in a notebook."""
+        rows = []
+        for name, values in (("force", self.force), ("moment", self.moment)):
+            rows.append((name, *(f"{value:.5g}" for value in values)))
+        return table(rows)
 
     def __add__(self, other: Force) -> Force:
         """Return the sum of two forces with their moments."""

@@ -53,6 +53,7 @@ from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
+from namedmesh.base.names import known_names
 
 OF_SPACE = "mesh", "n", "x", "V", "d", "contact_degree", "nodal_rule"
 """What methods of users read of a model in version 0.1 and of its space now."""
@@ -452,8 +453,9 @@ class Model:
         for contact in (*self.contacts, *self.ties):
             contacts |= dict.fromkeys(contact.side_names, contact)
         if name not in contacts:
-            names = ", ".join(sorted(contacts)) or "none"
-            raise InputError(f"No contact is called {name!r}; this scene has {names}.")
+            raise InputError(
+                f"No contact is called {name!r}; this scene has {known_names(name, contacts)}"
+            )
         return contacts[name]
 
     def greatest_coefficient(self, contact: ContactOnMesh) -> float:

@@ -39,8 +39,9 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes
 from erc_contact.model.space import Space
 from erc_contact.scene.tied import Preload, Tied
+from namedmesh.base.names import listed
 from namedmesh.base.ranks import union
-from namedmesh.for_solvers import inner_facets, listed
+from namedmesh.for_solvers import inner_facets
 from namedmesh.simplex import barycentric
 
 NO_DIRECTION = 0.1

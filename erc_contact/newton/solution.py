@@ -35,8 +35,9 @@ from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 from namedmesh import Domain
 from namedmesh.base.html import table
+from namedmesh.base.names import listed
 from namedmesh.base.ranks import greatest
-from namedmesh.for_solvers import in_space, listed
+from namedmesh.for_solvers import in_space
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
-from namedmesh.base.names import in_picture
+from namedmesh.base.names import in_picture, known_names
 from namedmesh.pictures import draw_figure, subdivide
 from namedmesh.simplex import bernstein
 
@@ -86,8 +86,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
     names = [joint.name for joint in (*model.contacts, *model.ties)]
     if name not in names:
         raise InputError(
-            f"plot_contact: no contact is called {name!r}; the scene has "
-            f"{', '.join(names) or 'none'}."
+            f"plot_contact: no contact is called {name!r}; the scene has {known_names(name, names)}"
         )
     surface = whole_contact(admissible, admissible.per_area(admissible.traction(name)))
     # Only rank 0 knows all facets, and all ranks raise.

@@ -63,6 +63,11 @@ class Gallery:
         # Time of the slowest picture over the time by the constants of this module.
         self._slowness = 1.0
 
+    @property
+    def has_all_time(self) -> bool:
+        """Tell whether all is asked for, whatever time it takes."""
+        return self.allowed == float("inf")
+
     def add(
         self,
         file: str,

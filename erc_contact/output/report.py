@@ -11,6 +11,7 @@ import struct
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from datetime import date
 from html import escape
 from itertools import permutations
 from math import isfinite
@@ -87,6 +88,7 @@ def write_report(
     tables: Mapping[str, str],
     gallery: Gallery | None,
     *,
+    results: str = "",
     claims: Sequence[tuple[str, str]] = (),
     forces: Mapping[str, Force] | None = None,
     code: str = "",
@@ -94,8 +96,9 @@ def write_report(
 ) -> None:
     """Write the report of a run; collective.
 
-    It says what was asked, what is proved and what is not, and shows the pictures. It
-    has neither the name of the machine nor a path.
+    It begins with the name of the folder and the date, says what was asked, what is
+    proved and what is not, and shows the pictures. It has neither the name of the
+    machine nor a path.
 
     Args:
         run: The run, or a certificate.
@@ -103,6 +106,7 @@ def write_report(
         title: Its heading.
         tables: Tables of its rows in HTML, by their headings.
         gallery: The pictures in the folder, or None.
+        results: Forces with their intervals, as a table in HTML, which stands on top.
         claims: What the error proves and what not, see
             :func:`erc_contact.output.verdict.verdict`.
         forces: Forces on the body by their cause, see
@@ -114,8 +118,11 @@ def write_report(
     comm = run.error.domain.comm
 
     def write() -> None:
-        introduction = [without_paths(run.outcome), note]
+        name = file.resolve().parent.name
+        introduction = [f"{name}, {date.today()}", without_paths(run.outcome), note]
         sections = {"": "".join(_paragraph(text) for text in introduction if text)}
+        if results:
+            sections["Forces and their intervals"] = _wide(results)
         if claims:
             sections["What the number means"] = _wide(table(claims), "verdict")
         # An error that is read from a folder has no scene.

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.progress import at
+from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.output.bounded_forces import bounded_forces, contact_names, forces_in_html
 from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
 from erc_contact.output.gallery import Gallery
@@ -259,12 +261,16 @@ class Evolution(RunResult):
         arguments = {"accuracy": self.accuracy, **self.settings}
         domain_code = keep_domain(self.domain, folder)
         claims = [*verdict(self.error), *of_gaps(self.error)]
+        # Each component of a force takes an elastic solve.
+        asked = gallery is not None and gallery.has_all_time
+        names = contact_names(self.error) if asked else []
         write_report(
             self,
             folder / "report.html",
             f"Loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": self._table()},
             gallery,
+            results=forces_in_html(bounded_forces(self.error, names, resultant)),
             claims=claims,
             forces=forces,
             code=evolution_as_code(self.scene_at, self.domain, domain_code, arguments),

@@ -13,10 +13,12 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.progress import at
+from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
 from erc_contact.error.numbers import Bounds
 from erc_contact.error.slip_share import small_slips
+from erc_contact.output.bounded_forces import bounded_forces, contact_names, forces_in_html
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import SPAN, plot_history
 from erc_contact.output.deformed import add_near, draw_deformed
@@ -236,7 +238,13 @@ class History(RunResult):
         maxima = {name: self.maximum(name) for name in quantities}
         slips = of_slips(self.best, small_slips(self.best)) if self.bounds is None else []
         claims = [*verdict(self.best), *of_gaps(self.best), *slips, *of_maxima(maxima)]
-        self._write_report(folder, gallery, claims=claims, forces=forces, code=code)
+        # Each component of a force takes an elastic solve.
+        asked = gallery is not None and gallery.has_all_time
+        names = contact_names(self.best) if asked else []
+        results = forces_in_html(bounded_forces(self.best, names, resultant))
+        self._write_report(
+            folder, gallery, results=results, claims=claims, forces=forces, code=code
+        )
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
         """Write what needs no scene and no drawing; collective."""

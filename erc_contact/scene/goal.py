@@ -239,10 +239,10 @@ class Shortening(_OfPart):
 
 @dataclass(frozen=True, repr=False)
 class Functional:
-    """Ask for a number that is linear in the displacement, ``int psi . u``.
+    """Ask for a number that is linear in the displacement.
 
-    It is the work of a load psi that the scene need not have: a mean with a weight, the
-    opening between two parts, a coefficient of a mode.
+    ``int psi . u`` is the work of a load psi that the scene need not have: a mean with
+    a weight, the opening between two parts, a coefficient of a mode.
 
     Args:
         load: psi, as a :class:`erc_contact.Traction` on a boundary part, a

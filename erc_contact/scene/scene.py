@@ -38,7 +38,7 @@ from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.tied import Tied
 from erc_contact.scene.words import in_words
-from namedmesh.base.html import table
+from namedmesh.base.html import in_columns, table
 
 MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 """Names of the members of a material."""
@@ -126,6 +126,10 @@ class Scene:
                     f" for another force; rename it, and avoid {', '.join(map(repr, CAUSES))}."
                 )
         self._check_conflicts()
+
+    def __str__(self) -> str:
+        """List what the scene says of each part, a line each."""
+        return in_columns(in_words(self))
 
     def _repr_html_(self) -> str:
         """Return the scene as a table in a notebook."""

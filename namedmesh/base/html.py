@@ -1,4 +1,4 @@
-"""Tables in HTML, for notebooks and reports."""
+"""Tables: in HTML for notebooks and reports, as text for terminals."""
 
 from __future__ import annotations
 
@@ -26,3 +26,20 @@ def table(
         cells = "".join(f"<td>{escape(str(entry))}</td>" for entry in entries)
         body += f"<tr><th>{escape(str(name))}</th>{cells}</tr>"
     return f"<table>{title}{head}<tbody>{body}</tbody></table>"
+
+
+def in_columns(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
+    """Write a table as text.
+
+    Args:
+        rows: Its rows, the header first.
+        numbers: Columns that end at the right, as numbers do.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = []
+        for column, (cell, width) in enumerate(zip(row, widths, strict=True)):
+            cells.append(cell.rjust(width) if column in numbers else cell.ljust(width))
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Make of names of parts what files and pictures can bear.
+"""Make of names of parts what files, pictures and messages can bear.
 
 Names come from mesh files of others: they may look like paths or formulas, be longer
 than a file system allows, or have characters that a terminal obeys.
@@ -7,6 +7,8 @@ than a file system allows, or have characters that a terminal obeys.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 from hashlib import sha256
 
 LONGEST_STEM = 60
@@ -15,6 +17,8 @@ LONGEST_SHOWN = 60
 """Greatest number of letters of a name that a picture shows."""
 LONGEST_NAME = 1000
 """Greatest number of letters of a name from a file."""
+MOST_SHOWN = 12
+"""Greatest number of names that a line shows."""
 HASHED = re.compile(r"-[0-9a-f]{8}")
 """End of the name of a file that does not tell all of a name."""
 
@@ -40,6 +44,43 @@ def printable(name: str) -> str:
     """Return a name in one line, not long, without characters that cannot be seen."""
     seen = "".join(letter if letter.isprintable() else "?" for letter in name)
     return seen if len(seen) <= LONGEST_NAME else f"{seen[:LONGEST_NAME]}..."
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names in alphabetical order as text, or "none"."""
+    return ", ".join(sorted(names)) or "none"
+
+
+def known_names(name: object, names: Iterable[str]) -> str:
+    """End a message about an unknown name: list the known names, and the nearest one.
+
+    Args:
+        name: What was given in the place of a name.
+        names: The known names.
+
+    Example:
+        >>> known_names("botom", ["top", "bottom"])
+        "bottom, top. Did you mean 'bottom'?"
+        >>> known_names("foot", [])
+        'none.'
+    """
+    known = list(names)
+    near = get_close_matches(str(name), known, n=1)
+    question = f" Did you mean {near[0]!r}?" if near else ""
+    return f"{listed(known)}.{question}"
+
+
+def first_names(names: Iterable[str]) -> str:
+    """List names in a line, of many only the first ones.
+
+    Example:
+        >>> first_names(str(number) for number in range(104))
+        '0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 and 92 more'
+    """
+    known = list(names)
+    shown = ", ".join(known[:MOST_SHOWN])
+    more = len(known) - MOST_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def in_picture(name: str) -> str:

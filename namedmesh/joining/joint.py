@@ -17,6 +17,7 @@ from mpi4py import MPI
 from namedmesh.base import checks
 from namedmesh.base.exceptions import InputError, raise_together
 from namedmesh.base.logs import log_of
+from namedmesh.base.names import known_names
 from namedmesh.base.percent import place_words
 from namedmesh.bodies import Bodies
 from namedmesh.interface_map import Interface, Regions
@@ -28,7 +29,7 @@ from namedmesh.joining.imprint_plane import imprint_plane, plane_sides
 from namedmesh.joining.matching import match_facets
 from namedmesh.plain import PlainMesh
 from namedmesh.rows import row_numbers
-from namedmesh.tags import NO_TAG, listed
+from namedmesh.tags import NO_TAG
 from namedmesh.transfer import gather_mesh
 
 ROUND_OFF = 1e-9
@@ -78,7 +79,8 @@ def check_parts(
             raise InputError(f"joined: {name!r} is a side of a pair already; give another part.")
         if not isinstance(name, str) or name not in glued.names:
             raise InputError(
-                f"joined: no part is called {name!r}; this domain has {listed(glued.outer)}."
+                f"joined: no part is called {name!r}; this domain has "
+                f"{known_names(name, glued.outer)}"
             )
         glued.tag(name)
         outside = f"{name} outside"

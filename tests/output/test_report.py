@@ -15,6 +15,7 @@ import platform
 import shutil
 import tempfile
 from dataclasses import replace
+from datetime import date
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
@@ -121,6 +122,11 @@ def test_report_needs_nothing_else(history, folder):
             f"{step.seconds:.2f}",
         } <= set(lines)
     assert history.outcome in lines
+    assert f"{folder.name}, {date.today()}" in lines
+    headings = ["Forces and their intervals", "What the number means", "Scene", "Meshes"]
+    places = [lines.index(heading) for heading in headings]
+    assert places == sorted(places)
+    assert any(line.startswith("between ") for line in lines[places[0] : places[1]])
     assert f"{forces['bottom'].force[1]:.6g}" in lines
     for code in (
         "ec.Elastic(E=1.0, nu=0.3)",
@@ -321,6 +327,8 @@ def test_notebooks_show_tables(history):
                 error.solution.scene,
                 ["Elastic: E = 1.0, nu = 0.3", "Coulomb friction 0.3", "lambda x: 0.02"],
             ),
+            "interval": (ec.Bounds(2.0, 1.0, 3.0, guaranteed=True), ["proved", "between 1 and 3"]),
+            "force": (ec.results.Force(np.array([1.5, 2.5]), np.array([4.0])), ["1.5", "moment"]),
         }
         for value, words in shown.values():
             page = Page(value._repr_html_())

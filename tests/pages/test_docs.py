@@ -60,11 +60,12 @@ def test_one_number_prints_what_its_page_says():
 
 
 def test_figures_have_scripts():
-    figures = [
-        path for path in (ROOT / "docs" / "figures").iterdir() if path.suffix in (".png", ".svg")
-    ]
+    """A script draws the picture of its name, or all pictures of a folder of its name."""
+    folder = ROOT / "docs" / "figures"
+    figures = [path for path in folder.rglob("*") if path.suffix in (".png", ".svg", ".webp")]
     assert figures
-    assert all(path.with_suffix(".py").is_file() for path in figures)
+    names = {path.relative_to(folder).parts[0].split(".")[0] for path in figures}
+    assert all((folder / f"{name}.py").is_file() for name in names)
     assert sum(path.stat().st_size for path in figures) < 300_000
 
 
@@ -74,6 +75,10 @@ def test_public_names_are_on_a_page():
     assert set(ec.__all__) <= shown
     assert {f"results.{name}" for name in ec.results.__all__} <= shown
     assert "output" in shown
+    summary = re.findall(
+        r"^   ([\w.]+)$", (ROOT / "docs" / "api" / "index.md").read_text(), re.MULTILINE
+    )
+    assert set(ec.__all__) - {"output", "results"} <= set(summary)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

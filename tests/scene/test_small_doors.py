@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from dolfinx.mesh import exterior_facet_indices, meshtags
 from mpi4py import MPI
 from scenes import certified
 
@@ -178,3 +179,32 @@ def test_misspelt_keywords_name_the_nearest(call, nearest):
     with pytest.raises(TypeError, match=f"Did you mean '{nearest}'"):
         call()
     assert pickle.loads(pickle.dumps(ec.solve)) is ec.solve
+
+
+def test_misspelt_parts_name_the_nearest():
+    block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2, 1))
+    with pytest.raises(ec.InputError, match=r"Did you mean 'bottom'\?"):
+        block.tag("botom")
+    with pytest.raises(ec.InputError, match=r"bottom, left, right, top\.$"):
+        block.tag("42")  # near to none of them
+
+
+def test_a_scene_prints_a_line_for_each_part():
+    support = ec.Displacement("top", (0.0, None))
+    contact = ec.Contact("bottom", friction=0.3)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), support, contacts=contact)
+    assert [line.split()[0] for line in str(scene).splitlines()] == ["material", "top", "bottom"]
+    assert "(0.0, free)" in str(scene)
+
+
+@pytest.mark.serial
+def test_a_domain_of_many_parts_prints_few_lines():
+    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(26, 26))
+    facets = exterior_facet_indices(block.mesh.topology)
+    numbers = np.arange(1, 105, dtype=np.int32)
+    tags = meshtags(block.mesh, 1, facets, numbers)
+    many = ec.Domain(block.mesh, tags, {f"face {number}": number for number in numbers})
+    lines = str(many).splitlines()
+    assert len(lines) <= 10
+    assert max(map(len, lines)) < 200
+    assert "and 92 more" in str(many)

@@ -21,7 +21,7 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.scene.goal import BoltForce, GoalOfBolt, Shortening
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
-from namedmesh.for_solvers import listed
+from namedmesh.base.names import listed
 
 
 def bolt_perturbation(base: BaseScene, goal: GoalOfBolt, pair: Admissible) -> Perturbation:

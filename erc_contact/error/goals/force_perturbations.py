@@ -22,7 +22,7 @@ from erc_contact.model.motions.rigid_faces import RigidFace, bind_rigid, centroi
 from erc_contact.scene.goal import Moment, Resultant
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Rigid
-from namedmesh.for_solvers import listed
+from namedmesh.base.names import listed
 
 
 def resultant(base: BaseScene, goal: Resultant, a: np.ndarray) -> Perturbation:

@@ -34,8 +34,9 @@ from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.goal import StressIntensity
 from erc_contact.scene.scene import Scene
+from namedmesh.base.names import listed
 from namedmesh.base.ranks import of_all
-from namedmesh.for_solvers import boundary_sides, listed
+from namedmesh.for_solvers import boundary_sides
 from namedmesh.simplex import rule
 
 ON_LINE = 1e-6

@@ -24,7 +24,7 @@ from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
 from erc_contact.scene.load import Load, Traction
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.support import Rigid
-from namedmesh.for_solvers import listed
+from namedmesh.base.names import listed
 from namedmesh.simplex import lagrange, rule
 
 

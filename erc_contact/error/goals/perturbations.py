@@ -44,7 +44,7 @@ from erc_contact.scene.goal import (
 )
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
-from namedmesh.for_solvers import listed
+from namedmesh.base.names import listed
 
 SAME = 1e-9
 """Change of a number by a motion that counts as none, over its size [-]."""

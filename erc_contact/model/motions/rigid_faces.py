@@ -26,6 +26,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.model.motions.rigid_shapes import motions_about_axes
 from erc_contact.model.space import Space
 from erc_contact.scene.support import Rigid
+from namedmesh.base.names import known_names
 from namedmesh.base.ranks import union
 
 
@@ -212,8 +213,9 @@ def motion_of(space: Space, supports: Sequence[Any], part: str, u: fem.Function)
     rigid = [support for support in supports if isinstance(support, Rigid)]
     names = [face.facets for face in rigid]
     if part not in names:
-        listed = ", ".join(map(repr, names)) or "none"
-        raise InputError(f"No rigid face is called {part!r}; this scene has {listed}.")
+        raise InputError(
+            f"No rigid face is called {part!r}; this scene has {known_names(part, names)}"
+        )
     face = bind_rigid(space, rigid[names.index(part)])
     d = space.d
     motion = face.motion(u.x.array.reshape(-1, d))
