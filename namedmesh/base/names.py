@@ -71,7 +71,7 @@ def known_names(name: object, names: Iterable[str]) -> str:
 
 
 def first_names(names: Iterable[str]) -> str:
-    """List names in a line, of many only the first ones.
+    """List names in a line, and of many only the first names.
 
     Example:
         >>> first_names(str(number) for number in range(104))
