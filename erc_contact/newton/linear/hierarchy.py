@@ -238,13 +238,14 @@ def hold(stiffness: PETSc.Mat, motions: list[PETSc.Vec]) -> None:
 
     Args:
         stiffness: The matrix [force/length].
-        motions: The motions, which are changed.
+        motions: The motions.
     """
+    left = [motion.copy() for motion in motions]
     diagonal = stiffness.getDiagonal()
     springs = diagonal.duplicate()
     springs.set(0.0)
     unit = diagonal.duplicate()
-    for number, motion in enumerate(motions):
+    for number, motion in enumerate(left):
         size = motion.copy()
         size.abs()
         row, _ = size.max()
@@ -253,11 +254,11 @@ def hold(stiffness: PETSc.Mat, motions: list[PETSc.Vec]) -> None:
         unit.setValue(row, 1.0)
         unit.assemble()
         springs.axpy(unit.dot(diagonal), unit)
-        for later in motions[number + 1 :]:
+        for later in left[number + 1 :]:
             later.axpy(-unit.dot(later) / unit.dot(motion), motion)
     diagonal.axpy(1.0, springs)
     stiffness.setDiagonal(diagonal)
-    for done in (diagonal, springs, unit):
+    for done in (diagonal, springs, unit, *left):
         done.destroy()
 
 
