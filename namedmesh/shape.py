@@ -158,7 +158,7 @@ class Drawing(_OneModel):
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
         new = mesh_geometry(self.build, like.comm, sizes, labels)
-        return Domain(**new, geometry=self)
+        return Domain(**new, geometry=self).snapped()
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.

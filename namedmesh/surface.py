@@ -14,6 +14,7 @@ the radius of curvature is R.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
@@ -21,9 +22,11 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from namedmesh.base.communicators import lasting
+from namedmesh.base.ranks import from_first, gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
-from namedmesh.sides import facets_of_cells
+from namedmesh.sides import boundary_sides, facets_of_cells
 from namedmesh.simplex import determinants, lagrange, of_facets, rule
+from namedmesh.volume import MarkedSurface, balanced, marks_table
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the nearest points (n, d) of the true surface; collective. It
@@ -89,42 +92,106 @@ def offset(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> fem.Fun
     return function
 
 
-def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
+def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, shape: Any) -> None:
     """Move the vertices of marked facets to the true surface, in place; collective.
+
+    There they move on, until the facets enclose the true volume, see
+    :mod:`namedmesh.volume`. What is there already stays as it is.
 
     Args:
         mesh: A new mesh that no other object uses yet, with complete vertex patches on
             every rank.
         marks: Marks of facets.
-        nearest: Nearest points of the true surface.
+        shape: The true shape, a :class:`namedmesh.bodies.Geometry`.
     """
     geometry = mesh.geometry
     d = mesh.topology.dim
     cells = cell_nodes(geometry)
-    x = geometry.x[:, :d].copy()
+    before = geometry.x[:, :d].copy()
     cell, local = sides_of_facets(mesh, marks.indices).T
     nodes = of_facets(cells[cell], local)
     owned = geometry.index_map().size_local
-    moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, x, nearest)
-    vector = la.vector(geometry.index_map(), d)
-    move = vector.array.reshape(-1, d)
+    moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, before, shape.nearest)
+    on_surface = before + _held_back(mesh, before, before, moved_nodes, moves)
+    numbers, moves = _balanced(mesh, marks, on_surface, shape)
+    after = on_surface + _held_back(mesh, before, on_surface, numbers, moves)
+    size = lasting(mesh.comm).allreduce(float(abs(before).max(initial=0.0)), MPI.MAX)
+    has_moved = abs(after - before).max(axis=1) > OFFSET_ROUND_OFF * size
+    geometry.x[has_moved, :d] = after[has_moved]
+
+
+def _balanced(
+    mesh: dmesh.Mesh, marks: dmesh.MeshTags, x: np.ndarray, shape: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the moves that keep the volume; collective.
+
+    Args:
+        mesh: The mesh.
+        marks: Marks of facets.
+        x: Positions of the nodes of this rank [length], shape (n, d).
+        shape: The true shape.
+
+    Returns:
+        Owned nodes, shape (m,), and their vectors [length], shape (m, d).
+    """
+    comm = lasting(mesh.comm)
+    d = mesh.topology.dim
+    here = marks.indices < mesh.topology.index_map(d - 1).size_local
+    facets, of_facets_here = marks.indices[here], marks.values[here]
+    cell, local = boundary_sides(mesh, facets)
+    nodes = of_facets(cell_nodes(mesh.geometry)[cell], local)
+    index_map = mesh.geometry.index_map()
+    rows = gather_rows(
+        comm,
+        nodes=global_numbers(index_map, nodes),
+        x=x[nodes],
+        marks=of_facets_here.astype(np.int64),
+    )
+    numbers = np.empty(0, dtype=np.int64)
+    surface = MarkedSurface(np.empty((0, d)), np.empty((0, d), dtype=int), numbers)
+    if rows:
+        numbers, first, vertices = np.unique(rows["nodes"], return_index=True, return_inverse=True)
+        places = rows["x"].reshape(-1, d)[first]
+        surface = MarkedSurface(places, vertices.reshape(-1, d), rows["marks"])
+    moves = balanced(comm, surface, shape)
+    numbers, moves = from_first(comm, (numbers, moves))
+    first_owned, end = index_map.local_range
+    owned = (numbers >= first_owned) & (numbers < end)
+    return numbers[owned] - first_owned, moves[owned]
+
+
+def _held_back(
+    mesh: dmesh.Mesh, before: np.ndarray, x: np.ndarray, moved_nodes: np.ndarray, moves: np.ndarray
+) -> np.ndarray:
+    """Return moves of all nodes that crush no cell [length], shape (n, d); collective.
+
+    Args:
+        mesh: The mesh.
+        before: Positions of the nodes of the new mesh [length], shape (n, d).
+        x: Positions from which the nodes move [length], shape (n, d).
+        moved_nodes: Owned nodes that are to move, shape (m,).
+        moves: Their vectors [length], shape (m, d).
+    """
+    geometry = mesh.geometry
+    cells = cell_nodes(geometry)
+    vector = la.vector(geometry.index_map(), x.shape[1])
+    move = vector.array.reshape(x.shape)
     move[moved_nodes] = moves
     vector.scatter_forward()
-    before = determinants(x[cells])
+    volume = determinants(before[cells])
     # Each round holds back at least one vertex more.
     while True:
         after = determinants((x + move)[cells])
-        crushed = np.unique(cells[after / before < LEAST_VOLUME])
+        crushed = np.unique(cells[after / volume < LEAST_VOLUME])
         back = crushed[move[crushed].any(axis=1)]
         if not lasting(mesh.comm).allreduce(len(back), MPI.SUM):
-            break
+            return move
         # A vertex that one rank holds back stays on all of them.
         stays = la.vector(geometry.index_map(), 1)
         stays.array[back] = 1.0
         stays.scatter_reverse(la.InsertMode.add)
         stays.scatter_forward()
         move[stays.array > 0] = 0.0
-    geometry.x[:, :d] += move
 
 
 def swept(offset: fem.Function, sides: np.ndarray, areas: np.ndarray) -> np.ndarray:
@@ -180,15 +247,12 @@ def _moves(
     """
     facet = facets_of_cells(mesh)[cell, local]
     mark = marks.values[np.searchsorted(marks.indices, facet)]
-    # All different pairs (node, mark), sorted by node.
-    node_marks = np.column_stack([nodes.ravel(), np.repeat(mark, nodes.shape[1])])
-    node_marks = np.unique(node_marks, axis=0)
-    node_marks = node_marks[node_marks[:, 0] < owned]
-    chosen, first, count = np.unique(node_marks[:, 0], return_index=True, return_counts=True)
-    most = lasting(mesh.comm).allreduce(int(count.max(initial=1)), MPI.MAX)
-    marks_of_node = np.full((len(chosen), most), -1)
-    row = np.repeat(np.arange(len(chosen)), count)
-    marks_of_node[row, np.arange(len(row)) - first[row]] = node_marks[:, 1]
+    chosen, marks_of_node = marks_table(nodes.ravel(), np.repeat(mark, nodes.shape[1]))
+    chosen, marks_of_node = chosen[chosen < owned], marks_of_node[chosen < owned]
+    count = (marks_of_node >= 0).sum(axis=1)
+    most = lasting(mesh.comm).allreduce(marks_of_node.shape[1], MPI.MAX)
+    missing = most - marks_of_node.shape[1]
+    marks_of_node = np.pad(marks_of_node, ((0, 0), (0, missing)), constant_values=-1)
     # In 2D two curves meet at a corner.
     may_move = (count == 1) | (mesh.topology.dim == 3)
     chosen = chosen[may_move]
