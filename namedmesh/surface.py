@@ -26,13 +26,14 @@ from namedmesh.base.ranks import from_first, gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
 from namedmesh.sides import boundary_sides, facets_of_cells
 from namedmesh.simplex import determinants, lagrange, of_facets, rule
+from namedmesh.tags import NO_TAG
 from namedmesh.volume import MarkedSurface, balanced, marks_table
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the nearest points (n, d) of the true surface; collective. It
 gets the communicator, points (n, d) and their marks (n, m), -1 where a point has fewer
-than m. A point where several marks meet goes to the edge that all of them have, and
-stays where there is no such edge: it is a corner of the drawing.
+than m. A point where several marks meet goes to the edge that all of them have, or else
+to the corner, and stays where there is neither.
 """
 LEAST_VOLUME = 0.3
 """Share of its volume that each cell keeps when vertices move to the true surface [-].
@@ -44,6 +45,12 @@ OFFSET_DEGREE = 6
 """Quadrature degree for the length of the offset.
 
 The length is the square root of a polynomial of degree 4.
+"""
+SETTLED = 1e-9
+"""Move of a vertex that is too small to be made, as a share of the greatest coordinate.
+
+gmsh finds nearest points on arcs to 3e-10 of their radius. A mesh that is read again
+must stay as it is to the last bit.
 """
 OFFSET_ROUND_OFF = 1e-12
 """Offset that is round-off of the search, as a share of the greatest coordinate [-]."""
@@ -58,6 +65,30 @@ def sides_of_facets(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
     chosen = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
     chosen[facets] = True
     return np.argwhere(chosen[facets_of_cells(mesh)])
+
+
+def on_surface(
+    comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, marks: np.ndarray, nearest: Nearest
+) -> np.ndarray:
+    """Return points whose marks are known on the true surface [length]; collective.
+
+    Args:
+        comm: Communicator.
+        x: Points of the bodies [length], shape (n, 3).
+        cells: Points of each cell, shape (m, d+1).
+        marks: The mark of each side of the cells, shape (m, d+1).
+        nearest: Nearest points of the true surface.
+
+    Returns:
+        Shape (n, 3); points that no marked side has are as they were.
+    """
+    d = cells.shape[1] - 1
+    cell, local = np.nonzero(marks != NO_TAG)
+    corners = of_facets(cells[cell], local)
+    chosen, table = marks_table(corners.ravel(), np.repeat(marks[cell, local], d))
+    result = x.copy()
+    result[chosen, :d] = nearest(comm, x[chosen, :d], table)
+    return result
 
 
 def _facet_closures(W: fem.FunctionSpace) -> np.ndarray:
@@ -116,7 +147,7 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, shape: Any) -> None:
     numbers, moves = _balanced(mesh, marks, on_surface, shape)
     after = on_surface + _held_back(mesh, before, on_surface, numbers, moves)
     size = lasting(mesh.comm).allreduce(float(abs(before).max(initial=0.0)), MPI.MAX)
-    has_moved = abs(after - before).max(axis=1) > OFFSET_ROUND_OFF * size
+    has_moved = abs(after - before).max(axis=1) > SETTLED * size
     geometry.x[has_moved, :d] = after[has_moved]
 
 
@@ -228,9 +259,10 @@ def _moves(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the vectors from nodes of marked facets to the true surface; collective.
 
-    A node of one mark goes to its surface. In 3D, a node where two marks meet goes to
-    their common edge; so does a node of three or more marks where bodies meet along one
-    edge, as a pin, its sleeve and the plate below both do. Corners of the drawing stay.
+    A node of one mark goes to its surface. A node where two marks meet goes to their
+    common edge in 3D, and corner in 2D; a node of three or more marks to their corner,
+    or to the edge where bodies meet along one, as a pin, its sleeve and the plate below
+    both do.
 
     Args:
         mesh: The mesh.
@@ -249,14 +281,10 @@ def _moves(
     mark = marks.values[np.searchsorted(marks.indices, facet)]
     chosen, marks_of_node = marks_table(nodes.ravel(), np.repeat(mark, nodes.shape[1]))
     chosen, marks_of_node = chosen[chosen < owned], marks_of_node[chosen < owned]
-    count = (marks_of_node >= 0).sum(axis=1)
     most = lasting(mesh.comm).allreduce(marks_of_node.shape[1], MPI.MAX)
     missing = most - marks_of_node.shape[1]
     marks_of_node = np.pad(marks_of_node, ((0, 0), (0, missing)), constant_values=-1)
-    # In 2D two curves meet at a corner.
-    may_move = (count == 1) | (mesh.topology.dim == 3)
-    chosen = chosen[may_move]
-    move = nearest(lasting(mesh.comm), x[chosen], marks_of_node[may_move]) - x[chosen]
+    move = nearest(lasting(mesh.comm), x[chosen], marks_of_node) - x[chosen]
     size = lasting(mesh.comm).allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)
     move[abs(move).max(axis=1, initial=0.0) <= OFFSET_ROUND_OFF * size] = 0.0
     return chosen, move
