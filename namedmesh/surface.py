@@ -14,6 +14,7 @@ the radius of curvature is R.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from namedmesh.base.communicators import lasting
 from namedmesh.base.ranks import from_first, gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
 from namedmesh.sides import boundary_sides, facets_of_cells
-from namedmesh.simplex import determinants, lagrange, of_facets, rule
+from namedmesh.simplex import determinants, lagrange, measures, of_facets, outward_normals, rule
 from namedmesh.tags import NO_TAG
 from namedmesh.volume import MarkedSurface, balanced, marks_table
 
@@ -40,11 +41,6 @@ LEAST_VOLUME = 0.3
 
 A vertex of a cell that would keep less does not move. This happens on a mesh that is
 too coarse for its curves.
-"""
-OFFSET_DEGREE = 6
-"""Quadrature degree for the length of the offset.
-
-The length is the square root of a polynomial of degree 4.
 """
 SETTLED = 1e-9
 """Move of a vertex that is too small to be made, as a share of the greatest coordinate.
@@ -225,26 +221,51 @@ def _held_back(
         move[stays.array > 0] = 0.0
 
 
-def swept(offset: fem.Function, sides: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """Compute the volume between each facet and the true surface [length^d].
+@dataclass(frozen=True, eq=False)
+class Slivers:
+    """Hold moments of the height of the true surface over facets.
 
-    It is ``int_F |offset|``.
+    The height is ``o.n``, with the offset o and the normal n out of a cell: it is
+    positive where the facet cuts a sliver off.
+
+    Attributes:
+        sides: Facets as (cell, local facet), shape (n, 2).
+        volumes: ``int_F o.n`` [length^d], shape (n,).
+        squares: ``int_F (o.n)^2`` [length^(d+1)], shape (n,).
+        depths: Greatest difference of two heights of nodes [length], shape (n,). On a
+            circle of radius R it is ``h^2/(8 R)``.
+    """
+
+    sides: np.ndarray
+    volumes: np.ndarray
+    squares: np.ndarray
+    depths: np.ndarray
+
+
+def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
+    """Measure what lies between facets and the true surface.
 
     Args:
         offset: The offset from :func:`offset` [length].
         sides: Facets as (cell, local facet), shape (n, 2).
-        areas: Their areas [length^(d-1)], shape (n,).
-
-    Returns:
-        Shape (n,).
     """
     W = offset.function_space
+    geometry = W.mesh.geometry
     d = W.mesh.topology.dim
-    points, weights = rule(d - 1, OFFSET_DEGREE)
+    corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
+    normals = outward_normals(corners, sides[:, 1])
+    areas = measures(of_facets(corners, sides[:, 1]))
+    points, weights = rule(d - 1, 4)
     nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
-    nodal = offset.x.array.reshape(-1, d)[nodes]
-    length = np.linalg.norm(np.matmul(lagrange(d - 1, 2, points), nodal), axis=2)
-    return areas * (length @ weights)
+    nodal = np.einsum("nmi,ni->nm", offset.x.array.reshape(-1, d)[nodes], normals)
+    height = nodal @ lagrange(d - 1, 2, points).T
+    weighted = areas[:, None] * weights * height
+    return Slivers(
+        sides=sides,
+        volumes=weighted.sum(axis=1),
+        squares=(weighted * height).sum(axis=1),
+        depths=np.ptp(nodal, axis=1),
+    )
 
 
 def _moves(
