@@ -121,14 +121,15 @@ def joint(
             not tied.
     """
     comm = glued.comm
-    plain = gather_mesh(glued)
+    keep = apart > 0 and not tied
+    # Distances are those of the drawing; vertices that keep their volume move later.
+    plain = gather_mesh(glued, drawn=keep)
     tags = (glued.names[here], glued.names[there])
     error: Exception | None = None
     about = None
     if comm.rank == 0:
         try:
             drawn = plain
-            keep = apart > 0 and not tied
             plain, regions = glue_sides(drawn, tags, on, apart, keep=keep)
             if keep and plain.glued is None:
                 log_of(comm).warning(_moved_side_words(here, there, apart))

@@ -60,8 +60,9 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
         estimated = vertex_normals(space.comm, corners, vertices, flat)
     true = space.domain.true_normals(facets, corners)
     outward = np.where(np.einsum("fid,fd->fi", true, flat) < 0, -1.0, 1.0)[..., None] * true
-    result = np.where(np.isnan(outward), estimated, outward)
-    if space.domain.offset is None:
+    is_known = ~np.isnan(outward)
+    result = np.where(is_known, outward, estimated)
+    if not space.comm.allreduce(bool(is_known.any()), MPI.LOR):
         return result
     return _of_moved_vertices(space, facets, corners, result)
 
