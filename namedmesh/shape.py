@@ -235,7 +235,7 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
         candidates = []
         for dim, tag in _common(model, faces):
             if dim == 0:
-                closest = np.tile(model.getValue(0, tag, []), (selected.sum(), 1))
+                closest = np.tile(model.getValue(0, tag, []), (len(x[selected]), 1))
             else:
                 closest = np.reshape(model.getClosestPoint(dim, tag, flat)[0], (-1, 3))
             candidates.append(closest[:, :d])

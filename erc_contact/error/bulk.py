@@ -116,9 +116,9 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
         - int (w - f.u) o.n - c int w (o.n)^2 / h,
 
     with ``w = |sigma|^2 / 2``, the body force f and the size h of the facets. The first
-    term has both signs, and facets that keep the volume leave next to nothing of it: it is
-    summed on each curve or surface of the drawing. The second term has one sign. Twice
-    the sum of the absolute values is the square.
+    term has both signs, and facets that keep the volume leave next to nothing of it: it
+    is summed on each curve or surface of the drawing. The second term has one sign.
+    Twice the sum of the absolute values is the square.
 
     Args:
         admissible: The pair.

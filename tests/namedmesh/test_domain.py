@@ -197,9 +197,7 @@ def polygon_of(domain):
     first, second = np.moveaxis(x[..., :2] - (0.6, 0.5), 1, 0)
     double = abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     angle = np.arctan2(double, (first * second).sum(axis=1))
-    perimeter, area, whole = (
-        COMM.allreduce(float(v.sum())) for v in (chord, 0.5 * double, angle)
-    )
+    perimeter, area, whole = (COMM.allreduce(float(v.sum())) for v in (chord, 0.5 * double, angle))
     assert whole == pytest.approx(2 * np.pi, rel=1e-9)
     return perimeter, area
 
