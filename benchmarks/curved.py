@@ -24,7 +24,7 @@ import erc_contact as ec
 from namedmesh.gmsh_session import session
 
 E, NU, PRESSURE = 1.0, 0.3, 1e-3
-POLYGON_CELLS = {2: 12000, 3: 30000}
+POLYGON_CELLS = {2: 12000, 3: 15000}
 """Cells with which a polygon or polyhedron is solved."""
 FINE = 0.012
 """Size of the mesh that stands for the true shape [length]."""
