@@ -10,7 +10,9 @@ approximations of Coulomb's friction problem"; the same authors, SIAM J. Sci. Co
 (2001).
 """
 
+import importlib
 import importlib.util
+from typing import TYPE_CHECKING, Any
 
 from erc_contact.base.runtime.sigterm import sigterm_blocked
 
@@ -33,7 +35,6 @@ from erc_contact.base.exceptions import (
 )
 from erc_contact.base.keywords import name_nearest
 from erc_contact.base.logs import log_to_console
-from erc_contact.decks.deck import Deck, read_deck
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
@@ -91,6 +92,9 @@ from namedmesh import (
     where,
     write_domain,
 )
+
+if TYPE_CHECKING:
+    from erc_contact.decks.deck import Deck, read_deck
 
 __all__ = [
     "Admissible",
@@ -183,7 +187,19 @@ __all__ = [
     "write_domain",
 ]
 
-name_nearest(__name__, __all__)
+_LATE = {"Deck": "erc_contact.decks.deck", "read_deck": "erc_contact.decks.deck"}
+"""Names that few scenes need -> their modules, imported when they are asked for."""
+name_nearest(__name__, set(__all__) - set(_LATE))
+
+
+def __getattr__(name: str) -> Any:
+    """Import what few scenes need."""
+    if name not in _LATE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = importlib.import_module(_LATE[name])
+    name_nearest(module.__name__, [name])
+    globals()[name] = getattr(module, name)
+    return globals()[name]
 
 
 def __dir__() -> list[str]:

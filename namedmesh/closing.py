@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import sparse  # type: ignore[import-untyped]
-from scipy.sparse.linalg import cg  # type: ignore[import-untyped]
 
 CLOSED = 1e-10
 """Relative residual of the places of the glued mesh [-]."""
@@ -28,6 +27,8 @@ def close_bodies(x: np.ndarray, cells: np.ndarray, number: np.ndarray) -> np.nda
         cells: Points of their cells, shape (m, d+1).
         number: Number of each point in the glued mesh, 0 to g - 1, shape (n,).
     """
+    from scipy.sparse.linalg import cg  # type: ignore[import-untyped]  # noqa: PLC0415 - joints only
+
     count = number.max(initial=-1) + 1
     stiffness = _laplacian(x, cells)
     gather = sparse.csr_array(

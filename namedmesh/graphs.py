@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from dolfinx import graph
 from scipy import sparse  # type: ignore[import-untyped]
-from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
 
 
 def components(count: int, edges: np.ndarray) -> np.ndarray:
@@ -20,8 +19,10 @@ def components(count: int, edges: np.ndarray) -> np.ndarray:
     # Most meshes are one body, and most scenes have no pair.
     if count <= 1 or not len(edges):
         return np.arange(count)
+    from scipy.sparse import csgraph  # type: ignore[import-untyped]  # noqa: PLC0415 - pairs only
+
     links = sparse.coo_array((np.ones(len(edges), dtype=bool), edges.T), (count, count))
-    _, label = connected_components(links, directed=False)
+    _, label = csgraph.connected_components(links, directed=False)
     _, first = np.unique(label, return_index=True)
     return np.asarray(first[label])
 

@@ -3,8 +3,10 @@
 Under mpiexec every rank runs every test. Rank 0 reports; the other ranks are silent
 unless a test fails there, and then say so on stderr and end with an exit code of their
 own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
-run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Of a
-test marked ``on_ranks`` only the named cases run, one for each way in which ranks
+run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Tests
+marked ``broad`` are left out unless asked for by ``-m broad``: random families, long
+runs and comparisons. On one rank so are cases of other tests whose values of parameters
+are all in other cases. Of a test marked ``on_ranks`` only the named cases run, one for each way in which ranks
 work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
 many cases that any two values of two of its parameters meet in one of them; a case
 that is asked for by its name runs always. The demos, marked ``gallery``, run only if
@@ -104,17 +106,23 @@ def pytest_configure(config):
         config.pluginmanager.register(Ranks(), "ranks")
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    left_out = ["serial" if COMM.size > 1 else "ranks"]
-    if "gallery" not in config.option.markexpr:
-        left_out.append("gallery")
-    out = {item for item in items if any(item.get_closest_marker(mark) for mark in left_out)}
+    out = set()
     if COMM.size > 1:
         out.update(cases_left_out(items))
-    whole_files = not any("::" in argument for argument in config.args)
-    if whole_files:
+    by_name = any("::" in argument for argument in config.args)
+    if not by_name:
         raise_if_unknown(items)
-        out.update(cases_beyond_pairs(items))
+        out.update(cases_beyond(items, pairs_of, "pairs"))
+        if COMM.size == 1:
+            for item in cases_beyond([item for item in items if item not in out], values_of):
+                item.add_marker("broad")
+    left_out = ["serial" if COMM.size > 1 else "ranks"]
+    left_out += [mark for mark in ("gallery", "broad") if mark not in config.option.markexpr]
+    if by_name:
+        left_out.remove("broad")
+    out.update(item for item in items if any(item.get_closest_marker(mark) for mark in left_out))
     config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
 
@@ -133,39 +141,46 @@ def cases_left_out(items):
             yield item
 
 
-def cases_beyond_pairs(items):
-    """Return the cases of tests marked ``pairs`` whose pairs of values other cases have."""
+def cases_beyond(items, tuples_of, mark=None):
+    """Return the cases whose tuples of values other cases of the same test have.
+
+    With a mark, of tests with this mark.
+    """
     functions = {}
     for item in items:
-        if item.get_closest_marker("pairs") is not None:
+        if hasattr(item, "callspec") and (mark is None or item.get_closest_marker(mark)):
             functions.setdefault(item.nodeid.split("[")[0], []).append(item)
     for cases in functions.values():
-        yield from set(cases) - set(covering(cases))
+        yield from set(cases) - set(covering(cases, tuples_of))
 
 
-def covering(cases):
-    """Return cases that have all pairs of values: named ones, then those with most new pairs."""
-    pairs = {case: pairs_of(case.callspec.params) for case in cases}
-    missing = set().union(*pairs.values())
+def covering(cases, tuples_of):
+    """Return cases that have all tuples of values: named ones, then those with most new ones."""
+    tuples = {case: tuples_of(case.callspec.params) for case in cases}
+    missing = set().union(*tuples.values())
     kept = []
 
     def keep(case):
         kept.append(case)
-        missing.difference_update(pairs[case])
+        missing.difference_update(tuples[case])
 
     for case in cases:
         mark = case.get_closest_marker("on_ranks")
         if mark is not None and case.callspec.id in mark.args:
             keep(case)
     while missing:
-        keep(max(cases, key=lambda case: len(pairs[case] & missing)))
+        keep(max(cases, key=lambda case: len(tuples[case] & missing)))
     return kept
 
 
 def pairs_of(values):
     """Return all pairs of the values of parameters, which are known by their identity."""
-    named = [(name, id(value)) for name, value in sorted(values.items())]
-    return set(combinations_with_replacement(named, 2))
+    return set(combinations_with_replacement(sorted(values_of(values)), 2))
+
+
+def values_of(values):
+    """Return the values of parameters, which are known by their identity."""
+    return {(name, id(value)) for name, value in values.items()}
 
 
 def raise_if_unknown(items):

@@ -31,7 +31,10 @@ from erc_contact.model.space import Space
 from namedmesh.simplex import barycentric, coefficients, node_vertices, nodes, times_linear
 
 POLYNOMIAL = 1e-14
-"""Distance of a polynomial from the gap that is round-off, over its values [-]."""
+"""Distance of a polynomial from the gap that is round-off, over its values [-].
+
+Or over the coordinates of which the gap is made.
+"""
 POOR = 0.4
 """Distance from the gap beyond which a facet may have a jump [-].
 
@@ -82,8 +85,8 @@ def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> n
         The bounds, shape (f,), not below zero.
     """
     trace = contact.trace
-    round_off = POLYNOMIAL * abs(of_w).max(axis=(1, 2), initial=0.0)
     if contact.given_gap is None:
+        round_off = POLYNOMIAL * abs(of_w).max(axis=(1, 2), initial=0.0)
         beyond = of_w
         if contact.between is not None:
             # The vectors between the bodies are linear, their coefficients are values.
@@ -101,10 +104,26 @@ def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> n
         w_n = (w * trace.normals_at_places(places, facet)).sum(axis=-1)
         return w_n - gap(x, contact.facets[facet])
 
+    corners = trace.here.corners
+    round_off = _round_off(of_w, corners)
     kinks = kinks_on_facets(space, [contact.gap], contact.facets)
-    pieces = facet_pieces(space.d - 1)
-    highest = upper_bounds(above, trace.here.corners, pieces, round_off, kinks)
+    highest = upper_bounds(above, corners, facet_pieces(space.d - 1), round_off, kinks)
     return np.where(highest > 2 * round_off, highest, 0.0)
+
+
+def _round_off(coefficients: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return the round-off of gaps on facets [length], shape (f,).
+
+    A gap such as ``|x| - R`` is no more exact than the coordinates that it is made of.
+    A search for the peaks of this noise would hardly end.
+
+    Args:
+        coefficients: What is compared with the gaps [length], shape (f, ...).
+        corners: Vertices of the facets [length], shape (f, d, d).
+    """
+    axes = tuple(range(1, coefficients.ndim))
+    of_values = abs(coefficients).max(axis=axes, initial=0.0)
+    return POLYNOMIAL * np.maximum(of_values, abs(corners).max(axis=(1, 2), initial=0.0))
 
 
 def _least_length(normals: np.ndarray) -> np.ndarray:
@@ -211,8 +230,8 @@ def _excess(
         return excess
 
     # A polynomial gap is met to round-off, which is no excess.
-    round_off = POLYNOMIAL * abs(coefficients).max(axis=1, initial=0.0)
     corners = contact.trace.here.corners[chosen]
+    round_off = _round_off(coefficients, corners)
     kinks = kinks_on_facets(space, [contact.gap], facets)
     highest = upper_bounds(above, corners, facet_pieces(space.d - 1), round_off, kinks)
     return np.where(distance > round_off, highest, 0.0), distance

@@ -24,12 +24,12 @@ from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
 from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.linear.choice import multigrid_is_faster
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import AugmentedLagrangian, Nitsche
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.solution import Solution
-from erc_contact.newton.solve import large
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.base import checks
@@ -101,7 +101,7 @@ def solution_of(
     displacement.x.scatter_forward()
 
     given = together(comm, given_multipliers, model, traction or {})
-    elastic = multigrid_of(model) if large(model) else stiffness_of(model)
+    elastic = multigrid_of(model) if multigrid_is_faster(model) else stiffness_of(model)
     multipliers = list(_multipliers(model, elastic, displacement))
     for number, contact in enumerate(model.contacts):
         if contact.name in given:

@@ -36,6 +36,7 @@ from erc_contact.newton.direct import Direct
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.law import solution_of_law
+from erc_contact.newton.linear.choice import multigrid_is_faster
 from erc_contact.newton.methods import Method
 from erc_contact.newton.plausibility import doubts, tell
 from erc_contact.newton.preload import (
@@ -50,17 +51,6 @@ from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.base import checks
-
-MULTIGRID_FROM = {
-    (2, 1): (2_000_000, 8_000),
-    (2, 2): (2_000_000, 8_000),
-    (3, 1): (5_000, 1_000),
-    (3, 2): (2_500, 1_000),
-}
-"""Degrees of freedom beyond which multigrid is faster than a factor.
-
-By dimension and degree: the number in the body, and about the number at the contact.
-"""
 
 
 def solve(
@@ -106,8 +96,9 @@ def solve(
         solver: "direct" factorises the elastic stiffness with MUMPS and solves a dense
             problem of the contact on one rank. "iterative" solves for the whole body in
             parallel, with algebraic multigrid, to 1e-10 of the contact forces. "auto"
-            takes multigrid for large bodies in 3D, and the direct solver where
-            multigrid fails, or is slow in its first 20 cycles.
+            predicts which is faster: multigrid for large bodies in 3D and for long
+            contacts. It takes the direct solver where multigrid fails, or is slow in
+            its first 20 cycles.
 
     Returns:
         The solution. ``singular`` tells that it may be one of many; a warning is
@@ -173,7 +164,7 @@ def solve_quietly(
         method = method or NODAL
         start = start or after
 
-    iterative = solver == "iterative" or (solver == "auto" and large(model))
+    iterative = solver == "iterative" or (solver == "auto" and multigrid_is_faster(model))
     kind: Callable[[Model], Direct | Iterative] = Direct
     if iterative:
         # The direct solver stands by, so that a slow start is worth no patience.
@@ -240,26 +231,6 @@ def _solved_with_forces(
         stiffness = first.stiffness.hand_to(solution.model)
     seconds = solution.model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(solution, stiffness=stiffness, seconds=seconds)
-
-
-def large(model: Model) -> bool:
-    """Tell whether multigrid is the faster solver for a model, as measured; collective.
-
-    In the plane a factor and a dense matrix of the contact are faster up to some
-    million degrees of freedom. In 3D the factor grows like n^(4/3) and the matrix of
-    the contact like n^(4/3) or, on meshes that are fine there, n^2.
-    """
-    space = model.space
-    nodes = space.V.dofmap.index_map.size_global
-    facets = 0
-    for contact in model.contacts:
-        facets += int(np.count_nonzero(contact.trace.here.owned))
-    facets = space.comm.allreduce(facets, MPI.SUM)
-    body = nodes * space.d
-    # A facet has about k^(d-1) nodes that it does not share.
-    contact_size = facets * space.degree ** (space.d - 1) * space.d
-    most_of_body, most_of_contact = MULTIGRID_FROM[space.d, space.degree]
-    return body > most_of_body or contact_size > most_of_contact
 
 
 class Nearby:

@@ -278,6 +278,7 @@ def test_any_pressure_holds(method, degree):
     assert resultant(pair.tractions[0])[1] == pytest.approx(26000.0, rel=1e-10)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("E", [1.0, 1e-6])
 def test_contact_holds_on_all_meshes(E):

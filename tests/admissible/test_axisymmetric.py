@@ -71,6 +71,7 @@ def test_spinning_disc():
     assert at_axis[0, 0] == pytest.approx(at_axis[2, 2], rel=0.01)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("number", [0, 2, 3, 4, 5, 6, 7])
 def test_random_bodies(number):
@@ -229,6 +230,7 @@ def test_ties_and_bolts():
     assert abs(error.force("top").force[1]) == pytest.approx(3.0, rel=1e-8)
 
 
+@pytest.mark.broad
 def test_goals():
     """The axial force has an interval, moments and rotations do not exist."""
     scene, domain = punched_ring(0.0, (6, 6), friction=0.0)
@@ -251,6 +253,7 @@ def test_goals():
         ec.interval(error, ec.Resultant("bottom", (1.0, 0.0)))
 
 
+@pytest.mark.broad
 def test_interval_of_an_exact_pair():
     """A column in a tube: nothing of its stress works on what moves the tube."""
     column = ec.rectangle((0.0, 0.0), (10.0, 40.0), cells=(2, 8))
@@ -324,6 +327,7 @@ def test_what_the_axis_refuses():
         certified(ec.Scene(RINGS, ec.Displacement("top", (0.0, 0.0, 0.0))), cube)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()])
 def test_runs_reach_their_accuracy(strategy):
     """A layer on a ball: the force of an integral equation, 2 255.374."""
@@ -356,6 +360,7 @@ def test_press_fit_of_two_tubes():
     assert error.force("rim").force == pytest.approx(-error.force("bore").force)
 
 
+@pytest.mark.broad
 def test_a_run_goes_on_from_its_folder(shared_tmp_path):
     scene, domain = punched_ring(0.0, (4, 4))
     whole = ec.adapt(scene, domain, 0.02, max_steps=4)

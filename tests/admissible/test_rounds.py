@@ -45,6 +45,7 @@ class Given:
     displacement: object
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
@@ -75,6 +76,7 @@ def test_the_slope_is_of_fenchels_gap(kind, law, degree):
     assert (weights * density).sum() == pytest.approx(slope, rel=1e-4, abs=1e-6 * gap)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2", "1-3")
 @pytest.mark.parametrize("kind", ["2", "3", "rings"])
 @pytest.mark.parametrize("degree", [1, 2])

@@ -87,6 +87,7 @@ def imbalance(
     return total, dyad - dyad.transpose(0, 2, 1)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2", "3-1")
 @scenes
 def test_every_step_lowers_the_error(name, degree):
@@ -225,6 +226,7 @@ def quadratic(d: int, n: int) -> tuple[ec.Scene, ec.Domain, np.ndarray]:
     return scene, make((0.0,) * d, (1.0,) * d, cells=(n,) * d), A
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-6")
 @pytest.mark.parametrize(("d", "n"), [(2, 6), (3, 3)])
 def test_error_is_the_sum_of_both_errors(d, n):
@@ -283,6 +285,7 @@ CASES = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("case", CASES)
 def test_index(case):

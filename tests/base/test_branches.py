@@ -28,6 +28,7 @@ def test_lines_of_axes_say_what_is_below_them():
     assert branches.written(KEPT) == branches.KEPT.read_text().rstrip("\n")
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("package", "axis"), KEPT)
 def test_no_axis_spreads(package, axis, today):
     before = KEPT[package, axis]

@@ -75,6 +75,7 @@ def test_inner_packages_know_little(package):
     assert not foreign
 
 
+@pytest.mark.broad
 def test_no_module_asks_which_elastic_solver_it_has():
     """What differs between them is in the interface, ``newton/linear/solver.py``."""
     asked = []
@@ -95,6 +96,7 @@ def test_no_circles_and_no_long_chains():
         assert height[module] <= FLOORS[root], module
 
 
+@pytest.mark.broad
 def test_each_class_name_has_one_meaning():
     names = Counter(
         node.name
@@ -105,6 +107,7 @@ def test_each_class_name_has_one_meaning():
     assert not [name for name, count in names.items() if count > 1]
 
 
+@pytest.mark.broad
 def test_import_loads_no_optional_package():
     code = "import sys, erc_contact; print(*sorted({m.split('.')[0] for m in sys.modules}))"
     run = subprocess.run(
@@ -140,6 +143,7 @@ for draw in (
 """
 
 
+@pytest.mark.broad
 def test_the_core_works_without_pictures(tmp_path):
     """One sentence tells how pictures are had."""
     run = subprocess.run(

@@ -120,6 +120,7 @@ def named(path):
     raise ImportError(path)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_private_names_are_in_the_table():
     assert private_names() == PRIVATE
@@ -162,6 +163,7 @@ def test_functions_of_petsc_exist(name):
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_import_and_runs_change_nothing_for_others(tmp_path):
     with started(SCRIPT, 1, tmp_path) as process:

@@ -69,6 +69,7 @@ def test_plain_lines_in_a_file(console):
     assert stream.getvalue() == (f"{history}\n" if COMM.rank == 0 else "")
 
 
+@pytest.mark.broad
 def test_lines_of_a_long_mesh_in_a_file(console, monkeypatch, shared_tmp_path):
     monkeypatch.setattr(progress, "SELDOM", 0.0)
     monkeypatch.setattr(progress, "OFTEN", 0.0)

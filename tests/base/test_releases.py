@@ -97,6 +97,7 @@ def test_bodies_in_space_that_were_meshed_apart_need_netgen(monkeypatch):
         both.joined("a bottom", "b top")
 
 
+@pytest.mark.broad
 def test_a_run_is_saved_without_pictures_that_cannot_be_drawn(monkeypatch, tmp_path, caplog):
     lack = "without a display this needs VTK 9.4"
     monkeypatch.setattr(views, "lack_of_window", lambda: lack)

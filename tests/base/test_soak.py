@@ -36,6 +36,7 @@ def what_earlier_tests_left():
     gc.unfreeze()
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_runs_leave_nothing_behind():
     scene = ec.Scene(
@@ -115,6 +116,7 @@ def test_solutions_that_are_dropped_are_freed_on_all_ranks(solver, used):
     assert np.ptp(left[1:]) <= 1, left  # the last mesh waits for the next solve
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("method0")
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
 def test_steps_of_a_history_share_communicators(method):

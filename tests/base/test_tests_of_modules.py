@@ -7,6 +7,7 @@ pytestmark = pytest.mark.serial
 TESTS = ROOT / "tests"
 
 
+@pytest.mark.broad
 def test_a_module_that_tests_name():
     assert (
         TESTS / "model" / "test_trace.py"

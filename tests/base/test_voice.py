@@ -60,6 +60,7 @@ def in_modules(found: dict[Path, list[tuple[int, str]]]) -> list[str]:
     ]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_names_are_nouns():
     """A reader cannot guess what `other` is; `other_side` is read."""
@@ -70,6 +71,7 @@ def test_names_are_nouns():
     assert in_modules(found) == []
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_first_sentences_say_the_noun():
     """Not "the stress less the linear one", but "the stress less the linear stress"."""

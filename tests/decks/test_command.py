@@ -36,6 +36,7 @@ def last_line(text):
     return text.rstrip().splitlines()[-1]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("name", ["parts", "deck", "certify", "solve", "check"])
 def test_each_has_help_with_an_example(name, tmp_path):
     returned, told, _ = command(tmp_path, name, "--help")
@@ -43,6 +44,7 @@ def test_each_has_help_with_an_example(name, tmp_path):
     assert f"erc-contact {name}" in told.split("example:")[1]
 
 
+@pytest.mark.broad
 def test_parts_of_a_deck(tmp_path):
     returned, told, _ = command(tmp_path, "parts", HERE / "prepomax_slide.inp")
     assert returned == 0
@@ -52,6 +54,7 @@ def test_parts_of_a_deck(tmp_path):
     assert (tmp_path / "parts.png").stat().st_size > 1000
 
 
+@pytest.mark.broad
 def test_what_a_deck_is(tmp_path):
     returned, told, _ = command(tmp_path, "deck", HERE / "freecad_contact.inp")
     assert returned == 0
@@ -62,6 +65,7 @@ def test_what_a_deck_is(tmp_path):
     assert (tmp_path / "freecad_contact_deck" / "deck.txt").read_text().strip() in told
 
 
+@pytest.mark.broad
 def test_a_solution_on_two_ranks(tmp_path):
     """Rank 0 prints; the force is the pressure of 8 on 10 times 10."""
     deck = HERE / "freecad_contact.inp"
@@ -73,6 +77,7 @@ def test_a_solution_on_two_ranks(tmp_path):
     assert "Reached" in (tmp_path / "out" / "report.html").read_text()
 
 
+@pytest.mark.broad
 def test_steps_are_a_history(tmp_path):
     deck = HERE / "prepomax_slide.inp"
     returned, told, wrong = command(tmp_path, "solve", deck, "--accuracy", 0.3)
@@ -81,6 +86,7 @@ def test_steps_are_a_history(tmp_path):
     assert (tmp_path / "prepomax_slide_solved" / "evolution.csv").exists()
 
 
+@pytest.mark.broad
 def test_an_accuracy_that_is_not_reached(tmp_path):
     deck = HERE / "prepomax_tube.inp"
     returned, told, _ = command(tmp_path, "solve", deck, "--accuracy", 1e-3, "--max-cells", 8)
@@ -88,6 +94,7 @@ def test_an_accuracy_that_is_not_reached(tmp_path):
     assert last_line(told) == "Report: prepomax_tube_solved/report.html"
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_refused_deck(ranks, tmp_path):
     """One message tells the card and its line; without the card, the deck is taken."""
@@ -119,6 +126,7 @@ def computed(folder, name):
     return f"{name}.inp", f"{name}.frd"
 
 
+@pytest.mark.broad
 @calculix
 def test_a_result_of_calculix_is_certified(tmp_path):
     """Its contact is a penalty of 1e6, which leaves an error of a thousandth."""
@@ -136,6 +144,7 @@ def test_a_result_of_calculix_is_certified(tmp_path):
     assert (folder / "verdict.txt").read_text().splitlines()[0] in told
 
 
+@pytest.mark.broad
 @calculix
 def test_a_result_that_is_not_accurate_enough(tmp_path):
     """The last of several steps is taken, and what one step leaves out is told."""
@@ -146,6 +155,7 @@ def test_a_result_that_is_not_accurate_enough(tmp_path):
     assert "several steps with friction" in told
 
 
+@pytest.mark.broad
 @calculix
 def test_a_result_that_ends_early_is_compared_with_its_own_time(tmp_path):
     deck, result = computed(tmp_path, "prepomax_slide")
@@ -158,6 +168,7 @@ def test_a_result_that_ends_early_is_compared_with_its_own_time(tmp_path):
     assert "before the end of the deck at t = 2" in told
 
 
+@pytest.mark.broad
 @calculix
 def test_a_preload_whose_shift_is_not_known(tmp_path):
     returned, _, wrong = command(tmp_path, "certify", *computed(tmp_path, "prepomax_bolt"))

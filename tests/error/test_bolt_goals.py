@@ -24,6 +24,7 @@ import erc_contact as ec
 SHIFT = 0.03
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
 def test_a_bar(degree, d):
@@ -41,6 +42,7 @@ def test_a_bar(degree, d):
             assert bounds.guaranteed
 
 
+@pytest.mark.broad
 def test_a_ring_shaped_bar():
     shift = 0.02
     steel = ec.Elastic(100.0, 0.0, "axisymmetric")
@@ -57,6 +59,7 @@ def test_a_ring_shaped_bar():
     assert ec.interval(error, ec.Shortening("a bottom")).value == pytest.approx(shift, rel=1e-9)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
 def test_weight_acts_on_the_cells_beside_the_cut(degree):
     """Ends that are held alike bear the weight alike, and it leaves the force as it is."""
@@ -73,6 +76,7 @@ def test_weight_acts_on_the_cells_beside_the_cut(degree):
         assert bounds.high - bounds.low < 0.1 * 8.0 * 2.0
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_bolt_beside_a_sleeve():
     E = {"above": 100.0, "below": 100.0, "sleeve": 150.0, "yoke": 1e9}
@@ -89,6 +93,7 @@ def test_a_bolt_beside_a_sleeve():
         assert bounds.high - bounds.low < 1e-4 * value
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_coarse_intervals_contain_fine_ones():
     """The pull bends the plates, whose contact opens in part."""
@@ -108,6 +113,7 @@ FINE = (0.2566, 0.261)
 """What finer meshes leave of the interval of the shift that gives the force."""
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_shift_of_a_coarse_mesh():
     error = certified(joint(2, friction=0.0, pull=0.3, force=FORCE), bolted_plates(2, 1.0))
@@ -117,6 +123,7 @@ def test_a_shift_of_a_coarse_mesh():
     assert bounds.high - bounds.low < 0.35 * bounds.value
 
 
+@pytest.mark.broad
 def test_ranks_and_solvers():
     scene = joint(2, friction=0.0, pull=0.3, shortening=SHIFT)
     ends = []
@@ -127,6 +134,7 @@ def test_ranks_and_solvers():
     assert ends[0] == pytest.approx(ends[1], rel=1e-5)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_run_aims_at_a_shift():
     scene = joint(2, friction=0.0, pull=0.3, force=FORCE)
@@ -137,6 +145,7 @@ def test_a_run_aims_at_a_shift():
     assert history.bounds.low < FINE[0] < FINE[1] < history.bounds.high
 
 
+@pytest.mark.broad
 def test_with_friction_it_is_an_estimate():
     error = certified(joint(2, shortening=SHIFT), bolted_plates(2, 1.0))
     bounds = ec.interval(error, ec.BoltForce(SIDES[0]))

@@ -75,6 +75,7 @@ def test_bound_of_true_errors(name, n):
     assert abs(true.friction) < 0.05 * e**2
 
 
+@pytest.mark.broad
 def test_prager_synge_identity():
     """Smooth manufactured solution, all sides prescribed.
 

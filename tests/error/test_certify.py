@@ -79,6 +79,7 @@ def nearly_exact():
     return ec.solve(SCENE, block(16), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_e_bounds_the_true_error_of_anything(degree):
@@ -326,6 +327,7 @@ def test_a_function_of_dolfinx_in_a_file(shared_tmp_path):
     assert certificate.error.relative == pytest.approx(error_of(solution).relative, rel=1e-6)
 
 
+@pytest.mark.broad
 def test_files_without_a_displacement_are_refused(shared_tmp_path):
     solution = solved(1, n=2)
     with pytest.raises(ec.InputError, match="does not exist"):

@@ -48,6 +48,7 @@ def errors(friction: float) -> tuple[ec.ConstitutiveError, ec.ConstitutiveError]
     return measured(scene, bodies(4)), measured(scene, bodies(12))
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("friction", [0.0, 0.001])
 def test_forces_and_moments_of_a_fine_mesh(friction):
     """The weight of a body is in the force below it, and not in that above it."""
@@ -62,6 +63,7 @@ def test_forces_and_moments_of_a_fine_mesh(friction):
         assert max(up.relative, moment.relative) < 0.15
 
 
+@pytest.mark.broad
 def test_sides_have_opposite_intervals():
     coarse, _ = errors(0.001)
     for kind, argument in ((ec.Resultant, (1.0, 2.0)), (ec.Moment, ABOUT)):
@@ -72,6 +74,7 @@ def test_sides_have_opposite_intervals():
         assert there.high == pytest.approx(-here.low, rel=1e-6)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("part", ["upper bottom", "lower top"])
 def test_gap_tells_what_supports_tell(part, monkeypatch):
     coarse, _ = errors(0.0)
@@ -86,6 +89,7 @@ def test_gap_tells_what_supports_tell(part, monkeypatch):
     assert along.low == along.high == along.relative == 0.0
 
 
+@pytest.mark.broad
 def test_corner_and_symmetry():
     """Of two planes each has the load towards it; friction on both leaves it open."""
     block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))

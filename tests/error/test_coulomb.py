@@ -126,6 +126,7 @@ def triangle(
     return scene, domain
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("nu", "M"), [(0.2, 1.634), (0.3, 1.888)])
 def test_uniqueness_ends_below_many_solutions(nu, M):
@@ -360,6 +361,7 @@ def test_a_slender_body_that_slips_gets_no_bound():
     assert slips.smoothing == 0
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_round_off_is_no_work_on_a_roller():
     """A body that may move up.

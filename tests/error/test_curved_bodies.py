@@ -121,6 +121,7 @@ def hertz(comm=COMM):
     return scene, ec.read_mesh(MESHES / "half_disc.geo", comm, scripts=True)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_hertz_by_marking():
     """A disc on a plane.
@@ -155,6 +156,7 @@ def test_hertz_by_marking():
     assert history.best.total <= 0.01
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_punch_has_one_force(degree, shared_tmp_path):

@@ -99,6 +99,7 @@ def pressed_everywhere() -> ec.Scene:
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("degree", "method"),
@@ -123,6 +124,7 @@ def test_rate_on_a_smooth_contact(degree, method):
     assert 1.0 <= min(index) <= max(index) <= 1.3
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_adaptive_rate_and_index():
     history = ec.adapt(common_block(), block(4), 0.001, degree=2)

@@ -69,6 +69,7 @@ CASES = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("name", CASES)
 def test_both_errors_are_e(name):
     scene, domain, meshes, options = CASES[name]
@@ -83,6 +84,7 @@ def rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a.argsort().argsort(), b.argsort().argsort())[0, 1])
 
 
+@pytest.mark.broad
 def test_rank_correlation_on_the_block():
     for error, true in measured(prototype_block(), block(8), 2):
         assert rank_correlation(error.indicators, np.hypot(*true.of_cells)) > 0.9

@@ -250,6 +250,7 @@ def test_weight_is_balanced_where_the_block_is_hardly_pushed():
     assert error.force("bottom").force[1] == pytest.approx(26000.0, rel=1e-10)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_half_model_on_a_parabola_is_held_on_every_mesh():
     """Held vertically by the contact only.

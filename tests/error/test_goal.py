@@ -75,6 +75,7 @@ def errors(case: str) -> tuple[list[ec.ConstitutiveError], ec.ConstitutiveError]
     return [error_of(scene, mesh(n)) for n in coarse], error_of(scene, mesh(fine), tighten=0)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("case", CASES)
 def test_resultants_hold_those_of_a_fine_mesh(case):
@@ -251,6 +252,7 @@ def test_weighted_resultant():
         assert b.low < true < b.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_work_of_loads():
     coarse, fine = (

@@ -85,6 +85,7 @@ def squeezed(material, down):
     return ec.Scene(material, held)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("kind", ["dip", "jump", "table"])
 @pytest.mark.parametrize("seed", range(3))
@@ -106,6 +107,7 @@ def weld(x):
     return 0.02 - 0.018 * ufl.exp(-(((x[1] - 0.25) / 0.05) ** 2))
 
 
+@pytest.mark.broad
 def test_energies_with_a_narrow_layer_meet():
     """Proved on four coarse cells and on many fine ones."""
     scene = squeezed(ec.Plastic(1.0, 0.3, weld, 0.02), 0.008)

@@ -111,6 +111,7 @@ def factor(radius: float, mode: str = "I") -> ec.StressIntensity:
     return ec.StressIntensity(TIP, (1.0, 0.0), radius=radius, mode=mode)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_edge_crack():
     history = ec.adapt(pulled(), strip(0.5), accuracy=0.007, degree=2)
@@ -121,6 +122,7 @@ def test_edge_crack():
     assert found.high - found.low < 2e-3 * found.value
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_intervals_meet(degree):
@@ -135,6 +137,7 @@ def test_intervals_meet(degree):
     assert all(bounds.low < OF_TABLES < bounds.high for bounds in found)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_pressure_on_the_faces():
     """Tension far away and a pressure on the faces differ by a uniform stress."""
@@ -146,6 +149,7 @@ def test_pressure_on_the_faces():
     assert of_near.value == pytest.approx(of_far.value, rel=1e-2)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("friction", "off"), [(0.0, 2e-3), (0.3, 2e-2)])
 def test_closed_crack(friction, off):
@@ -161,6 +165,7 @@ def test_closed_crack(friction, off):
         assert found.low < np.sign(found.value) * exact < found.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_runs_reach_their_accuracy():
     history = ec.adapt(pulled(), strip(0.5), accuracy=0.05, degree=2, goal=factor(0.4))
@@ -175,6 +180,7 @@ def loose() -> ec.Scene:
     return ec.Scene(ec.Elastic(E, NU), loads=ends)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_strip_that_nothing_holds():
     """Rigid motions change no factor: psi of them is round-off of a sum over the mesh."""

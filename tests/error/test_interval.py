@@ -52,6 +52,7 @@ def goals(d: int) -> list:
     ]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("d", "degree", "friction", "cells"),
     [
@@ -120,6 +121,7 @@ def test_direction_turns_the_interval():
         assert turned.high == pytest.approx(-3 * bounds.low, rel=1e-6)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_bodies_springs_and_coulomb():
     """Two bodies, a body on springs; with Coulomb's friction it is an estimate."""
@@ -136,6 +138,7 @@ def test_bodies_springs_and_coulomb():
     assert one.low <= other.low <= other.high <= one.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.1, 0.3])
 def test_estimates_with_coulomb_friction(friction):
@@ -157,6 +160,7 @@ def test_estimates_with_coulomb_friction(friction):
         assert estimate.high - estimate.low < 0.05 * exact[1]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_order_of_names_changes_no_estimate():
     """Forms integrate over the softer side, which the scene may name second."""
@@ -176,6 +180,7 @@ def test_order_of_names_changes_no_estimate():
     assert bounds[1] == pytest.approx(bounds[0], rel=1e-6)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_runs_that_aim_at_a_number(tmp_path):
     """A force that is a hundredth of the pressure, to 1%, where e alone tells nothing of it.
@@ -202,6 +207,7 @@ def test_runs_that_aim_at_a_number(tmp_path):
     refused(lambda: ec.adapt(scene, block, 0.01, goal="force"), "goal is 'force'", "Resultant")
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_run_to_a_displacement():
     """The interval of the run is proved, and holds the interval of a fine mesh."""
@@ -212,6 +218,7 @@ def test_run_to_a_displacement():
     assert aimed.bounds.low <= fine.low <= fine.high <= aimed.bounds.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_what_runs_cost(monkeypatch, caplog):
     """Far meshes take one further solve, none a second factor or second forms.

@@ -59,6 +59,7 @@ def fine_block(law):
     return measured(lifted(2, LAWS[law]), flat_block(2, 16), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("given-1-method1")
 @pytest.mark.parametrize("method", METHODS)
@@ -81,6 +82,7 @@ def fine_in_space():
     return measured(lifted(3, LAWS["given"]), flat_block(3, 4))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("method", METHODS)
@@ -112,6 +114,7 @@ def fine_ring():
     return measured(foot(), ring(16), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("1-method1")
 @pytest.mark.parametrize("method", METHODS)
@@ -149,6 +152,7 @@ def fine_stack(law):
     return measured(*stack(12, LAWS[law], upper_first=True), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("given-1-method1")
 @pytest.mark.parametrize("method", METHODS)
@@ -172,6 +176,7 @@ def test_between_bodies(law, degree, method):
     assert widths[0] == pytest.approx(widths[1], rel=1e-3)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("material", [ec.Elastic(1.0, 0.3), RINGS], ids=["plane", "rings"])
@@ -203,6 +208,7 @@ def test_a_foundation_that_moves():
     assert bounds[0].value == pytest.approx(bounds[1].value, rel=0.02)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("load", [-1.0, 1.0], ids=["closed", "open"])
 @pytest.mark.parametrize("method", METHODS)
@@ -219,6 +225,7 @@ def test_a_crack(method, load):
     assert_inside(coarse, fine, goals)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 def test_normals_that_are_given(method):
@@ -240,6 +247,7 @@ def test_normals_that_are_given(method):
     assert_inside(coarse, fine, goals, proved=False)
 
 
+@pytest.mark.broad
 def test_a_run_aims_at_a_slip():
     """It ends where half of the interval is below the accuracy."""
     history = ec.adapt(
@@ -251,6 +259,7 @@ def test_a_run_aims_at_a_slip():
     assert bounds.low <= mean(fine_block("given"), "bottom", "slip") <= bounds.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_the_report_tells_a_slip_that_eps_does_not_know(tmp_path):
     """A crack in a large plate: eps is small, and the slip far off."""

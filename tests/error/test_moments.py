@@ -53,6 +53,7 @@ def test_moment_in_space_that_loads_dictate():
     refused(lambda: ec.interval(error, ec.Moment("bottom")), "axis in 3D")
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("rigid", [False, True])
 def test_moments_hold_those_of_a_fine_mesh(rigid):

@@ -178,6 +178,7 @@ MODULI = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("case", "degree"), [*((c, 1) for c in MODULI), ("soft stripe along", 2), ("steep across", 2)]
@@ -375,6 +376,7 @@ def by_brute_force(scene: ec.Scene, n: int) -> np.ndarray:
     return np.array([fem.assemble_scalar(fem.form(form)) for form in (energy, force)])
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", [1, 4, 7])
 def test_what_is_guaranteed_is_true(seed):

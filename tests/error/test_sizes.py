@@ -139,6 +139,7 @@ def test_nothing_loaded_coarsens():
     assert np.all(sizes.rates == 1.0)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("name", mostly_serial(SCENES, ["block"]))
 def test_predictions(name):
     make, mesh, accuracy = SCENES[name]
@@ -160,6 +161,7 @@ def test_predictions(name):
     assert rows[1][1] < (1.3 if three else 1.08)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("tighten", mostly_serial([0, 10], [10]))
 def test_loop_ends_at_the_accuracy_in_few_meshes(tighten):
@@ -185,6 +187,7 @@ def test_loop_coarsens():
     assert measured(prototype_block(), domain).relative < 0.13
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_greco_to_half_a_percent():
     history = ec.adapt(

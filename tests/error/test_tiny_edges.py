@@ -60,6 +60,7 @@ def relative_error(kind, radius, degree):
     return ec.constitutive_error(ec.equilibrate(solution)).relative
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("degree", "kind"), [(1, "chamfer"), (1, "fillet"), (2, "chamfer")])
 def test_a_tiny_detail_changes_eps_little(degree, kind):
     """Edges of 1.4e-3 or less lie beside edges of 0.5."""

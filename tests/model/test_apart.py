@@ -247,6 +247,7 @@ def test_pressure_of_a_pin_in_a_smaller_hole():
     assert np.ptp(profile["pressure"]) < 0.1 * lame
 
 
+@pytest.mark.broad
 def test_pressure_of_a_cylinder_in_a_smaller_hole():
     """In 3D: the mean pressure of a short press fit, whose bodies keep their shapes."""
     domain = pin_in_hole(3, 0.5, 0.49, 0.2).joined("pin side", "ring side", apart=0.011)
@@ -601,6 +602,7 @@ def test_space_moves_sides_that_do_not_match(caplog):
     )
 
 
+@pytest.mark.broad
 def test_pictures_measure_the_gap_that_is_drawn():
     domain = apart(2, 0.3)
     supports = [

@@ -67,6 +67,7 @@ def cracked(friction=MU, gap=0.0, load=-PRESSURE, **more):
     return ec.Scene(ec.Elastic(E, NU), supports, ec.Traction("right", (load, 0.0)), crack)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("method0")
 @pytest.mark.parametrize("method", METHODS)
 def test_an_inclined_crack_slips_as_the_closed_form_says(method):
@@ -104,6 +105,7 @@ def test_both_solvers_agree(friction, degree, method):
     assert abs(one).max() > 0
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("friction", [0.0, ec.Tresca(0.1)], ids=["0", "given"])
@@ -134,6 +136,7 @@ def test_an_open_crack_is_no_contact():
     assert closed.profile("upper lip")["gap"].max() > 0
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_crack_is_refined_meshed_anew_and_loaded_in_steps():
     domain = plate(4.0, 2.0, 0.4)

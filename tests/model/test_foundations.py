@@ -108,6 +108,7 @@ def references(k) -> tuple[ec.Scene, ec.Solution, ec.ConstitutiveError]:
     return scene, ec.solve(scene, plate(48), degree=2), measured(scene, plate(16), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("k", [500.0, 2e4])

@@ -125,6 +125,7 @@ def test_constant_stress_is_exact(name):
     assert abs(force.moment + opposite.moment).max() < 1e-12 * abs(force.force).max()
 
 
+@pytest.mark.broad
 def test_contacts_and_ties_take_pairs_as_they_are(shared_tmp_path):
     def three(occ):
         block_on_base(occ)
@@ -282,6 +283,7 @@ def test_tied_is_one_body():
         assert force == pytest.approx(wanted.force("lower bottom").force, rel=difference)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("aside")
 @pytest.mark.parametrize("name", STRIPS)
 def test_outlines_beside_each_other(name, measures):

@@ -105,6 +105,7 @@ def distance(solution: ec.Solution, exact: dict) -> float:
 # ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2-ba ac cb", "3-1-ca ba cb")
 @pytest.mark.parametrize(
     ("d", "degree", "order"),
@@ -141,6 +142,7 @@ def test_four_bodies_and_orders_that_mix(method):
     assert error.relative < 1e-9
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 def test_bodies_beside_each_other_on_a_foundation(degree):
     """The foundation acts on the jump and on the displacement of the other body, too."""
@@ -202,6 +204,7 @@ def pushed(friction: float, **options: object) -> ec.Scene:
     return ec.Scene(material(3), supports, loads, contacts("ab ac bc", law), **options)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_error_falls_and_solvers_agree():
     """Half the size of cells takes nearly half of e; pushing a takes b along."""

@@ -100,6 +100,7 @@ def test_displacement_is_below_the_gap(d, degree, place, height, beyond):
     assert (down - value(x)).max() <= 1e-14
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.parametrize("height", HEIGHTS)
 @pytest.mark.parametrize("d", mostly_serial([2, 3], [2]))

@@ -64,6 +64,7 @@ def test_what_counts_is_the_motion_against_the_foundation(d, way, degree, method
     assert_same(*errors, rtol=1e-9 if solver == "direct" else 1e-7)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.3, ec.Tresca(0.002)])
 def test_numbers_have_the_same_intervals(friction):
@@ -96,6 +97,7 @@ def test_a_foundation_that_gives_way_moves_too():
     assert_same(*both)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("SizeMap", "Mark")
 @pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()], ids=["Mark", "SizeMap"])
 def test_a_belt_that_goes_and_comes(strategy):

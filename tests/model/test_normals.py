@@ -147,6 +147,7 @@ def forces(result) -> tuple[float, np.ndarray]:
     return float(abs(force.force[-1])) / size, moments
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.parametrize("known", [True, False], ids=["drawn", "mesh only"])
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["N", "AL"])
@@ -187,6 +188,7 @@ def test_a_fit_that_slides_is_certified_like_one_at_rest():
     assert relative[1] == pytest.approx(relative[0], rel=1e-3)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 @pytest.mark.parametrize("degree", [1, 2])
@@ -227,6 +229,7 @@ def radial(x):
     return (x[0] / radius, x[1] / radius)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("law", [0.0, ec.Tresca(0.4)], ids=["none", "given"])
@@ -316,6 +319,7 @@ def test_the_error_of_a_sliding_fit_falls_at_the_rate(degree):
     assert rates[-1] > (0.9 if degree == 1 else 1.4)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_methods_press_alike_from_facet_to_facet(degree):
@@ -338,6 +342,7 @@ def test_methods_press_alike_from_facet_to_facet(degree):
         assert distance < error.relative * mean
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_the_torque_of_a_press_fit_is_the_textbook_s():
     modulus, ratio = E / (1 - NU**2), NU / (1 - NU)

@@ -163,6 +163,7 @@ def test_friction_alone_holds_a_body(method, degree):
     assert pressure.min(initial=0.0) > -1e-12 * 0.01
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_bound_of_true_errors(degree):
@@ -173,6 +174,7 @@ def test_bound_of_true_errors(degree):
     assert 1.0 <= error.absolute / true.both < 1.3
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_goal_is_as_sharp_as_with_coulomb():
     goal = ec.Resultant("top", (1.0, 0.0, 0.0))

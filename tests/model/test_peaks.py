@@ -11,8 +11,9 @@ import pytest
 from scenes import certified
 
 import erc_contact as ec
+from erc_contact.model.data import peaks
 from erc_contact.model.data.peaks import upper_bounds
-from erc_contact.model.data.quadrature import facet_pieces
+from erc_contact.model.data.quadrature import bisect, facet_pieces
 
 pytestmark = pytest.mark.serial
 COUNT = 300
@@ -113,3 +114,31 @@ def test_displacement_is_below_a_cusp(degree):
     u = error.at(np.column_stack([s, np.zeros_like(s)])).displacement
     beyond = -u[:, 1] - 0.03 * abs(s - place) ** 0.5
     assert beyond.max() <= 1e-15
+
+
+@pytest.mark.broad
+def test_noise_of_coordinates_is_no_peak(monkeypatch):
+    """A gap ``|x| - R`` is level on its circle, but for the round-off of the coordinates.
+
+    It turns with a motion, which changes no gap either.
+    """
+    radius, turn = 10.0, 0.05
+    belt = ec.rectangle((0.0, 0.0), (1.0, 0.02), cells=(150, 1))
+    along, across, _ = belt.mesh.geometry.x.T.copy()
+    belt.mesh.geometry.x[:, 0] = (radius + across) * np.sin(along)
+    belt.mesh.geometry.x[:, 1] = (radius + across) * np.cos(along)
+    drum = ec.Contact(
+        "bottom",
+        normal="gap",
+        gap=lambda x: np.hypot(x[0], x[1]) - radius,
+        motion=(lambda x: -turn * x[1], lambda x: turn * x[0]),
+    )
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [ec.Displacement("left", (0.0, 0.0))], contacts=[drum])
+    bisected = []
+    monkeypatch.setattr(
+        peaks,
+        "bisect",
+        lambda corners, vertices: bisected.extend(corners) or bisect(corners, vertices),
+    )
+    ec.equilibrate(ec.solve(scene, belt, degree=2))
+    assert len(bisected) <= 200 * 150

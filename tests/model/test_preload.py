@@ -108,6 +108,7 @@ def yoke():
     return whole.split({"shank below": "below", "bore below": "sleeve"})
 
 
+@pytest.mark.broad
 def test_bolt_and_sleeve_in_parallel():
     """The bolt feels k_b/(k_b + k_s) of a pull until the sleeve is free, then all of it."""
     E = {"above": 100.0, "below": 100.0, "sleeve": 150.0, "yoke": 1e9}  # gives by 4e-6
@@ -134,6 +135,7 @@ def test_bolt_and_sleeve_in_parallel():
     assert evolution.force("seat")[:, 1] == pytest.approx(of_seat, rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-method0", "3-method1")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("d", [2, 3])
@@ -157,6 +159,7 @@ def test_joint_is_in_balance(d, method):
     assert shifts[0] == pytest.approx(shifts[1], rel=1e-6)
 
 
+@pytest.mark.broad
 def test_tightened_locked_pulled_and_kept(shared_tmp_path):
     """The shift stays through a history, also where the run goes on from its folder."""
     domain = bolted_plates(2, 2.0)
@@ -195,6 +198,7 @@ def _stop_after(count):
     return callback
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()])
 def test_meshes_of_a_run(strategy):
@@ -210,6 +214,7 @@ def test_meshes_of_a_run(strategy):
     assert abs(shift - fine) < 0.2 * abs(coarse - fine)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("friction", [0.0, ec.Tresca(0.4)])
@@ -225,6 +230,7 @@ def test_error_is_a_bound_for_shift_and_force(degree, friction):
         assert 1.0 <= error.absolute / true.both < 1.3
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.serial
 def test_energies_of_a_given_force_meet():

@@ -191,6 +191,7 @@ BOUNDED = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("case", "degree"), [("frictionless", 2), ("Tresca friction", 1), ("cantilever", 1)]

@@ -102,6 +102,7 @@ def sprung_by(k):
     return scene, ec.solve(scene, plate(24), degree=2), certified(scene, plate(16), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("k", [20.0, 2e4])

@@ -148,6 +148,7 @@ def strained():
     return scene, ec.solve(scene, plate(24), degree=2), measured(scene, plate(16), degree=2)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_e_bounds_true_errors_and_shrinks(degree):

@@ -90,6 +90,7 @@ def scene_of(d, of):
     )
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2-few-Nitsche")
 @pytest.mark.parametrize(
     ("d", "degree", "of", "method"),

@@ -114,6 +114,7 @@ def on_springs(d: int, *, rings: bool = False) -> list[ec.Scene]:
     ]
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.parametrize("kind", ["plane", "space", "rings"])
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
@@ -217,6 +218,7 @@ def cut(n: int, *, between: bool) -> ec.Domain:
     return halves(plate(n)) if between else plate(n)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("between", [False, True])

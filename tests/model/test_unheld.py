@@ -148,6 +148,7 @@ def test_two_bodies_pressed_on_each_other(d, degree, method, solver):
     assert max(abs(balance.force).max(), abs(np.asarray(balance.moment)).max()) < 1e-8
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(12))
 def test_e_is_above_both_true_errors(seed):
@@ -236,6 +237,7 @@ def test_u_has_no_mean_and_no_moment(kind, degree):
         assert abs(integral(model.space, density)) < 1e-12 * size * 10.0
 
 
+@pytest.mark.broad
 def test_a_history_of_two_free_bodies():
     """Pressed, then turned by shear: friction counts from the step before."""
     domain = small_bricks(2)

@@ -54,6 +54,7 @@ print("done")
 """
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_all_of_it_works_alone(ranks, tmp_path):
     script = tmp_path / "alone.py"

@@ -427,6 +427,7 @@ def test_parts_of_a_file_get_names(tagged_file, measures):
     assert np.all(x[..., 1] == 1.0)
 
 
+@pytest.mark.broad
 def test_names_of_parts_that_cannot_be_given(tagged_file):
     for names, words in (
         ({7: "bottom"}, "no part of the mesh has this tag; the mesh has 1, 2, 3, 4, 3"),

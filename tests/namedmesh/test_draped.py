@@ -122,6 +122,7 @@ def shaft(depth):
     return lambda occ: occ.addCylinder(0, 0, 0, 0, 0, 0.5 + depth, RADIUS)
 
 
+@pytest.mark.broad
 def test_outlines_that_nearly_run_together():
     """A depth less than the facets is refused in words, two facets are enough."""
     whole = body(hub, 0.25)
@@ -134,6 +135,7 @@ def test_outlines_that_nearly_run_together():
     assert_paired(nm.assembly(finer).joined(*SIDES), *SIDES)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("ball in a half socket")
 @pytest.mark.parametrize("name", CASES)
 def test_curved_sides_get_common_facets(name, measures):
@@ -191,6 +193,7 @@ def test_ranks_make_the_same_curved_mesh():
     assert len(counts) == 1
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     ("one", "two", "sizes", "words"),
     [

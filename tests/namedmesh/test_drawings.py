@@ -133,6 +133,7 @@ def test_names_of_several_solids_get_numbers():
     assert different(["bracket"], "solid") == ["bracket"]
 
 
+@pytest.mark.broad
 def test_gaps_of_a_drawing_are_told_listed_and_closed(folder, told):
     def apart(occ):
         occ.addBox(0, 0, 0, 4, 4, 1)
@@ -266,6 +267,7 @@ def test_surfaces_of_a_plane_drawing_are_regions(folder):
     assert bodies.touching()[0].area == pytest.approx(2.0, rel=1e-12)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("kind", ["chamfer", "fillet"])
 def test_tiny_faces_are_told_and_removed(kind, folder, told):
     def draw(occ):

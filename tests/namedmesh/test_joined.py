@@ -180,6 +180,7 @@ def test_ranks_make_the_same_mesh(name):
         assert alone[1] == shared[1]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_angles_of_random_ratios():
     """A side with facets up to three times smaller leaves no flat cell."""

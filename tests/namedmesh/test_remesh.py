@@ -53,6 +53,7 @@ def around(domain, point, low, slope):
     return low + slope * np.linalg.norm(x - point, axis=1)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("box", "block.geo")
 @pytest.mark.parametrize("brick", BRICKS)
 def test_names_and_measures_survive_ten_remeshings(brick, measures):
@@ -106,6 +107,7 @@ CURVED = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("half_disc.geo")
 @pytest.mark.parametrize("name", CURVED)
 def test_curved_boundaries_are_sampled_anew(name, measures):
@@ -124,6 +126,7 @@ def test_curved_boundaries_are_sampled_anew(name, measures):
         assert measures.part(domain, part) == pytest.approx(length, rel=2e-3)
 
 
+@pytest.mark.broad
 def test_ball_in_space(shared_tmp_path, measures):
     path = shared_tmp_path / "ball.geo"
     if COMM.rank == 0:
@@ -142,6 +145,7 @@ def test_ball_in_space(shared_tmp_path, measures):
     assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 4), errors
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-0.05")
 @pytest.mark.parametrize(("dim", "tolerance"), [(2, 0.05), (3, 0.15)])
 def test_number_of_cells_is_that_of_the_sizes(dim, tolerance):

@@ -199,6 +199,7 @@ def copies(domain):
     return owned, np.array([keys[tuple(place)] for place in owned])
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_all_vertices_of_an_overhang_have_two_nodes(d):

@@ -173,6 +173,7 @@ def test_ranks_put_vertices_in_the_same_places(shared_tmp_path):
     assert np.allclose(*places, rtol=0, atol=1e-12)
 
 
+@pytest.mark.broad
 def test_rim_where_three_surfaces_meet_is_round(shared_tmp_path):
     """Vertices of the foot of a pin lie around the circle, as all vertices above them do."""
     bodies = from_script(PIN_IN_SLEEVE, shared_tmp_path, "pin").split(

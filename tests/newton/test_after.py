@@ -179,6 +179,7 @@ def ends(alone, steps=10):
     return {name: shear(run(path, domain, friction=0.1)[-1]) for name, path in ways.items()}
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_the_order_of_loads_matters():
     found = ends(alone=False)

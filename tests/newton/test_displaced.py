@@ -86,6 +86,7 @@ def test_what_contacts_take_up():
     assert _least_sum(np.ones(50), about_bottom, normals) < 1e-9 * abs(about_bottom).sum()
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["block", "stack", "press_fit", "box", "table", *DOUBTFUL])
 def test_words_are_of_bodies_that_may_not_stand(name, caplog):
@@ -107,6 +108,7 @@ def test_words_are_of_bodies_that_may_not_stand(name, caplog):
         assert len(claims) == 1
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("share", "stands"), [(1.1, True), (0.9, False)])
 def test_a_pyramid_of_cylinders(share, stands):
@@ -133,6 +135,7 @@ def test_bodies_that_are_held_are_not_asked():
     assert len(missing(scene, domain)) == 1
 
 
+@pytest.mark.broad
 def test_a_history_tells_it_too():
     """A block that is tilted more and more."""
 

@@ -52,6 +52,7 @@ def check(error: ec.ConstitutiveError) -> None:
         assert max(r_n.max(), (shear - bound).max()) < 1e-12
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("name", SOLVABLE)
 def test_scene_that_has_a_solution(name):
     """With one method at least.
@@ -61,7 +62,8 @@ def test_scene_that_has_a_solution(name):
     failed = []
     for method in METHODS:
         try:
-            error = certified(*SOLVABLE[name](), method)
+            # To round-off: multigrid ends at 1e-10 of the forces.
+            error = certified(*SOLVABLE[name](), method, solver="direct")
         except ec.NotConverged as reason:
             failed.append(str(reason))
             continue

@@ -47,6 +47,7 @@ def test_a_clearance_changes_nothing(method, solver):
     assert error.relative == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3], ids=["none", "mu"])
 def test_a_plate_falls_onto_a_bowl(friction):

@@ -42,6 +42,7 @@ def leaves(friction=0.0, along=30, comm=MPI.COMM_WORLD):
     return ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=contacts), stack
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("lagrangian-iterative")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
@@ -55,6 +56,7 @@ def test_slender_leaves_take_few_steps(method, solver):
     assert force == pytest.approx(wanted, rel=1e-6, abs=1e-6 * np.linalg.norm(wanted))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
 def test_newton_alone_finds_the_same(method, monkeypatch):
@@ -85,6 +87,7 @@ def test_steps_of_a_users_method_are_not_ended_early():
     assert "states keep changing" in by_ours.rungs[0]
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("given-1-iterative", "soft-2-direct")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
@@ -118,6 +121,7 @@ def test_states_in_space_are_found(friction, bed, degree, solver, monkeypatch):
     assert force == pytest.approx(wanted, rel=1e-6, abs=1e-6 * np.linalg.norm(wanted))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, ec.Tresca(1e-4), 0.3], ids=["none", "given", "mu"])
 def test_a_light_plate_rests_on_a_hump(friction):

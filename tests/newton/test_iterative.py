@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import ufl
 from bricks import NAMES, bricks
 from dolfinx.fem.petsc import assemble_matrix
 from mpi4py import MPI
@@ -20,9 +21,9 @@ from test_newton import Saturating, triangle
 
 import erc_contact as ec
 from erc_contact.model.promises import bind
-from erc_contact.newton import solve as solving
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.linear import amg, krylov, multigrid
+from erc_contact.newton.linear import amg, choice, krylov, multigrid
+from erc_contact.newton.linear.stiffness import contact_layer
 
 METHODS = {
     "Nitsche": ec.Nitsche(),
@@ -251,6 +252,7 @@ def test_units_do_not_change_the_error():
     assert found == pytest.approx([found[1]] * 3, rel=SAME)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("foundation-1", "two bodies-1")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("name", ["foundation", "two bodies"])
@@ -297,6 +299,7 @@ def test_body_that_flies_away_is_refused():
         ec.solve(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4)), solver="iterative")
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", ["Nitsche", "AL"])
 def test_many_solutions_are_reported(method):
@@ -304,10 +307,11 @@ def test_many_solutions_are_reported(method):
     assert not ec.solve(*triangle(1.9), METHODS[method], solver="iterative").singular
 
 
+@pytest.mark.broad
 def test_auto_falls_back_where_multigrid_fails(monkeypatch):
     scene, domain = SCENES["cube"]()
     expected = eps(ec.solve(scene, domain, solver="direct"))
-    monkeypatch.setattr(solving, "MULTIGRID_FROM", {(3, 1): (0, 0), (3, 2): (0, 0)})
+    monkeypatch.setattr(choice, "MULTIGRID", {3: 0.0})
     assert ec.solve(scene, domain).stiffness.iterative
     monkeypatch.setattr(krylov, "FGMRES_LIMIT", 1)
     with pytest.raises(ec.NotConverged, match="multigrid"):
@@ -322,7 +326,7 @@ def test_auto_gives_multigrid_up_early_where_it_is_slow(nu, iterative, monkeypat
     """The first guess tells; no cycle of Newton's method is spent."""
     scene, domain = SCENES["cube"]()
     scene = replace(scene, material=ec.Elastic(1.0, nu))
-    monkeypatch.setattr(solving, "MULTIGRID_FROM", {(3, 1): (0, 0), (3, 2): (0, 0)})
+    monkeypatch.setattr(choice, "MULTIGRID", {3: 0.0})
     used = []
     cycle = multigrid.Multigrid.cycle
     monkeypatch.setattr(multigrid.Multigrid, "cycle", lambda *vectors: used.append(cycle(*vectors)))
@@ -331,14 +335,44 @@ def test_auto_gives_multigrid_up_early_where_it_is_slow(nu, iterative, monkeypat
     assert bool(used) == iterative
 
 
+def layer(length):
+    """A layer of thickness 1 on a foundation, which may slide; pressed and pulled a little."""
+    domain = ec.rectangle((0.0, 0.0), (length, 1.0), cells=(int(length), 1))
+    pull = ec.Traction("top", (lambda x: 0.01 * ufl.sin(x[0]), -1.0))
+    return ec.Scene(
+        ec.Elastic(100.0, 0.3), loads=[pull], contacts=[ec.Contact("bottom", friction=0.3)]
+    ), domain
+
+
+@pytest.mark.parametrize(("length", "iterative"), [(8.0, False), (500.0, True)])
+def test_auto_takes_multigrid_for_long_contacts(length, iterative):
+    model = bind(*layer(length), 2)
+    assert choice.multigrid_is_faster(model) == iterative
+    # No support fixes any of them.
+    assert choice.layer_size(model) == len(contact_layer(model).numbers)
+
+
+def test_slender_loose_bodies_are_rebalanced_by_few_iterations(monkeypatch):
+    """Springs that hold the free motions carry no force, and are softer than no bending."""
+    scene, domain = layer(40.0)
+    direct, iterative = (
+        ec.solve(scene, domain, degree=2, solver=solver) for solver in ("direct", "iterative")
+    )
+    monkeypatch.setattr(multigrid, "FACTOR_LIMIT", 2)
+    assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
+
+
 def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     scene, domain = SCENES["cube"]()
     solution = ec.solve(scene, domain, solver="iterative")
     expected = eps(solution)
-    monkeypatch.setattr(krylov, "CG_LIMIT", 8)
+    # By cycles, which fail.
+    monkeypatch.setattr(choice, "CYCLES", 0.0)
+    monkeypatch.setattr(multigrid, "CG_LIMIT", 8)
     assert eps(solution) == pytest.approx(expected, rel=SAME)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_adaptive_run_makes_the_same_meshes():
     scene, domain = SCENES["cube on a sphere"]()

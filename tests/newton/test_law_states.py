@@ -95,6 +95,7 @@ def test_a_supremum_of_a_law_with_a_kink_is_the_conjugate(degree):
     assert found.relative == pytest.approx(known.relative, rel=1e-6)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_the_error_of_the_displacement_is_bounded():
     """In the elastic norm, against a solution three levels finer."""
@@ -115,6 +116,7 @@ def test_the_error_of_the_displacement_is_bounded():
         assert 0.3 * error.absolute < np.sqrt(square) < error.displacement_error
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_cells_that_yield_in_part_are_integrated(degree, monkeypatch):
@@ -144,6 +146,7 @@ def test_springs_are_in_the_balance_of_energies():
     assert abs(last.imbalance) < 0.05 * last.work
 
 
+@pytest.mark.broad
 def test_another_degree_on_the_same_mesh():
     domain = slab()
     first = ec.solve(on_parabola(STEEL), domain)
@@ -156,6 +159,7 @@ def test_another_degree_on_the_same_mesh():
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_ring_that_is_let_go():
     """Nothing is left of its stress but round-off, which counts as none."""
@@ -194,6 +198,7 @@ def test_a_state_on_a_refined_mesh_in_any_unit(unit):
     assert len(np.unique(values)) == 8
 
 
+@pytest.mark.broad
 def test_bodies_that_overlap_keep_their_states():
     """Modelled with an interference; the upper body yields. Its cells lie over those of the lower."""
     bodies = {

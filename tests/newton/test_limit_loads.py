@@ -114,6 +114,7 @@ def test_a_wedge_slips_out():
     assert coefficient == pytest.approx(np.tan(angle / 2), rel=1e-2)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(40))
 def test_what_has_a_solution_is_not_refused(seed):

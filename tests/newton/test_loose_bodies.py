@@ -365,6 +365,7 @@ def lintel(
     return scene, domain
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_lintel_slides_between_its_abutments():
     """Statics allow any thrust; elasticity gives one, and with it the least friction."""
@@ -384,6 +385,7 @@ def test_a_lintel_slides_between_its_abutments():
     assert len(failure.value.rungs) <= 4
 
 
+@pytest.mark.broad
 def test_friction_is_lowered_from_interior_points():
     """With much friction Newton's method finds no solution from the glued contact."""
     scene, domain = lintel(0.6, stones=3, cells=(1, 2))

@@ -32,6 +32,7 @@ def pushed(share, top="top", contacts=None, corner=False, d=2):
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()], ids=["mark", "sizes"])
 @pytest.mark.parametrize("degree", [1, 2])
@@ -44,6 +45,7 @@ def test_the_loop_refines_until_there_is_a_pair(degree, strategy):
     assert force.force == pytest.approx([-0.9875e-3 / 2, 2e-3], rel=1e-8)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("corner", [False, True], ids=["edge", "corner"])
 def test_in_space(corner):
     """On an edge or on a corner."""
@@ -54,6 +56,7 @@ def test_in_space(corner):
     assert history.force("bottom").force == pytest.approx(wanted, rel=1e-8, abs=1e-14)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_cells_that_press_are_named():
     """They lie at the edge over which the block is about to tip."""
@@ -74,6 +77,7 @@ def pair_or_failure(scene, domain):
         return coarse
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_the_message_says_how_to_go_on():
     """By a run, which refines there, or by hand; a run that may not says so."""
@@ -90,6 +94,7 @@ def test_the_message_says_how_to_go_on():
         ec.adapt(scene, first, accuracy=0.5, max_cells=145)
 
 
+@pytest.mark.broad
 def test_stacks():
     """The upper of two blocks is near tipping, the lower one is pressed at its edge."""
     lower = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))

@@ -84,6 +84,7 @@ def test_greco_takes_few_steps(n, method):
     assert 0 < solution.newton_steps <= 20
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_parameters_change_little():
     eps = []
@@ -214,6 +215,7 @@ def test_a_body_of_one_row_of_cells():
     assert heights[0] == pytest.approx(heights[1], abs=1e-6 * abs(heights[0]).max())
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_cycle_is_seen():
     outcome = attempt(common_block(), block(64), ec.Nitsche(gamma=100.0), "basic")
@@ -242,6 +244,7 @@ def test_certified_stop_is_as_near_as_it_says():
     assert converged.distance < 1e-6 * full < rests[0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("tighten", "accuracy", "share"), [(0, 0.04, 0.6), (10, 0.015, 0.75)])
 def test_adaptive_run_saves_steps(tighten, accuracy, share):
@@ -286,6 +289,7 @@ def tresca_square() -> ec.Scene:
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("method", "degree", "accuracy", "tighten"),
@@ -388,6 +392,7 @@ def test_normal_from_the_gap():
     assert results[1:] == pytest.approx([results[0]] * 2, rel=1e-10)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_foundation_with_turning_normals(d):

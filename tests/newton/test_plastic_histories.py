@@ -57,6 +57,7 @@ def stretches(law, pulls):
     return rows
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("3-1", "rings-2")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("body", ["3", "rings"])
@@ -112,6 +113,7 @@ def layer(comm=COMM, cells=(4, 2)):
     return ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=cells, comm=comm)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("law", "degree"), [(STEEL, 1), (STEEL, 2), (RINGS, 2)])
 @pytest.mark.serial
 def test_energies_of_a_body_that_is_pressed_and_unloaded(law, degree):
@@ -197,6 +199,7 @@ def test_the_law_is_convex_where_the_polynomial_of_the_state_is_below_zero():
     assert after.min() >= 0
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("mark")
 @pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()], ids=["mark", "size"])
 def test_a_history_tells_what_new_meshes_moved(strategy):
@@ -259,6 +262,7 @@ def test_ranks_have_the_same_history(law, degree):
     compared(*(history(comm, degree, law) for comm in (MPI.COMM_SELF, COMM)))
 
 
+@pytest.mark.broad
 def test_a_folder_goes_on(shared_tmp_path):
     """A run that ends after its second step and goes on has the same state."""
 
@@ -372,6 +376,7 @@ WALL = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.01, hardening=0.05, hypothesis="
 MOVING = dataclasses.replace(WALL, hardening=0.01, kinematic=0.04)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("law", [WALL, MOVING], ids=["isotropic", "both"])
 def test_a_thick_sphere_under_pressure_that_is_unloaded(law):
@@ -401,6 +406,7 @@ def test_a_thick_sphere_under_pressure_that_is_unloaded(law):
     assert flowed == pytest.approx(plastic, rel=0.2)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_thick_tube_on_rings_that_is_unloaded():
     """Held at its ends it is in plane strain, whose displacements the differential equation has."""
@@ -440,6 +446,7 @@ def test_numbers_that_are_no_plasticity(numbers, words):
     refused(lambda: dataclasses.replace(STEEL, **numbers), words)
 
 
+@pytest.mark.broad
 def test_another_law_on_the_way():
     """What remembers nothing cannot follow on what remembers, nor the other way round."""
     words = "All scenes of a history have the same law"

@@ -78,6 +78,7 @@ def test_a_quadratic_potential_is_linear_elasticity(d, degree, method):
     assert energies[1].low == pytest.approx(energies[0].low, rel=1e-8)
 
 
+@pytest.mark.broad
 def test_a_quadratic_potential_that_varies_in_cells():
     """Moduli by a callable of x: the same numbers as by the linear law."""
     errors = []
@@ -94,6 +95,7 @@ def test_a_quadratic_potential_that_varies_in_cells():
 # -------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("d", "degree", "friction"),
@@ -150,6 +152,7 @@ def random_scene(seed):
     return ec.Scene(law, top, loads, contact), d, degree
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_exact_energy_lies_in_the_interval(seed):
@@ -261,6 +264,7 @@ def quarter_tube(size):
     return domain
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_thick_tube_under_pressure():
     """Half of the wall is plastic; the walls move as the differential equation says."""
@@ -299,6 +303,7 @@ def two_regions(first, second):
     return scene, slab(2).named(regions=halves)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("plastic_first", [True, False])
 def test_an_elastic_region_is_a_law_with_no_yield(plastic_first):
@@ -339,6 +344,7 @@ def test_ranks_without_cells(degree):
     assert eps[0] == pytest.approx(eps[1], rel=1e-8)
 
 
+@pytest.mark.broad
 def test_multigrid_finds_the_same():
     direct, iterative = (
         certified(pushed_slab(STEEL, 3), slab(3), solver=solver)

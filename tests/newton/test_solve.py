@@ -65,6 +65,7 @@ def check_greco(solution: ec.Solution) -> None:
     assert x[status == 2].max() == pytest.approx(40.0, abs=facet)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("n", [16, 32, 64, 128])
 def test_greco_converges_from_the_default_start(n):

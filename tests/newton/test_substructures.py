@@ -185,6 +185,7 @@ def test_a_joint_that_is_not_definite_is_told():
         Separator(flat, flat)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_compressed_factors_solve_as_the_others(monkeypatch):
     """Units far from 1.

@@ -258,6 +258,7 @@ def test_action_is_reaction(error):
             assert abs(sum(part.moment for part in of_body)).max() < 1e-9 * size
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("d", [2, 3])
 def test_either_side_of_a_history(d):
     """Each accessor of a history takes either name; forces of both sides are opposite."""
@@ -324,6 +325,7 @@ def test_a_loop_is_not_drawn_over_a_roller_and_zones_begin_with_the_history():
     assert (low, high) == (0.0, 3.0)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("first", [UPPER, LOWER])
 def test_the_loop_of_a_report_is_that_of_the_side_that_moves(first):
@@ -538,6 +540,7 @@ def test_stiff_body_is_a_foundation(degree, method):
     assert 500 < differences[0] / differences[1] < 2000
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("d", [2, 3])
@@ -661,6 +664,7 @@ def lug_on_pin(facets: int) -> ec.Domain:
     return domain.split({"rim": "pin", "hole": "lug"})
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_curved_sides_that_slide_converge_with_every_method():
     """The hole becomes oval and slides along the pin, a polygon along a polygon.

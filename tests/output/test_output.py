@@ -278,6 +278,7 @@ def contact_with(direction):
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_pictures_show_something(error, shared_tmp_path):
     before = PLOTTING & set(sys.modules)
@@ -791,6 +792,7 @@ class Telling(PlaneStrain):
         return self.nu * (sigma[0, 0] + sigma[1, 1])
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_stress_out_of_plane_that_nobody_knows(shared_tmp_path, seen):
     scene, domain = punch(2)
@@ -826,6 +828,7 @@ def test_stress_out_of_plane_that_nobody_knows(shared_tmp_path, seen):
                 assert "of the plane part" in label[0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_one_mesh_is_a_history(shared_tmp_path, seen):
     """A run may end with its first mesh, of any number of degrees of freedom."""

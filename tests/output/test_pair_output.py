@@ -279,6 +279,7 @@ def test_files_hold_both_bodies_and_the_jump(d, shared_tmp_path):
         assert sizes @ contact["mean_traction"][:, :d] == pytest.approx(force)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_contact_plots_name_both_sides():
     for d in (2, 3):
@@ -291,6 +292,7 @@ def test_contact_plots_name_both_sides():
             assert not any("foundation" in text for text in words)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_report_says_what_is_internal(shared_tmp_path):
     scene = tilted_pair(2)

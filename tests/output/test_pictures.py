@@ -96,6 +96,7 @@ def test_peaks_stay_in_the_picture():
     assert shown - zero > 0.1 * axes.bbox.height
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_vectors_hold_no_image(error, shared_tmp_path):
     """Lines of elements of degree 2 have more points than their ends."""
@@ -147,6 +148,7 @@ def test_curves_without_friction_have_no_shear():
         assert ("closed" in labels) == (friction == 0)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_maps_without_friction_have_no_shear():
     for friction, count in ((0.0, 2), (0.4, 3)):
@@ -277,6 +279,7 @@ def test_contact_in_space_is_seen_from_the_foundation():
         assert panels[1].get_title() == "seen from the foundation"
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_words_have_room_and_views_differ():
     whole = measured(*punch(3))

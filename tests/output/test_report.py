@@ -106,6 +106,7 @@ def page_alone(path, pictures):
     return page
 
 
+@pytest.mark.broad
 def test_report_needs_nothing_else(history, folder):
     forces = history.reactions()
     if COMM.rank > 0:

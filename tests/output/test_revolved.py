@@ -37,6 +37,7 @@ def squashed_tube(hypothesis: str, degree: int) -> ec.ConstitutiveError:
     return certified(scene, tube, degree=degree)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 def test_pictures_of_the_half_plane(degree):
     error = squashed_tube("axisymmetric", degree)
@@ -69,6 +70,7 @@ def test_mirrored_pictures(draw):
         draw(squashed_tube("plane strain", 1), mirrored=True)
 
 
+@pytest.mark.broad
 def test_report_has_no_moments(shared_tmp_path):
     tube = ec.rectangle((1.0, 0.0), (3.0, 2.0), cells=(4, 4))
     material = ec.Elastic(10.0, 0.25, hypothesis="axisymmetric")

@@ -107,6 +107,7 @@ def run_examples(value, names):
         assert runner.failures == 0, "".join(said)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("value", PUBLIC, ids=lambda value: value.__name__)
 def test_public_name_has_an_example_that_runs(value, shared, silent):
     run_examples(value, shared)

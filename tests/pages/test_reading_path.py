@@ -46,6 +46,7 @@ def shares():
     return json.loads(run.stdout.splitlines()[-1])
 
 
+@pytest.mark.broad
 def test_page_has_the_modules_that_run(shares):
     on_page = listed()
     assert set(on_page) == set(shares), WRITE

@@ -25,6 +25,7 @@ OTHERS = [cases.column_on_a_plane, contacts.rough_platens, contacts.bonded_plate
 LOST = 3047.5326
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("case", CLOSED_FORMS)
 def test_intervals_hold_closed_forms(case):
     for number in case().numbers:
@@ -36,6 +37,7 @@ def test_intervals_hold_closed_forms(case):
         assert number.value == pytest.approx(other.value, rel=tolerance), number
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("case", OTHERS)
 def test_numbers_of_a_second_code(case):
     for number in case().numbers:

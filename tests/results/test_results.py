@@ -26,6 +26,7 @@ COMM = MPI.COMM_WORLD
 USUAL = ec.AugmentedLagrangian()
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("case0")
 @pytest.mark.parametrize("case", mostly_serial([(2, 1), (2, 2), (3, 1), (3, 2)], [(2, 1), (3, 2)]))
 def test_forces_balance(case):

@@ -55,6 +55,7 @@ def area(profile, status):
     return profile["weight"][profile["status"] == status].sum()
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("degree", "nu"), [(1, 0.3), (2, 0.4999)])
 def test_stick_zone_in_the_plane(degree, nu):
@@ -88,6 +89,7 @@ def test_stick_zone_in_the_plane(degree, nu):
             assert area(profile, CLOSED) == 0.0
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_stick_zone_in_space(degree):

@@ -68,6 +68,7 @@ def test_a_goal_is_checked_before_a_solve(case):
         ec.adapt(scene, block(2), accuracy=0.1, goal=ec.Resultant("bottom", (0.0, 1.0)))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_uniform_rate_is_that_of_the_corner():
     history = ec.adapt(
@@ -197,6 +198,7 @@ def ends_late(error, *words, on):
         ec.adapt(scene, second(first), accuracy=1e-3, strategy=Next())
 
 
+@pytest.mark.broad
 def test_scene_that_does_not_fit_a_later_mesh():
     """Friction with a dip that only the second mesh sees."""
 
@@ -278,6 +280,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_memory_that_really_ends(tmp_path):
     with started(MEMORY, 1, tmp_path) as process:
@@ -342,6 +345,7 @@ for folder in (None, "kept", None):
 """
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_interrupted_runs_keep_their_histories(ranks, tmp_path):

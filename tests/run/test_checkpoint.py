@@ -133,6 +133,7 @@ def run(problem, meshes, folder=None, comm=COMM, **more):
     return ec.adapt(scene, domain, 0.01, max_steps=meshes, checkpoint=folder, **settings, **more)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("of_space", "of_joined")
 @pytest.mark.parametrize("problem", RUNS)
 def test_the_same_call_goes_on(problem, shared_tmp_path):
@@ -407,6 +408,7 @@ def test_a_newer_format_is_refused(whole, tmp_path, monkeypatch):
 # --------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_every_third_mesh_and_the_last_one(shared_tmp_path):
     history = run(of_flat_body, 5, shared_tmp_path, every=3)
     assert Folder(shared_tmp_path).numbers() == [1, 4, 5]
@@ -415,6 +417,7 @@ def test_every_third_mesh_and_the_last_one(shared_tmp_path):
     assert len(again.meshes) == 4
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("folder removed")
 @pytest.mark.parametrize("fault", ["full disk", "folder removed"])
 def test_a_run_that_cannot_be_kept_returns_its_result(fault, shared_tmp_path, caplog):
@@ -474,6 +477,7 @@ t.run(t.{problem}, 40, "kept", callback=tell)
 """
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("problem", "ranks"), [(of_flat_body, 1), (of_pair, 2)])
 def test_killed_runs_go_on(problem, ranks, tmp_path):
@@ -537,6 +541,7 @@ os._exit(0)  # at the usual end PETSc takes the handler away
 """
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_signals_do_no_harm_to_a_factorisation(tmp_path):
     """SIGTERM comes at any moment of it, at most 5 ms after the last.

@@ -92,6 +92,7 @@ def test_a_curved_body_from_rest(strategy):
     assert "at rest" in rest.outcome
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_steps_are_those_by_hand(whole):
     """Without refinement; these steps have the accuracy of the first mesh."""
@@ -114,6 +115,7 @@ def test_steps_are_those_by_hand(whole):
     assert whole.outcome in str(whole)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_energy(whole):
     """The energy residual on fixed meshes is below the square of the error of the pairs; see the formulas."""
@@ -154,6 +156,7 @@ def lifted(t):
     return moved_box(2, 0.1 + 0.3 * t**2, PRESS * (1.02 - t), MU * (2.0 - t))[0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_dissipation_is_of_second_order_in_time():
     """Half as long steps have a quarter of the error."""
@@ -249,6 +252,7 @@ def test_dissipation_where_a_contact_opens():
     assert np.all(taken - work <= most + 1e-15)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("d", [2, 3])
 def test_energy_of_loads(d):
@@ -319,6 +323,7 @@ def test_an_interrupt_ends_a_history_with_whole_steps(where):
     assert history.column("time")[-1] == CYCLE[len(history.steps) - 1]
 
 
+@pytest.mark.broad
 def test_a_damaged_step_is_made_again(shared_tmp_path):
     """All steps after it, too: they depend on it."""
     folder = shared_tmp_path / "run"
@@ -342,6 +347,7 @@ def test_a_damaged_step_is_made_again(shared_tmp_path):
         )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_folder_goes_on(whole, shared_tmp_path, monkeypatch):
     """The same call after an end in the middle.
@@ -396,6 +402,7 @@ def test_steps_that_do_not_converge_are_halved(monkeypatch, longest):
         assert "t = 0" in history.outcome
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_steps_as_short_as_the_path_asks():
     """Pressed and sheared in proportion is a straight path without gap.
@@ -414,6 +421,7 @@ def test_steps_as_short_as_the_path_asks():
     assert straight.column("time").tolist() == [0.0, 0.5, 1.0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_steps_as_short_as_the_accuracy_of_the_energy_asks():
     """Each step leaves no more of its energy unknown than asked, or less than the mesh; turns end the halving."""
@@ -428,6 +436,7 @@ def test_steps_as_short_as_the_accuracy_of_the_energy_asks():
             assert unknown <= max(share * (row.dissipated - before.dissipated), of_mesh)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_what_is_written(whole, shared_tmp_path):
     whole.save(shared_tmp_path, pictures=True)
@@ -540,6 +549,7 @@ def test_a_loop_is_drawn_where_something_slides_with_friction(whole):
     assert not _slides(without.profile("bottom"))
 
 
+@pytest.mark.broad
 def test_a_weight_alone_is_written(shared_tmp_path):
     """No part of the boundary has a support or a load."""
 
@@ -605,6 +615,7 @@ def test_what_is_no_history():
     assert len(failure.value.history.steps) == 1
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("method0")
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
 def test_the_contact_part_of_e_follows_from_what_is_returned(method):

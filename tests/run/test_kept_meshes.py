@@ -51,6 +51,7 @@ def test_checkpoints_keep_apart_what_touches_at_a_point(shared_tmp_path):
         assert not np.isin(nodes[first], nodes[second]).any()
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_run_writes_inside_its_folder_whatever_parts_are_called(tmp_path, monkeypatch):
     """Table, fields, report and pictures of contacts with names that act, escape or are too long."""
@@ -75,6 +76,7 @@ def test_a_run_writes_inside_its_folder_whatever_parts_are_called(tmp_path, monk
         assert whole["part"].asstr()[()] == called["bottom"]
 
 
+@pytest.mark.broad
 def test_a_kept_run_goes_on_with_its_rules(shared_tmp_path):
     def domain():
         return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).named({"foot": ec.where(y=0.0)})
@@ -116,6 +118,7 @@ def adapted(meshes, folder, comm=COMM):
     return ec.adapt(scene, domain, 0.01, max_steps=meshes, checkpoint=folder, method=ec.Nitsche())
 
 
+@pytest.mark.broad
 def test_a_checkpoint_keeps_a_split_domain(shared_tmp_path):
     folder = shared_tmp_path / "run"
     whole = adapted(3, None)

@@ -1257,6 +1257,7 @@ def test_save_where_something_stands_in_the_way(way, block, shared_tmp_path):
     refused(lambda: history.save(folder), "results", error=error)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_no_rank_waits_for_one_that_failed(tmp_path):
     """Some of the tests above on two ranks, with a time in which they must have ended."""
@@ -1494,6 +1495,7 @@ for call in 2 * calls:
 """
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_misspelled_argument_beside_a_new_mesh(ranks, tmp_path):

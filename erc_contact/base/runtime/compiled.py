@@ -122,8 +122,7 @@ def _find_or_compile(
     key = key or _key(source, form_compiler_options, jit_options)
     ranks = lasting(comm)
     if not _all_known(ranks, [key]):
-        (compiled,), module = compile_objects(ranks, [source], form_compiler_options, c_code)
-        _known[key] = compiled, module, (None, None)
+        _compile({key: source}, ranks, form_compiler_options)
     return _known[key]
 
 
@@ -142,18 +141,21 @@ def together(
     options = {"scalar_type": np.float64}
     sources = [*(renumber(form) for form in forms), *expressions]
     keys = [_key(source, options, None) for source in sources]
-    # Two contacts may have the same expression, which a module has once.
-    by_key = dict(zip(keys, sources, strict=True))
     if not refused() and not _all_known(comm, keys):
         with method_caches_off():
-            objects, module = compile_objects(comm, list(by_key.values()), options, c_code)
-        for key, compiled_object in zip(by_key, objects, strict=True):
-            _known[key] = compiled_object, module, (None, None)
+            _compile(dict(zip(keys, sources, strict=True)), comm, options)
     of_expressions = zip(expressions, keys[len(forms) :], strict=True)
     return (
         [form(integrals) for integrals in forms],
         [expression(value, points, comm, key) for (value, points), key in of_expressions],
     )
+
+
+def _compile(sources: dict[Any, Any], comm: MPI.Comm, options: Any) -> None:
+    """Compile or load forms and expressions, given by their keys; collective."""
+    objects = compile_objects(comm, list(sources.values()), options, c_code)
+    for key, (compiled_object, library) in zip(sources, objects, strict=True):
+        _known[key] = compiled_object, library, (None, None)
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:

@@ -6,6 +6,10 @@ of what the C compiler then reads are cffi's own, the same in each module; setup
 which calls it, and cffi's reader of declarations take as long again. Here FFCx's code
 is compiled as it is, with the linker in one call, and opened. DOLFINx gets the same
 structs and functions.
+
+What a scene needs is compiled together, and found one by one: beside the libraries
+there is a note for each form, which says where it is. So a scene compiles only the
+forms that no scene before it had, in this process or in another one.
 """
 
 from __future__ import annotations
@@ -20,9 +24,10 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fcntl import LOCK_EX, flock
-from functools import cache
+from functools import cache, partial
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cffi
 import ffcx
@@ -60,11 +65,11 @@ class FormLibrary:
 @dolfinx_jit.mpi_jit_decorator
 def compile_objects(
     sources: list[Any], options: dict[str, Any], c_code: Callable[..., str]
-) -> tuple[list[Any], FormLibrary]:
-    """Return FFCx's objects for forms and expressions, and their library; collective.
+) -> list[tuple[Any, FormLibrary]]:
+    """Return FFCx's objects for forms and expressions, and their libraries; collective.
 
-    The decorator adds the communicator as first argument of a call. Rank 0 compiles,
-    and the others load what it has made.
+    The decorator adds the communicator as first argument of a call. Rank 0 compiles
+    what is missing, in one library, and the others load what it has made.
 
     Args:
         sources: Forms, and pairs of an expression and its reference points.
@@ -78,26 +83,90 @@ def compile_objects(
     settings = dolfinx_jit.get_options()
     flags = list(settings["cffi_extra_compile_args"])
     flags += [f"-l{library}" for library in settings["cffi_libraries"] or ()]
-    # The name knows all that decides on the code, and so do the names of the objects.
+    # The names know all that decides on the code.
     tag = jit._compute_option_signature(ffcx_options) + jit._compilation_signature(flags, False)
-    library_name = "liberc_contact_forms_" + naming.compute_signature(sources, tag)
+    signatures = [naming.compute_signature([source], tag) for source in sources]
+    folder = Path(settings["cache_dir"])
+    found = {signature: _find(folder, signature) for signature in signatures}
     # Contacts that are alike have the same expression, which C may define once only.
-    different: dict[str, Any] = {}
-    order = []
-    for number, source in enumerate(sources):
-        if isinstance(source, ufl.Form):
-            name = naming.form_name(source, number, library_name)
-        else:
-            name = naming.expression_name(source, library_name)
-        different[name] = source
-        order.append(name)
+    missing: dict[str, Any] = {}
+    for signature, source in zip(signatures, sources, strict=True):
+        if found[signature] is None:
+            missing[signature] = source
+    if missing:
+        found |= _compiled(missing, folder, flags, partial(c_code, options=ffcx_options))
+    objects = []
+    for signature in signatures:
+        place = found[signature]
+        assert place is not None
+        objects.append((place.library.objects([place.name])[0], place.library))
+    return objects
+
+
+class _Place(NamedTuple):
+    """Hold where a form or expression is.
+
+    Attributes:
+        library: The library, opened.
+        name: The name of its struct in C.
+    """
+
+    library: FormLibrary
+    name: str
+
+
+def _compiled(
+    sources: dict[str, Any], folder: Path, flags: Sequence[str], c_code: Callable[..., str]
+) -> dict[str, _Place]:
+    """Compile forms and expressions in one library, and note where each is.
+
+    Args:
+        sources: They, by their signatures.
+        folder: The folder of compiled forms.
+        flags: Options of the compiler.
+        c_code: Writes the code of sources, with a beginning of the names.
+    """
+    name = "liberc_contact_forms_" + sha256("".join(sources).encode()).hexdigest()[:40]
 
     def code() -> str:
-        return c_code(list(different.values()), library_name, ffcx_options)
+        return c_code(list(sources.values()), name)
 
-    path = Path(settings["cache_dir"]) / f"{library_name}.so"
-    library = form_library(path, flags, code)
-    return library.objects(order), library
+    path = compile_once(folder / f"{name}.so", lambda path: _compile(code(), path, flags))
+    places = {}
+    for number, (signature, source) in enumerate(sources.items()):
+        if isinstance(source, ufl.Form):
+            name_in_c = naming.form_name(source, number, name)
+        else:
+            name_in_c = naming.expression_name(source, name)
+        places[signature] = _Place(opened(path), name_in_c)
+        # A temporary folder of this process alone needs no notes.
+        if path.parent == folder:
+            note = _note(folder, signature)
+            written = note.with_suffix(f".{os.getpid()}")
+            written.write_text(f"{path.name} {name_in_c}")
+            written.replace(note)
+    return places
+
+
+def _find(folder: Path, signature: str) -> _Place | None:
+    """Find a compiled form or expression by its signature, None if it is not there."""
+    note = _note(folder, signature)
+    if not note.exists():
+        return None
+    library, name_in_c = note.read_text().split()
+    path = folder / library
+    return _Place(opened(path), name_in_c) if path.exists() else None
+
+
+def _note(folder: Path, signature: str) -> Path:
+    """Return the path of the note that says where a form or expression is."""
+    return folder / f"erc_contact_{signature}.form"
+
+
+@cache
+def opened(path: Path) -> FormLibrary:
+    """Open a library once in a process."""
+    return FormLibrary(ctypes.CDLL(str(path)), _structs())
 
 
 def form_library(path: Path, flags: Sequence[str], code: Callable[[], str]) -> FormLibrary:
@@ -111,8 +180,7 @@ def form_library(path: Path, flags: Sequence[str], code: Callable[[], str]) -> F
     Raises:
         RuntimeError: If the C compiler fails.
     """
-    path = compile_once(path, lambda path: _compile(code(), path, flags))
-    return FormLibrary(ctypes.CDLL(str(path)), _structs())
+    return opened(compile_once(path, lambda path: _compile(code(), path, flags)))
 
 
 def compile_once(path: Path, compile_to: Callable[[Path], None]) -> Path:

@@ -148,13 +148,18 @@ class Hierarchy:
         self._share = None
         self.matrix.setOption(PETSc.Mat.Option.SPD, False)
         self._sum.change(change)
-        if self._coarse is None:
+        if self._exact is not None:
+            self.factorise()
+        elif self._coarse is None:
             self._multigrid.setUp()
         else:
             self._coarse.follow(change)
 
     def factorise(self) -> None:
-        """Replace the hierarchy by a factor of its matrix."""
+        """Replace the hierarchy by a factor of its matrix, which follows changes."""
+        if self._exact is not None:
+            self._exact.destroy()
+            self.pc.destroy()
         entries = self._sum.entries()
         self._exact = factorise(entries)
         entries.destroy()
@@ -223,6 +228,37 @@ def free_motions(model: Model, matrix: PETSc.Mat) -> PETSc.NullSpace:
         vector.array[model.fixed.ravel()[:owned]] = 0.0
         vectors.append(vector)
     return PETSc.NullSpace().create(vectors=orthonormal(vectors), comm=matrix.comm)
+
+
+def hold(stiffness: PETSc.Mat, motions: list[PETSc.Vec]) -> None:
+    """Add a spring for each of the free motions to a stiffness, in place.
+
+    It is at the component that the motion moves most, after the motions before it are
+    held, and as stiff as the diagonal there.
+
+    Args:
+        stiffness: The matrix [force/length].
+        motions: The motions, which are changed.
+    """
+    diagonal = stiffness.getDiagonal()
+    springs = diagonal.duplicate()
+    springs.set(0.0)
+    unit = diagonal.duplicate()
+    for number, motion in enumerate(motions):
+        size = motion.copy()
+        size.abs()
+        row, _ = size.max()
+        size.destroy()
+        unit.set(0.0)
+        unit.setValue(row, 1.0)
+        unit.assemble()
+        springs.axpy(unit.dot(diagonal), unit)
+        for later in motions[number + 1 :]:
+            later.axpy(-unit.dot(later) / unit.dot(motion), motion)
+    diagonal.axpy(1.0, springs)
+    stiffness.setDiagonal(diagonal)
+    for done in (diagonal, springs, unit):
+        done.destroy()
 
 
 class CoarseMatrices:

@@ -22,6 +22,8 @@ converges with 200.
 """
 CG_LIMIT = 500
 """Limit of the iterations of conjugate gradients; 15 to 60 are usual."""
+FACTOR_LIMIT = 5
+"""The same with a factor of the matrix, after which only round-off is left."""
 TRIAL = 20
 """Iterations after which conjugate gradients may give up."""
 SLOW = 0.85
@@ -117,6 +119,7 @@ def conjugate_gradients(
     x: PETSc.Vec,
     tolerance: float,
     *,
+    limit: int = CG_LIMIT,
     hurried: bool = False,
 ) -> float:
     """Solve linear equations by conjugate gradients, as far as it goes.
@@ -128,6 +131,7 @@ def conjugate_gradients(
         b: Right side.
         x: The first guess, which becomes the solution, in place.
         tolerance: Residual over b at which it stops [-].
+        limit: Number of iterations after which it stops.
         hurried: Whether it gives up after :data:`TRIAL` iterations that are slow.
 
     Returns:
@@ -139,7 +143,7 @@ def conjugate_gradients(
     ksp.setOperators(matrix, preconditioned)
     ksp.setType("cg")
     ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-    ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=CG_LIMIT)
+    ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=limit)
     ksp.setInitialGuessNonzero(True)
     trial = _Trial(tolerance * b.norm())
     if hurried:

@@ -9,6 +9,7 @@ cycle does A alone. W and S are made once, for the first matrix.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,7 @@ from erc_contact.base.exceptions import NotConverged
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.face_motions import EliminatedFaces, FaceMotions
 from erc_contact.newton.linear.krylov import conjugate_gradients, preconditioner, shell
-from erc_contact.newton.linear.multigrid import ROUGH, TRY_DIRECT, Multigrid
+from erc_contact.newton.linear.multigrid import ROUGH, TRY_DIRECT, Multigrid, Way
 
 LIFTING = 1e-2
 """Tolerance of W, which only preconditions [-]."""
@@ -81,9 +82,17 @@ class LooseMultigrid(Multigrid):
         super().cycle(x, y)
         y.array[:] += self._motions_of_faces.respond(x.array_r)
 
+    def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
+        """Return what makes the preconditioners for K without the motions of faces.
+
+        K has the faces at rest, and a factor of K is not exact.
+        """
+        return [self._cycle, self._factor_of_sum]
+
     def _iterate(
         self,
         matrix: PETSc.Mat,
+        way: Way,
         b: PETSc.Vec,
         x: PETSc.Vec,
         tolerance: float,
@@ -111,14 +120,16 @@ class LooseMultigrid(Multigrid):
             force.axpy(-1.0, followed)
 
         def precondition(force: PETSc.Vec, v: PETSc.Vec) -> None:
-            hierarchy.pc.apply(force, v)
+            way.pc.apply(force, v)
             v.array[:] += motions.respond(force.array_r) / hierarchy.scale
 
         operator = shell(times, b)
         if self.model.free_motions and matrix is self.operator:
             operator.setNullSpace(matrix.getNullSpace())
         pc = preconditioner(precondition, operator)
-        left = conjugate_gradients(operator, pc, operator, b, x, tolerance, hurried=hurried)
+        left = conjugate_gradients(
+            operator, pc, operator, b, x, tolerance, limit=way.limit, hurried=hurried
+        )
         for done in (pc, operator, free, followed):
             done.destroy()
         return left
@@ -140,7 +151,7 @@ class LooseMultigrid(Multigrid):
 
         def solve(force: PETSc.Vec, x: PETSc.Vec) -> None:
             force.scale(self.hierarchy.scale)
-            left = iterate(matrix, force, x, LIFTING, None, hurried=self._hurried)
+            left = iterate(matrix, self._cycle(), force, x, LIFTING, None, hurried=self._hurried)
             if not left <= ENOUGH * LIFTING:
                 raise NotConverged(
                     f"Conjugate gradients with multigrid left {left:.0e} of the forces under the"

@@ -8,8 +8,9 @@ away from the contact.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -23,9 +24,18 @@ from erc_contact.base.sparse import as_entries
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
+from erc_contact.newton.linear.choice import factor_is_cheaper
 from erc_contact.newton.linear.elastic import ElasticEquations
-from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, weak_share
-from erc_contact.newton.linear.krylov import conjugate_gradients, fgmres, shell
+from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, hold, weak_share
+from erc_contact.newton.linear.krylov import (
+    CG_LIMIT,
+    FACTOR_LIMIT,
+    conjugate_gradients,
+    fgmres,
+    preconditioner,
+    shell,
+)
+from erc_contact.newton.linear.mumps import Factor, factorise
 from erc_contact.newton.linear.traces import IterativeTraces
 
 ROUGH, EXACT = 1e-4, 1e-12
@@ -43,6 +53,22 @@ DISTANCE_TOLERANCE = 0.1
 """Tolerance of the linear solve that measures the distance to the solution [-]."""
 ENOUGH = 1e3
 """A residual of so many tolerances is enough; what is left is balanced again [-]."""
+
+
+class Way(NamedTuple):
+    """Hold a preconditioner of conjugate gradients.
+
+    Attributes:
+        name: Its name in words.
+        pc: The preconditioner.
+        matrix: The matrix that it is for.
+        limit: Number of iterations that it may take.
+    """
+
+    name: str
+    pc: PETSc.PC
+    matrix: PETSc.Mat
+    limit: int
 
 
 class Multigrid(ElasticEquations):
@@ -68,6 +94,7 @@ class Multigrid(ElasticEquations):
         self.contact_size = int(model.space.comm.allreduce(glued, MPI.SUM))
         self._hurried = hurried
         self._hierarchy: Hierarchy | None = None
+        self._factor: tuple[Factor, PETSc.PC] | None = None
         self._matrix: PETSc.Mat | None = None
         self._operator: PETSc.Mat | None = None
 
@@ -123,7 +150,7 @@ class Multigrid(ElasticEquations):
             self.hierarchy.matrix,
             right,
             tolerance,
-            direct=self.contact_size == 0,
+            ways=[self._cycle] if self.contact_size else [self._cycle, self._factor_of_sum],
             hurried=self._hurried,
         )
 
@@ -134,7 +161,8 @@ class Multigrid(ElasticEquations):
 
         The loads must do no work on rigid motions that no support holds; u has no part
         in these motions. Without supports it is a correction, of which four digits are
-        right by default.
+        right by default. A factor of K solves where it costs less than the cycles, as
+        in the plane; slender bodies would take hundreds of them.
 
         Args:
             b: Nodal forces [force], whose ghost contributions are added up here.
@@ -142,14 +170,16 @@ class Multigrid(ElasticEquations):
                 zero.
             tolerance: Residual over the right side [-].
         """
-        self.hierarchy.set_share(weak_share(self.model))
+        ways = self._ways_of_stiffness()
+        if self._cycle in ways:
+            self.hierarchy.set_share(weak_share(self.model))
         right = self.right_side(b, supports=supports)
         if self.model.free_motions:
             motions = free_motions(self.model, self.matrix)
             self.operator.setNullSpace(motions)
             motions.remove(right)  # its part in the motions is round-off
         default = EXACT if supports else ROUGH
-        return self._solve_for(self.operator, right, tolerance or default)
+        return self._solve_for(self.operator, right, tolerance or default, ways=ways)
 
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
@@ -235,18 +265,24 @@ class Multigrid(ElasticEquations):
 
     @property
     def factorised(self) -> bool:
-        """Tell whether a hierarchy is in memory."""
-        return self._hierarchy is not None
+        """Tell whether a hierarchy or a factor is in memory."""
+        return self._hierarchy is not None or self._factor is not None
 
     def make(self) -> None:
-        """Make the hierarchy, if there is none; collective."""
+        """Make what solves, a hierarchy and maybe a factor; collective."""
         self.hierarchy.set_share(1.0)
+        if self._factor_of_stiffness == self._ways_of_stiffness()[0]:
+            self._factor_of_stiffness()
 
     def free(self) -> None:
         """Free K and the hierarchy; a later solve makes them again."""
         if self._hierarchy is not None:
             self._hierarchy.free()
             self._hierarchy = None
+        if self._factor is not None:
+            for made in self._factor:
+                made.destroy()
+            self._factor = None
         for matrix in (self._matrix, self._operator):
             if matrix is not None:
                 matrix.destroy()
@@ -303,7 +339,7 @@ class Multigrid(ElasticEquations):
         near: fem.Function | None = None,
         *,
         held: np.ndarray | None = None,
-        direct: bool = True,
+        ways: Sequence[Callable[[], Way]] | None = None,
         hurried: bool = False,
     ) -> fem.Function:
         """Solve for a right side, which is destroyed.
@@ -315,7 +351,8 @@ class Multigrid(ElasticEquations):
             near: A displacement that may be near [length].
             held: Which unknowns of this rank contacts read, if no jump moves in this
                 problem, shape (owned,).
-            direct: Whether a factor may take over where multigrid fails.
+            ways: Make the preconditioners that are tried in turn; None for a cycle, and
+                for a factor where cycles fail.
             hurried: Whether it gives up early where multigrid is slow.
 
         Raises:
@@ -333,12 +370,15 @@ class Multigrid(ElasticEquations):
             b.scale(1 / size)
             if near is not None:
                 x.array[:] = near.x.array[: self.owned] / size
-            left = self._iterate(matrix, b, x, tolerance, held, hurried=hurried)
-            if left > ENOUGH * tolerance and direct:
-                log = log_of(self.model.space.comm)
-                log.info("Multigrid left %.0e of the loads: a direct solver takes over.", left)
-                self.hierarchy.factorise()
-                left = self._iterate(matrix, b, x, tolerance, held)
+            left = np.inf
+            for make in ways or (self._cycle, self._factor_of_sum):
+                way = make()
+                left = self._iterate(matrix, way, b, x, tolerance, held, hurried=hurried)
+                if left <= ENOUGH * tolerance:
+                    break
+                log_of(self.model.space.comm).info(
+                    "Conjugate gradients left %.0e of the loads by %s.", left, way.name
+                )
             if not left <= ENOUGH * tolerance:
                 failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
                 if not np.isfinite(left):
@@ -353,6 +393,7 @@ class Multigrid(ElasticEquations):
     def _iterate(
         self,
         matrix: PETSc.Mat,
+        way: Way,
         b: PETSc.Vec,
         x: PETSc.Vec,
         tolerance: float,
@@ -361,10 +402,40 @@ class Multigrid(ElasticEquations):
         hurried: bool = False,
     ) -> float:
         """Return what conjugate gradients leave of b [-], see :meth:`_solve_for`."""
-        preconditioned = self.hierarchy.matrix
         return conjugate_gradients(
-            matrix, self.hierarchy.pc, preconditioned, b, x, tolerance, hurried=hurried
+            matrix, way.pc, way.matrix, b, x, tolerance, limit=way.limit, hurried=hurried
         )
+
+    def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
+        """Return what makes the preconditioners for K, in the order of trying."""
+        if factor_is_cheaper(self.model):
+            return [self._factor_of_stiffness]
+        return [self._cycle, self._factor_of_stiffness]
+
+    def _cycle(self) -> Way:
+        """Return a cycle of the hierarchy as a preconditioner."""
+        return Way("multigrid", self.hierarchy.pc, self.hierarchy.matrix, CG_LIMIT)
+
+    def _factor_of_sum(self) -> Way:
+        """Return a factor of the matrix of the hierarchy as a preconditioner."""
+        self.hierarchy.factorise()
+        return self._cycle()._replace(name="a factor")
+
+    def _factor_of_stiffness(self) -> Way:
+        """Return a factor of K as a preconditioner; the first call makes it.
+
+        A spring holds the body at one component for each motion that no support holds.
+        Under loads that do no work on these motions no spring carries a force, so that
+        the factor solves exactly. The glue of a slender body would be stiffer than its
+        bending.
+        """
+        if self._factor is None:
+            held = self.matrix.copy()
+            hold(held, free_motions(self.model, self.matrix).getVecs())
+            factor = factorise(held)
+            held.destroy()
+            self._factor = factor, preconditioner(factor.solve, self.matrix)
+        return Way("a factor", self._factor[1], self.matrix, FACTOR_LIMIT)
 
     def _assemble(self) -> None:
         """Assemble K in both forms."""
