@@ -23,6 +23,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from namedmesh.base.communicators import lasting
+from namedmesh.base.logs import log_of
 from namedmesh.base.ranks import from_first, gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
 from namedmesh.sides import boundary_sides, facets_of_cells
@@ -141,10 +142,23 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, shape: Any) -> None:
     moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, before, shape.nearest)
     on_surface = before + _held_back(mesh, before, before, moved_nodes, moves)
     numbers, moves = _balanced(mesh, marks, on_surface, shape)
-    after = on_surface + _held_back(mesh, before, on_surface, numbers, moves)
+    made = _held_back(mesh, before, on_surface, numbers, moves)
+    _tell_held_back(lasting(mesh.comm), moves, made[numbers])
+    after = on_surface + made
     size = lasting(mesh.comm).allreduce(float(abs(before).max(initial=0.0)), MPI.MAX)
     has_moved = abs(after - before).max(axis=1) > SETTLED * size
     geometry.x[has_moved, :d] = after[has_moved]
+
+
+def _tell_held_back(comm: MPI.Comm, wanted: np.ndarray, made: np.ndarray) -> None:
+    """Tell how many vertices do not go where facets keep the volume; collective."""
+    stay = comm.allreduce(int((wanted != made).any(axis=1).sum()), MPI.SUM)
+    if stay:
+        log_of(comm).info(
+            "%d vertices of curved sides stay on the true surface, as cells would be crushed: the "
+            "facets there do not keep the volume.",
+            stay,
+        )
 
 
 def _balanced(

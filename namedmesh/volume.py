@@ -35,7 +35,7 @@ from mpi4py import MPI
 from scipy import sparse  # type: ignore[import-untyped]
 from scipy.sparse.linalg import cg  # type: ignore[import-untyped]
 
-from namedmesh.simplex import edges, lagrange, mass, measures, rule
+from namedmesh.simplex import edges, lagrange, mass, measures, normals_across, rule
 
 TANGENT = 0.01
 """Least eigenvalue of normals that span a direction [-].
@@ -168,22 +168,12 @@ def _normals(
     _, number = np.unique(mark, return_inverse=True)
     known = np.bincount(number, np.isfinite(normals).all(axis=1))
     is_flat = known[number] == 0
-    corners = surface.x[surface.facets]
-    across = _across(corners)
+    across = normals_across(surface.x[surface.facets])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
     row = surface.number_of_pair(surface.facets, surface.marks[:, None])
     of_flat = is_flat[row]
     normals[row[of_flat]] = np.repeat(across[:, None], surface.dim, axis=1)[of_flat]
     return normals, is_flat
-
-
-def _across(corners: np.ndarray) -> np.ndarray:
-    """Return unit normals of facets (f, d, d), their signs open, shape (f, d)."""
-    sides = corners[:, 1:] - corners[:, :1]
-    if corners.shape[2] == 2:
-        normals = np.column_stack([sides[:, 0, 1], -sides[:, 0, 0]])
-    else:
-        normals = np.cross(sides[:, 0], sides[:, 1])
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def _offsets_of_middles(comm: MPI.Comm, surface: MarkedSurface, shape: object) -> np.ndarray:

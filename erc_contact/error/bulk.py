@@ -22,7 +22,7 @@ from namedmesh.base.ranks import distinct_rows
 from namedmesh.for_solvers import sides_of_facets, slivers, tag_table
 from namedmesh.simplex import bernstein
 
-SECOND_ORDER = {2: 28.0, 3: 12.0}
+SECOND_ORDER = {2: 36.0, 3: 14.0}
 """Factor of the energy that the kinks between facets release, by dimension [-].
 
 A surface whose height varies with the wave length h is as if tractions acted on it. On
