@@ -1,39 +1,147 @@
-"""Read all decks of a folder, count what is taken, and solve what is taken.
+"""Read all decks of a folder, count what is taken, solve it, and compare with CalculiX.
 
-    python benchmarks/decks.py FOLDER [--solve] [PATTERN]
+    python benchmarks/decks.py FOLDER [--solve] [--ccx] [PATTERN]
 
-The test suite of CalculiX is such a folder (Debian: calculix-ccx-test).
+The test suite of CalculiX is such a folder (Debian: calculix-ccx-test). ``--solve`` has
+the error of each deck that is taken; ``--ccx`` runs ``ccx`` on it, too, and has the
+greatest difference of the displacements at vertices, and of the forces on supports.
 """
 
 import logging
+import re
+import subprocess
 import sys
+import tempfile
 import time
 from collections import Counter
+from itertools import combinations
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 import erc_contact as ec
+from namedmesh.files.displacements import displacement_of
+from namedmesh.files.reading import read
 
 MOST_CELLS = 5000
 """Greatest number of cells of a deck that is solved."""
+INWARD = 1e-4
+"""Share of the way to the middle of a cell at which a vertex is evaluated [-]."""
+UP_TO_A_MOTION = "displacements are up to such a motion"
+"""What a deck tells whose displacements have rigid motions that nothing holds."""
+LONGEST = 300
+"""Longest run of CalculiX [s]."""
 
 
-def fate(path: Path, *, solve: bool) -> tuple[str, list[str], str]:
-    """Return what becomes of a deck: a word, refused cards, and a sentence."""
+def fate(path: Path, *, solve: bool, with_ccx: bool) -> tuple[str, ec.Deck | None, list[str], str]:
+    """Return what becomes of a deck: a word, itself, refused cards, and a sentence."""
     try:
-        deck = ec.read_deck(path)
+        deck = ec.read_deck(path, penalty="kept")
         scene = deck.scene
     except ec.InputError as reason:
         lines = [line.strip() for line in str(reason).splitlines() if line.startswith("  *")]
-        return "refused", [line.split(" (")[0] for line in lines], str(reason)
+        return "refused", None, [line.split(" (")[0] for line in lines], str(reason)
     if not deck.times:
-        return "no step", [], ""
+        return "no step", deck, [], ""
     if not solve or deck.domain.cells > MOST_CELLS:
-        return "taken", [], ""
+        return "taken", deck, [], ""
     try:
-        error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, deck.domain, degree=2)))
+        if isinstance(scene.material, ec.Plastic):
+            result: Any = ec.evolve(deck.scene_at, deck.domain, deck.times, accuracy=0.9, degree=2)
+            eps = result.steps[-1].eps
+        else:
+            result = ec.solve(scene, deck.domain, degree=2)
+            eps = ec.constitutive_error(ec.equilibrate(result)).relative
+        words = f"eps {eps:.3g}, {deck.domain.cells} cells"
+        if with_ccx:
+            words += f", {differences(path, deck, result)}"
     except ec.ErcContactError as reason:
-        return "not solved", [], str(reason)
-    return "solved", [], f"eps {error.relative:.3g}, {deck.domain.cells} cells"
+        return "not solved", deck, [], str(reason)
+    return "solved", deck, [], words
+
+
+def differences(path: Path, deck: ec.Deck, result: Any) -> str:
+    """Return the greatest differences from CalculiX, in words."""
+    sets = [support.facets for support in deck.scene.supports if " " not in support.facets]
+    prints = "".join(f"*NODE PRINT, NSET={name}, TOTALS=ONLY\nRF\n" for name in sets)
+    text = path.read_text("latin-1")
+    text = re.sub(r"(?im)^\*end ?step", f"*NODE FILE\nU\n{prints}*END STEP", text)
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "job.inp").write_text(text)
+        subprocess.run(
+            ["ccx", "job"], cwd=folder, capture_output=True, timeout=LONGEST, check=False
+        )
+        frd = Path(folder) / "job.frd"
+        if not frd.is_file():
+            return "ccx has no result"
+        field = displacement_of(read(frd, "frd", numbered=False))
+        table = (Path(folder) / "job.dat").read_text("latin-1")
+    d = deck.plan.d
+    x = field.points[: field.vertices]
+    places = (x + INWARD * field.inward[: field.vertices])[:, :d]
+    theirs = field.values[: field.vertices, :d]
+    if d == 2:  # CalculiX makes a layer of a plane body
+        is_top = x[:, 2] == x[:, 2].max()
+        places, theirs = places[is_top], theirs[is_top]
+    ours = np.full(theirs.shape, np.nan)
+    for i, place in enumerate(places):
+        try:
+            ours[i] = np.asarray(result.at(place).displacement).reshape(-1, d)[-1]
+        except ec.InputError:  # beside a curved side
+            continue
+    is_inside = ~np.isnan(ours[:, 0])
+    places, theirs, ours = places[is_inside], theirs[is_inside], ours[is_inside]
+    if any(UP_TO_A_MOTION in note.words for note in deck.assumed):
+        ring = getattr(deck.scene.material, "hypothesis", "") == "axisymmetric"
+        theirs = without_motions(places, theirs, ring=ring)
+        ours = without_motions(places, ours, ring=ring)
+    scale = abs(theirs).max()
+    words = f"u {abs(ours - theirs).max() / scale:.1%}" if scale else "u is 0"
+    is_pushed = bool(deck.scene.loads) or any(s.is_moved for s in deck.scene.supports)
+    if isinstance(result, ec.Evolution) or not is_pushed:
+        return words  # forces on a single support of a body that is warm alone are zero
+    forces = forces_of(table)
+    greatest = 0.0
+    apart = 0.0
+    for support in deck.scene.supports:
+        name = support.facets
+        if name.upper() in forces:
+            # Nodes of the set may be held by other sets in other components.
+            is_held = np.array([value is not None for value in support.value])
+            of_ccx = forces[name.upper()][:d]
+            of_us = np.array(result.force(name).force) * deck.plan.thickness
+            greatest = max(greatest, float(abs(of_ccx).max()))
+            apart = max(apart, float(abs((of_us - of_ccx) * is_held).max()))
+    words += f", F {apart / greatest:.1%}" if greatest else ""
+    return words
+
+
+def without_motions(x: np.ndarray, u: np.ndarray, *, ring: bool) -> np.ndarray:
+    """Return displacements (n, d) less the rigid motion that is nearest to them."""
+    n, d = x.shape
+    motions = [np.tile(row, (n, 1)) for row in np.eye(d)]
+    for i, j in combinations(range(d), 2):
+        turn = np.zeros((n, d))
+        turn[:, i] = x[:, j]
+        turn[:, j] = -x[:, i]
+        motions.append(turn)
+    if ring:
+        motions = motions[1:2]
+    columns = np.array([motion.ravel() for motion in motions]).T
+    amounts = np.linalg.lstsq(columns, u.ravel(), rcond=None)[0]
+    return u - (columns @ amounts).reshape(n, d)
+
+
+def forces_of(table: str) -> dict[str, np.ndarray]:
+    """Return the last total force on each set of nodes of a table of CalculiX."""
+    result = {}
+    lines = table.splitlines()
+    for number, line in enumerate(lines):
+        if "total force" in line:
+            name = line.split("for set")[1].split()[0]
+            result[name] = np.array([float(word) for word in lines[number + 2].split()])
+    return result
 
 
 def main() -> None:
@@ -42,25 +150,39 @@ def main() -> None:
     folder = Path(arguments[0])
     pattern = arguments[1] if len(arguments) > 1 else "*.inp"
     logging.disable(logging.WARNING)
+    with_ccx = "--ccx" in sys.argv
     counts: Counter[str] = Counter()
     cards: Counter[str] = Counter()
     alone: Counter[str] = Counter()
+    taken: Counter[str] = Counter()
+    assumed: Counter[str] = Counter()
     for path in sorted(folder.glob(pattern)):
-        begin = time.perf_counter()
+        begin = time.process_time()
+        deck = None
+        refused: list[str] = []
         try:
-            word, refused, sentence = fate(path, solve="--solve" in sys.argv)
+            solve = with_ccx or "--solve" in sys.argv
+            word, deck, refused, sentence = fate(path, solve=solve, with_ccx=with_ccx)
         except Exception as reason:  # a fault of the package is counted
-            word, refused, sentence = "FAULT", [], repr(reason)
+            word, sentence = "FAULT", repr(reason)
         counts[word] += 1
         cards.update(set(refused))
         if len(set(refused)) == 1:
             alone[refused[0]] += 1
-        seconds = time.perf_counter() - begin
+        if deck is not None:
+            taken.update(list(deck.taken))
+            assumed.update({note.card for note in deck.assumed})
+        seconds = time.process_time() - begin
         shown = ", ".join(sorted(set(refused))) or sentence.replace("\n", " ")[:300]
         print(f"{path.name:28s} {word:10s} {seconds:6.1f}  {shown}", flush=True)
     print(dict(counts))
-    print("refused cards, in decks:", cards.most_common(40))
-    print("refused alone:", alone.most_common(40))
+    for name, of_cards in (
+        ("taken cards, in decks:", taken),
+        ("assumed cards, in decks:", assumed),
+        ("refused cards, in decks:", cards),
+        ("refused alone:", alone),
+    ):
+        print(name, of_cards.most_common(40))
 
 
 main()

@@ -34,7 +34,9 @@ def layer(rng: np.random.Generator) -> Pair:
     domain = ec.rectangle((0.0, 0.0), (length, 2.0), cells=(int(length * rows / 2), rows))
     load = ec.Traction("top", (lambda x: 0.1 * np.exp(-((x[0] / 4) ** 2)), -0.1))
     contact = ec.Contact("bottom", friction=float(rng.uniform(0, 0.6)))
-    return ec.Scene(ec.Elastic(1e3, 0.3), ec.Symmetry("left"), load, contact), domain
+    return ec.Scene(
+        ec.Elastic(1e3, 0.3), [ec.Displacement("left", (0.0, None))], [load], [contact]
+    ), domain
 
 
 def compact(rng: np.random.Generator) -> Pair:
@@ -43,7 +45,7 @@ def compact(rng: np.random.Generator) -> Pair:
     domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(2 * rows, rows))
     top = ec.Displacement("top", (float(rng.uniform(0, 0.02)), -0.02))
     contact = ec.Contact("bottom", friction=float(rng.uniform(0, 0.6)))
-    return ec.Scene(ec.Elastic(1e3, 0.3), top, contacts=contact), domain
+    return ec.Scene(ec.Elastic(1e3, 0.3), [top], contacts=[contact]), domain
 
 
 def ring(rng: np.random.Generator) -> Pair:
@@ -53,7 +55,7 @@ def ring(rng: np.random.Generator) -> Pair:
     domain = ec.rectangle((1.0, 0.0), (1.0 + width, 1.0), cells=(int(width * rows) + 1, rows))
     material = ec.Elastic(1e3, 0.3, hypothesis="axisymmetric")
     contact = ec.Contact("bottom", friction=float(rng.uniform(0, 0.6)))
-    return ec.Scene(material, ec.Displacement("top", (None, -0.01)), contacts=contact), domain
+    return ec.Scene(material, [ec.Displacement("top", (None, -0.01))], contacts=[contact]), domain
 
 
 def two_bodies(rng: np.random.Generator) -> Pair:
@@ -70,7 +72,7 @@ def two_bodies(rng: np.random.Generator) -> Pair:
     pushed = ec.Displacement("upper top", (0.002, lambda x: -0.002 * (1 + 0.3 * np.cos(x[0] / 7))))
     friction = float(rng.uniform(0, 0.6))
     contact = ec.Contact("upper bottom", against="lower top", friction=friction)
-    return ec.Scene(ec.Elastic(1e3, 0.3), [held, pushed], contacts=contact), domain
+    return ec.Scene(ec.Elastic(1e3, 0.3), [held, pushed], contacts=[contact]), domain
 
 
 def in_3d(rng: np.random.Generator) -> Pair:
@@ -82,7 +84,7 @@ def in_3d(rng: np.random.Generator) -> Pair:
     domain = ec.box((0.0, 0.0, 0.0), (*sides, 1.0), cells=cells)
     top = ec.Displacement("top", (0.01, 0.0, -0.02))
     contact = ec.Contact("bottom", friction=float(rng.uniform(0, 0.6)))
-    return ec.Scene(ec.Elastic(1e3, 0.3), top, contacts=contact), domain
+    return ec.Scene(ec.Elastic(1e3, 0.3), [top], contacts=[contact]), domain
 
 
 def seconds(scene: ec.Scene, domain: ec.Domain, degree: int, solver: str) -> float:

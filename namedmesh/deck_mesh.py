@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from namedmesh.files.abaqus_cards import Card, cards_of
 from namedmesh.files.abaqus_tables import DeckSpace, ElementCard, Tables, tables_of
 from namedmesh.files.building import Built, build_simplices, faces_within, spread_from
 from namedmesh.files.cleaning import Body, body_of
-from namedmesh.files.displacements import edge_nodes
+from namedmesh.files.displacements import edge_nodes, values_between
 from namedmesh.files.faces import Faces, faces_of
 from namedmesh.files.file_mesh import SHAPES, ElementSet, FacetSet, FileMesh
 from namedmesh.files.of_abaqus import FACES, blocks_of
@@ -334,13 +335,19 @@ class DeckMesh:
         inside = np.isin(self.simplicial.parents, cells)
         return self.simplicial.x[self.simplicial.cells[inside]]
 
-    def with_values(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return points, corners of simplices, and values at all points.
+    def with_values(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return what a field that is quadratic in the simplices is made of.
 
-        Points inside cells that are split have the mean of the corners.
+        Points inside cells that are split have the mean of the corners, and middles of
+        edges of simplices the value of the cell there.
 
         Args:
             values: Values at the points of the deck, shape (n,).
+
+        Returns:
+            Points, corners of simplices, values at all points, and values at the
+            middles of the edges of each simplex, in the order of
+            ``itertools.combinations``.
         """
         simplices = self.simplicial
         of_cells = np.zeros(self.body.count)
@@ -349,7 +356,29 @@ class DeckMesh:
         every = np.zeros(len(simplices.x))
         every[simplices.cells] = of_cells[simplices.parents][:, None]
         every[: len(values)] = values
-        return simplices.x, simplices.cells, every
+        known, at_middle = self._values_between(values)
+        ends = simplices.cells[:, list(combinations(range(self.d + 1), 2))]
+        edges = self._edge_numbers(ends)
+        place = np.searchsorted(known, edges).clip(max=len(known) - 1)
+        between = np.where(known[place] == edges, at_middle[place], every[ends].mean(axis=2))
+        return simplices.x, simplices.cells, every, between
+
+    def _values_between(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return numbers of edges and diagonals of cells, sorted, and values there."""
+        numbers = []
+        at_middle = []
+        for number in self.body.blocks:
+            block = self.tables.blocks[number].block
+            second = block.nodes.shape[1] > block.corners.shape[1]
+            for a, b, value in values_between(self.mesh, block, values, second=second):
+                numbers.append(self._edge_numbers(self.body.same[block.nodes[:, [a, b]]]))
+                at_middle.append(value)
+        known, first = np.unique(np.concatenate(numbers), return_index=True)
+        return known, np.concatenate(at_middle)[first]
+
+    def _edge_numbers(self, ends: np.ndarray) -> np.ndarray:
+        """Return a number of each edge by its ends, shape (..., 2)."""
+        return np.asarray(ends.min(axis=-1) * len(self.simplicial.x) + ends.max(axis=-1))
 
     @cached_property
     def bodies(self) -> np.ndarray:

@@ -1,6 +1,8 @@
-"""Compute the resultants of loads on bodies, to tell whether points must carry them."""
+"""Compute the resultants of loads on bodies, and the reactions of points to them."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -16,39 +18,59 @@ UNBALANCED = 1e-6
 """Resultant over the sum of all forces and moments that is not zero [-]."""
 
 
-def unbalanced_bodies(
+def reactions_of(
     reading: DeckReading,
     loads: list[LoadedFaces],
     volumes: list[tuple[Entry, np.ndarray, tuple[Affine, ...]]],
-    free: dict[int, np.ndarray],
+    body: int,
+    free: np.ndarray,
+    acting: np.ndarray,
     *,
     ring: bool,
-) -> list[int]:
-    """Return bodies on which the loads are not in balance in motions that are free.
+) -> list[tuple[Entry, np.ndarray]] | None:
+    """Return the reactions of points that are in balance with loads.
+
+    A load does the work w on the rigid motions of a body that its faces leave free.
+    Where R are the displacements of the held points along their components in these
+    motions, the reactions r have ``R^T r = -w``; of several the least are taken.
 
     Args:
         reading: The deck.
         loads: Loads on faces.
         volumes: Forces per volume: entry, cells and values.
-        free: Motions of each body that faces leave free, columns of rigid motions.
+        body: Number of the body.
+        free: Its motions that faces leave free, as columns, shape (3 or 6, k).
+        acting: R, shape (n, k).
         ring: Whether the body is axisymmetric.
+
+    Returns:
+        An entry of loads that act together, and the reactions to them [force], shape
+        (n,), of each history; None if no reactions are in balance with them.
     """
     mesh = reading.mesh
+    works = []
+    for load in loads:
+        faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
+        works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
+    for entry, cells, value in volumes:
+        corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
+        works.append((entry, _work(corners, value, ring=ring)))
+    # Loads that act together may be in balance with each other.
+    together: dict[Any, tuple[Entry, np.ndarray]] = {}
+    for entry, work in works:
+        history = (tuple(entry.times), tuple(entry.factors), entry.begin, entry.end)
+        first, before = together.get(history, (entry, 0.0))
+        together[history] = (first, before + work)
     result = []
-    for body, motions in free.items():
-        works = []
-        for load in loads:
-            faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
-            works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
-        for entry, cells, value in volumes:
-            points = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
-            works.append((entry, _work(points, value, ring=ring)))
-        for t in reading.steps.times:
-            terms = [entry.factor(t) * work for entry, work in works]
-            total, size = np.sum(terms, axis=0) if terms else (np.zeros(len(motions)), 0.0)
-            if (abs(motions.T @ total) > UNBALANCED * np.max(size)).any():
-                result.append(body)
-                break
+    for entry, (work, size) in together.values():
+        along = free.T @ work
+        least = UNBALANCED * size.max()
+        if (abs(along) <= least).all():
+            continue
+        found = np.linalg.lstsq(acting.T, -along, rcond=UNBALANCED)[0]
+        if (abs(acting.T @ found + along) > least).any():
+            return None
+        result.append((entry, found))
     return result
 
 

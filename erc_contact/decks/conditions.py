@@ -6,7 +6,7 @@ elements; see :mod:`erc_contact.decks.supports` and :mod:`erc_contact.decks.load
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,8 @@ NAMED_SUPPORTS = {
     "ZASYMM": (1, 2),
 }
 """Supports of Abaqus by their names: first and last component."""
+EQUAL = 1e-6
+"""Relative difference of numbers of a deck that is none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,11 @@ def read_step(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     reading.current = None
     reading.steps.open(jumps=card.get("AMPLITUDE").upper() == "STEP")
     if card.has("NLGEOM") and card.get("NLGEOM").upper() != "NO":
-        reading.told.assume(card, "NLGEOM: displacements are taken as small")
+        reading.told.assume(
+            card,
+            "NLGEOM: displacements are taken as small; the solution tells where rotations, strains "
+            "or the statics of displaced bodies say that they are not",
+        )
     if card.has("PERTURBATION"):
         reading.told.assume(card, "PERTURBATION: the step begins without the loads before")
 
@@ -389,17 +395,57 @@ def read_temperature(reading: DeckReading, card: Card, space: DeckSpace) -> None
         reading.steps.renew("warmth")
     amplitude = reading.amplitude(card)
     for nodes, values in _nodal_values(reading, card, space):
-        reading.steps.add("warmth", (nodes.tobytes(),), Warmth(nodes, values, card), amplitude)
+        key = (nodes.tobytes(),)
+        for earlier in reading.steps.acting("warmth", key):
+            _warm_anew(reading, earlier, nodes)
+        reading.steps.add("warmth", key, Warmth(nodes, values, card), amplitude)
+
+
+def _warm_anew(reading: DeckReading, earlier: Entry, nodes: np.ndarray) -> None:
+    """End the share of an earlier temperature that is of nodes which are given anew."""
+    warmth: Warmth = earlier.what
+    is_anew = np.isin(warmth.nodes, nodes)
+    if not is_anew.any():
+        return
+    stays = Warmth(warmth.nodes[~is_anew], warmth.values[~is_anew], warmth.card)
+    fades = replace(
+        earlier, what=Warmth(warmth.nodes[is_anew], warmth.values[is_anew], warmth.card)
+    )
+    earlier.what = stays
+    reading.steps.entries["warmth"].append(fades)
+    reading.steps.fade(fades)
 
 
 def read_initial(reading: DeckReading, card: Card, space: DeckSpace) -> None:
-    """Read temperatures of nodes at the beginning."""
+    """Read temperatures of nodes, or stresses of elements, at the beginning."""
     kind = card.get("TYPE").upper()
-    if kind != "TEMPERATURE":
-        reading.told.refuse(card, f"TYPE={kind}: TEMPERATURE alone is read.")
+    if card.has("USER") or kind not in ("TEMPERATURE", "STRESS"):
+        said = ", ".join(filter(None, [kind, "USER" if card.has("USER") else ""]))
+        reading.told.refuse(card, f"TYPE={said}: TEMPERATURE and STRESS in lines are read.")
+    elif kind == "STRESS":
+        _read_stresses(reading, card, space)
+    else:
+        for nodes, values in _nodal_values(reading, card, space):
+            reading.initial.update(zip(nodes.tolist(), values.tolist(), strict=True))
+
+
+def _read_stresses(reading: DeckReading, card: Card, space: DeckSpace) -> None:
+    """Read stresses of elements: six components, in CalculiX behind a point of each."""
+    if reading.mesh.d != 3:
+        reading.told.refuse(card, "stresses of bodies in space alone are read.")
         return
-    for nodes, values in _nodal_values(reading, card, space):
-        reading.initial.update(zip(nodes.tolist(), values.tolist(), strict=True))
+    for row in card.rows:
+        numbers = [number_of(card, word) for word in row[1:]][-6:]
+        if len(row) not in (7, 8):
+            reading.told.refuse(card, f"a line has {len(row)} words; give the six components.")
+            return
+        xx, yy, zz, xy, xz, yz = numbers
+        stress = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+        for cell in reading.mesh.cells(row[0], space):
+            known = reading.stresses.setdefault(int(cell), (stress, card))[0]
+            if not np.allclose(known, stress, rtol=EQUAL):
+                reading.told.refuse(card, f"it varies inside element {row[0]}; give one value.")
+                return
 
 
 def _nodal_values(

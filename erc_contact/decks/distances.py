@@ -10,20 +10,21 @@ from typing import Any
 import numpy as np
 
 from erc_contact.base.ufl_tables import TableData, TableValue
-from namedmesh.for_solvers import closest
-
-STEP = 1e-4
-"""Step of differences, as a share of the mean edge [-]."""
+from erc_contact.decks.locating import Locator
+from namedmesh.for_solvers import DeckMesh
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnDistance:
     """Hold the distance of two surfaces in space, a callable of the position.
 
-    At a point of one of them it is the distance to the other surface.
+    At a point of one of them it is its height above the plane of the triangle of the
+    other surface that faces it, along the outward normal: negative where the bodies
+    overlap. The height above its own surface, which is zero, adds to it.
 
     Attributes:
-        here: Corners of the triangles of the first surface [length], shape (n, 3, 3).
+        here: Corners of the triangles of the first surface [length], shape (n, 3, 3),
+            counterclockwise as seen from outside.
         there: Corners of the triangles of the second surface, shape (m, 3, 3).
         beside: Distance that adds to it [length].
     """
@@ -57,13 +58,35 @@ class DrawnDistance:
         corners = np.concatenate([self.here, self.there]).reshape(-1, 3)
         return [np.unique(corners[:, i]) for i in range(3)]
 
+    @cached_property
+    def _locators(self) -> tuple[Locator, Locator]:
+        """Return what finds the triangles of points, on both surfaces."""
+        return Locator(self.here), Locator(self.there)
+
     def interpolated(self, places: np.ndarray, slope: int | None = None) -> np.ndarray:
         """Evaluate the distance, or a slope of it, at places (..., 3)."""
-        if slope is None:
-            flat = places.reshape(-1, 3)
-            total = closest(flat, self.here).distance + closest(flat, self.there).distance
-            return np.asarray(total).reshape(places.shape[:-1])
-        step = np.zeros(3)
-        step[slope] = STEP * np.linalg.norm(self.here[:, 1] - self.here[:, 0], axis=1).mean()
-        rise = self.interpolated(places + step) - self.interpolated(places - step)
-        return rise / (2 * step[slope])
+        flat = places.reshape(-1, 3)
+        total = np.zeros(len(flat))
+        for locator in self._locators:
+            triangle, _ = locator.locate(flat)
+            corners = locator.corners[triangle]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            if slope is None:
+                total += np.einsum("ni,ni->n", normals, flat - corners[:, 0])
+            else:
+                total += normals[:, slope]
+        return total.reshape(places.shape[:-1])
+
+
+def outward_triangles(mesh: DeckMesh, faces: np.ndarray) -> np.ndarray:
+    """Return the corners of triangles of faces, counterclockwise as seen from outside.
+
+    Shape (m, 3, 3).
+    """
+    corners = mesh.x[mesh.simplices(faces)]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = mesh.normals(faces)[mesh.owners_of_simplices(faces)]
+    is_inward = np.einsum("mi,mi->m", normals, outward) < 0
+    corners[is_inward] = corners[is_inward, ::-1]
+    return corners

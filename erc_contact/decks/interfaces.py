@@ -23,17 +23,9 @@ def read_interaction(reading: DeckReading, card: Card, space: DeckSpace) -> None
     reading.current = interaction
 
 
-def _interaction_of(reading: DeckReading, card: Card) -> Interaction | None:
-    """Return the law to which a card belongs; refuse the card without one."""
-    if isinstance(reading.current, Interaction):
-        return reading.current
-    reading.told.refuse(card, "it stands below no *SURFACE INTERACTION; put it there.")
-    return None
-
-
 def read_behavior(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the pressure over the overclosure."""
-    interaction = _interaction_of(reading, card)
+    interaction = reading.below(card, Interaction, "SURFACE INTERACTION")
     behavior = card.get("PRESSURE-OVERCLOSURE").upper() or "HARD"
     numbers = numbers_in(card)
     if interaction is None:
@@ -60,7 +52,7 @@ def read_behavior(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 def read_friction(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the coefficient of Coulomb's friction."""
-    interaction = _interaction_of(reading, card)
+    interaction = reading.below(card, Interaction, "SURFACE INTERACTION")
     if any(card.has(name) for name in ("USER", "ANISOTROPIC", "ROUGH")):
         reading.told.refuse(card, f"{', '.join(card.parameters)}: one coefficient alone is read.")
     elif interaction:
@@ -161,9 +153,8 @@ def read_distributing(reading: DeckReading, card: Card, space: DeckSpace) -> Non
 
 def _finish_coupling(reading: DeckReading, card: Card, *, rigid: bool) -> None:
     """Complete the coupling to which a card belongs."""
-    coupling = reading.current
-    if not isinstance(coupling, Grip):
-        reading.told.refuse(card, "it stands below no *COUPLING; put it there.")
+    coupling = reading.below(card, Grip, "COUPLING")
+    if coupling is None:
         return
     components: list[int] = []
     for line in range(len(card.lines)):

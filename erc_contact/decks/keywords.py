@@ -42,6 +42,11 @@ def _refused(name: str, meaning: str, said: str) -> Keyword:
     return Keyword(name, REFUSED, meaning, said)
 
 
+def _alike(fate: str, names: str, meaning: str, said: str) -> list[Keyword]:
+    """Return keywords that mean the same, of names with commas between."""
+    return [Keyword(name, fate, meaning, said) for name in names.split(", ")]
+
+
 OF_MESH = "`deck.domain`"
 """How cards of the mesh are said."""
 OUTPUT = ("what is written", "`history.save`, `history.at`, `history.force`")
@@ -60,11 +65,9 @@ KEYWORDS = (
     _taken("INCLUDE", "another file in the same folder", "it is read in its place"),
     _taken("SYSTEM", "coordinate system of nodes", OF_MESH),
     _taken("PART", "a part of Abaqus", OF_MESH),
-    _taken("END PART", "its end", OF_MESH),
+    *_alike(TAKEN, "END PART, END ASSEMBLY, END INSTANCE", "its end", OF_MESH),
     _taken("ASSEMBLY", "parts in their places", OF_MESH),
-    _taken("END ASSEMBLY", "its end", OF_MESH),
     _taken("INSTANCE", "a part in its place", OF_MESH),
-    _taken("END INSTANCE", "its end", OF_MESH),
     _taken("MATERIAL", "a material", "`ec.Scene(material, ...)`"),
     _taken("ELASTIC", "isotropic moduli, by temperature", "`ec.Elastic(E, nu)`"),
     _taken("EXPANSION", "isotropic thermal expansion", "`ec.ThermalStrain(alpha, T)`"),
@@ -86,7 +89,7 @@ KEYWORDS = (
     _taken(
         "BOUNDARY",
         "prescribed displacements of nodes, OP, AMPLITUDE",
-        "`ec.Displacement`; single nodes are left out where they stop rigid motions alone",
+        "`ec.Displacement`; of single nodes what stands above",
     ),
     _taken(
         "TRANSFORM",
@@ -101,7 +104,11 @@ KEYWORDS = (
     ),
     _taken("DSLOAD", "pressure on surfaces, TRVEC", "`ec.Traction(part, pressure=p)`"),
     _taken("TEMPERATURE", "temperatures of nodes", "`ec.ThermalStrain(alpha, T)`"),
-    _taken("INITIAL CONDITIONS", "TYPE=TEMPERATURE", "T of `ec.ThermalStrain` is the difference"),
+    _taken(
+        "INITIAL CONDITIONS",
+        "TYPE=TEMPERATURE, STRESS",
+        "T of `ec.ThermalStrain` is the difference; `ec.Eigenstrain`",
+    ),
     _taken("CONTACT PAIR", "two surfaces in contact", "`ec.Contact(slave, against=master)`"),
     _taken("SURFACE INTERACTION", "the law of a contact", "arguments of `ec.Contact`"),
     _taken(
@@ -118,40 +125,28 @@ KEYWORDS = (
     _taken("KINEMATIC", "the surface moves as the node", "`ec.Rigid(part, ...)`"),
     _taken("DISTRIBUTING", "the surface shares the force", "`ec.Traction`"),
     Keyword("HEADING", HARMLESS, "a title"),
-    Keyword("PREPRINT", HARMLESS, *OUTPUT),
-    Keyword("NODE PRINT", HARMLESS, *OUTPUT),
-    Keyword("NODE FILE", HARMLESS, *OUTPUT),
-    Keyword("NODE OUTPUT", HARMLESS, *OUTPUT),
-    Keyword("EL PRINT", HARMLESS, *OUTPUT),
-    Keyword("EL FILE", HARMLESS, *OUTPUT),
-    Keyword("ELEMENT OUTPUT", HARMLESS, *OUTPUT),
-    Keyword("CONTACT PRINT", HARMLESS, *OUTPUT),
-    Keyword("CONTACT FILE", HARMLESS, *OUTPUT),
-    Keyword("CONTACT OUTPUT", HARMLESS, *OUTPUT),
-    Keyword("SECTION PRINT", HARMLESS, *OUTPUT),
-    Keyword("FACE PRINT", HARMLESS, *OUTPUT),
-    Keyword("OUTPUT", HARMLESS, *OUTPUT),
-    Keyword("FILE FORMAT", HARMLESS, *OUTPUT),
-    Keyword("ENERGY PRINT", HARMLESS, *OUTPUT),
-    Keyword("ENERGY OUTPUT", HARMLESS, *OUTPUT),
-    Keyword("ENERGY FILE", HARMLESS, *OUTPUT),
-    Keyword("MONITOR", HARMLESS, *OUTPUT),
-    Keyword("PRINT", HARMLESS, *OUTPUT),
+    *_alike(
+        HARMLESS,
+        "PREPRINT, NODE PRINT, NODE FILE, NODE OUTPUT, EL PRINT, EL FILE, "
+        "ELEMENT OUTPUT, CONTACT PRINT, CONTACT FILE, CONTACT OUTPUT, "
+        "SECTION PRINT, FACE PRINT, OUTPUT, FILE FORMAT, ENERGY PRINT, "
+        "ENERGY OUTPUT, ENERGY FILE, MONITOR, PRINT, TIME POINTS",
+        *OUTPUT,
+    ),
     Keyword("RESTART", HARMLESS, "files to go on from; READ is not followed", "`checkpoint=`"),
-    Keyword("TIME POINTS", HARMLESS, *OUTPUT),
-    Keyword("CONTROLS", HARMLESS, *SOLVER),
-    Keyword("SOLVER", HARMLESS, *SOLVER),
-    Keyword("NO ANALYSIS", HARMLESS, *SOLVER),
-    Keyword("CONTACT CONTROLS", HARMLESS, *SOLVER),
+    *_alike(HARMLESS, "CONTROLS, SOLVER, NO ANALYSIS, CONTACT CONTROLS", *SOLVER),
     Keyword("CONTACT DAMPING", HARMLESS, "damping of a contact, which statics has not"),
     Keyword("DAMPING", HARMLESS, "damping, which statics has not"),
     Keyword("CONDUCTIVITY", HARMLESS, "heat conduction, which statics has not"),
     Keyword("SPECIFIC HEAT", HARMLESS, "heat capacity, which statics has not"),
     Keyword("GAP CONDUCTANCE", HARMLESS, "heat across a contact, which statics has not"),
     Keyword("PHYSICAL CONSTANTS", HARMLESS, "constants of heat and gravitation"),
-    Keyword("ORIENTATION", HARMLESS, "axes, which isotropic materials do not need"),
-    Keyword("MATERIAL ORIENTATION", HARMLESS, "axes, which isotropic materials do not need"),
-    Keyword("DISTRIBUTION", HARMLESS, "axes, which isotropic materials do not need"),
+    *_alike(
+        HARMLESS,
+        "ORIENTATION, MATERIAL ORIENTATION, DISTRIBUTION",
+        "axes, which isotropic materials do not need",
+        "",
+    ),
     _refused("EQUATION", "linear equations of displacements", "give the symmetry as a support"),
     _refused("MPC", "relations of displacements", "use *TIE, *COUPLING or a support"),
     _refused("CYCLIC SYMMETRY MODEL", "a sector of a wheel", "take the whole, or a half of it"),
@@ -168,9 +163,12 @@ KEYWORDS = (
     _refused("MODEL CHANGE", "elements or contacts that come and go", "one deck for each state"),
     _refused("CHANGE FRICTION", "friction that changes", "use `ec.evolve` with a scene of yours"),
     _refused("CHANGE SURFACE BEHAVIOR", "a law that changes", "one deck for each state"),
-    _refused("CHANGE MATERIAL", "a material that changes", "one deck for each state"),
-    _refused("CHANGE PLASTIC", "a material that changes", "one deck for each state"),
-    _refused("CHANGE SOLID SECTION", "a material that changes", "one deck for each state"),
+    *_alike(
+        REFUSED,
+        "CHANGE MATERIAL, CHANGE PLASTIC, CHANGE SOLID SECTION",
+        "a material that changes",
+        "one deck for each state",
+    ),
     _refused("HYPERELASTIC", "large strains", "linear elasticity: *ELASTIC"),
     _refused("HYPERFOAM", "large strains", "linear elasticity: *ELASTIC"),
     _refused("DEFORMATION PLASTICITY", "Ramberg and Osgood's law", "*PLASTIC with two lines"),
@@ -178,9 +176,7 @@ KEYWORDS = (
     _refused("CREEP", "creep", "keep the elastic law"),
     _refused("USER MATERIAL", "a subroutine", "`ec.Material`, a class of yours"),
     _refused("DEPVAR", "a subroutine", "`ec.Material`, a class of yours"),
-    _refused("DYNAMIC", "dynamics", STATICS),
-    _refused("MODAL DYNAMIC", "dynamics", STATICS),
-    _refused("STEADY STATE DYNAMICS", "dynamics", STATICS),
+    *_alike(REFUSED, "DYNAMIC, MODAL DYNAMIC, STEADY STATE DYNAMICS", "dynamics", STATICS),
     _refused("FREQUENCY", "frequencies", STATICS),
     _refused("COMPLEX FREQUENCY", "frequencies", STATICS),
     _refused("BUCKLE", "buckling", STATICS),
@@ -188,10 +184,7 @@ KEYWORDS = (
     _refused("HEAT TRANSFER", "heat conduction", "solve it, and give *TEMPERATURE"),
     _refused("COUPLED TEMPERATURE-DISPLACEMENT", "heat conduction", STATICS),
     _refused("UNCOUPLED TEMPERATURE-DISPLACEMENT", "heat conduction", STATICS),
-    _refused("CFLUX", "heat", "solve it, and give *TEMPERATURE"),
-    _refused("DFLUX", "heat", "solve it, and give *TEMPERATURE"),
-    _refused("FILM", "heat", "solve it, and give *TEMPERATURE"),
-    _refused("RADIATE", "heat", "solve it, and give *TEMPERATURE"),
+    *_alike(REFUSED, "CFLUX, DFLUX, FILM, RADIATE", "heat", "solve it, and give *TEMPERATURE"),
     _refused("SUBMODEL", "displacements of a larger model", "give them in *BOUNDARY"),
     _refused("SUBSTRUCTURE GENERATE", "a substructure", STATICS),
     _refused("GREEN", "a substructure", STATICS),

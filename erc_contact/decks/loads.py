@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
-from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Spin
+from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Pressure, Spin
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.nodal import NodalTable
-from erc_contact.decks.plan import Heat, Volume
+from erc_contact.decks.plan import Volume
 from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
 from namedmesh.for_solvers import components
@@ -58,26 +57,36 @@ def loaded_faces(
         name = load.name
         if not name:
             name = names.setdefault(load.faces.tobytes(), f"load {len(names) + 1}")
-        faces = load.faces[reading.mesh.outer[load.faces]]
-        if len(faces) < len(load.faces):
+        if not reading.mesh.outer[load.faces].all():
             reading.told.refuse(load.card, f"{name!r} has faces inside the body.")
-        elif isinstance(load, FaceTraction):
-            traction = tuple(constant(value, reading.mesh.d) for value in load.value)
-            result.append(LoadedFaces(name, faces, None, traction, entry, load.name))
-        else:
-            pressure = fitted(reading.mesh.centres(faces), load.values)
-            if pressure is None:
-                reading.told.refuse(
-                    load.card, f"the pressures of {name!r} are not linear in the position."
-                )
-                continue
-            result.append(LoadedFaces(name, faces, pressure, (), entry, load.name))
+            continue
+        of_faces = reading.shares[reading.mesh.cell_of_face[load.faces]]
+        for share in np.unique(of_faces):
+            there = of_faces == share
+            result += _with_share(reading, entry, name, there, float(share))
     for entry in reading.steps.entries.get("forces", []):
-        result += _of_nodes(reading, entry, held, sides, names, ring=ring, thickness=thickness)
+        load = replace(entry, what=replace(entry.what, forces=entry.what.forces / thickness))
+        result += forces_on_faces(reading, load, held, sides, names, ring=ring)
     return result
 
 
-def _of_nodes(
+def _with_share(
+    reading: DeckReading, entry: Entry, name: str, there: np.ndarray, share: float
+) -> list[LoadedFaces]:
+    """Return those faces of a load whose cells have a share of the thickness."""
+    load: FaceTraction | Pressure = entry.what
+    faces = load.faces[there]
+    if isinstance(load, FaceTraction):
+        traction = tuple(constant(value * share, reading.mesh.d) for value in load.value)
+        return [LoadedFaces(name, faces, None, traction, entry, load.name)]
+    pressure = fitted(reading.mesh.centres(faces), load.values[there] * share)
+    if pressure is None:
+        reading.told.refuse(load.card, f"the pressures of {name!r} are not linear in the position.")
+        return []
+    return [LoadedFaces(name, faces, pressure, (), entry, load.name)]
+
+
+def forces_on_faces(
     reading: DeckReading,
     entry: Entry,
     held: list[HeldFaces],
@@ -85,15 +94,23 @@ def _of_nodes(
     names: dict[Any, str],
     *,
     ring: bool,
-    thickness: float,
 ) -> list[LoadedFaces]:
-    """Return faces with the tractions that have the resultants of forces on nodes."""
+    """Return faces with the tractions that have the resultants of forces on nodes.
+
+    Args:
+        reading: The deck.
+        entry: The forces [force/thickness of a plane body].
+        held: Faces that the deck holds, which take no forces along what they hold.
+        sides: Faces of contacts and ties, which take no forces.
+        names: Names of nameless loads so far.
+        ring: Whether the body is axisymmetric.
+    """
     mesh = reading.mesh
     load: NodalForces = entry.what
     every = _in_coordinates(reading, load)
     acting = abs(every).max(axis=1) > 0
     nodes = load.nodes[acting]
-    forces = every[acting] / thickness
+    forces = every[acting]
     if not len(nodes):
         return []
     used = mesh.node_is_used[nodes]
@@ -101,6 +118,11 @@ def _of_nodes(
         number = mesh.numbers[nodes[~used][0]]
         reading.told.refuse(load.card, f"node {number} belongs to no solid element.")
         return []
+    if ring:
+        # The axis is no boundary.
+        outer = np.flatnonzero(mesh.outer)
+        on_axis = (mesh.x[mesh.corners(outer), 0] == 0.0).all(axis=1)
+        sides = np.union1d(sides, outer[on_axis])
     free = np.setdiff1d(mesh.within(_with_middles(reading, nodes)), sides)
     free = _free_faces(held, free, forces)
     result = []
@@ -112,7 +134,9 @@ def _of_nodes(
             result.append((faces, on))
     for i in np.flatnonzero(left):
         around = np.setdiff1d(mesh.around(mesh.corners_near(nodes[i : i + 1])), sides)
-        around = _free_faces(held, around, forces[i : i + 1])
+        # The moment of a traction may have components that the force has not.
+        whole = _free_faces(held, around, np.ones((1, mesh.d)))
+        around = whole if len(whole) else _free_faces(held, around, forces[i : i + 1])
         if not len(around):
             reading.told.refuse(
                 load.card,
@@ -245,38 +269,3 @@ def _force_per_mass(load: Gravity | Spin, d: int) -> tuple[Affine, ...]:
     for i in range(d):
         result.append(Affine(float(origin[i]), tuple(float(value) for value in slopes[i, :d])))
     return tuple(result)
-
-
-def heat_of(reading: DeckReading) -> list[Entry]:
-    """Return the changes of temperature, as values in the whole body."""
-    mesh = reading.mesh
-    every = np.flatnonzero(mesh.corner_count)
-    initial = np.array([reading.initial.get(int(node), 0.0) for node in every])
-    together: dict[Any, tuple[Entry, np.ndarray]] = {}
-    for entry in reading.steps.entries.get("warmth", []):
-        # Sets of nodes that warm up together are one field.
-        history = (tuple(entry.times), tuple(entry.factors))
-        _, change = together.setdefault(history, (entry, np.zeros(len(every))))
-        temperature = np.full(len(mesh.x), np.nan)
-        temperature[entry.what.nodes] = entry.what.values
-        is_given = ~np.isnan(temperature[every])
-        change[is_given] = temperature[every][is_given] - initial[is_given]
-    result = []
-    for entry, change in together.values():
-        field: Affine | NodalTable | None = fitted(mesh.x[every], change)
-        if field is None:
-            values = np.zeros(len(mesh.x))
-            values[every] = change
-            field = NodalTable(*mesh.with_values(values))
-        result.append(replace(entry, what=Heat(field)))
-    return result
-
-
-def temperature_of(reading: DeckReading) -> float | None:
-    """Return the temperature at the end of the deck; None if it is not one number."""
-    values = set()
-    for entry in reading.steps.entries.get("warmth", [])[-1:]:
-        values |= set(entry.what.values.tolist())
-    if not values:
-        values = set(reading.initial.values())
-    return values.pop() if len(values) == 1 else None

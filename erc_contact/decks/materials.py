@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection
-from erc_contact.decks.told import numbers_in
+from erc_contact.decks.heat import at_temperatures
+from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection, Tensor
+from erc_contact.decks.told import number_of, numbers_in
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic
 from namedmesh.for_solvers import Card, DeckSpace
@@ -29,17 +31,9 @@ def read_material(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     reading.current = material
 
 
-def _material_of(reading: DeckReading, card: Card) -> MaterialCards | None:
-    """Return the material to which a card belongs; refuse the card without one."""
-    if isinstance(reading.current, MaterialCards):
-        return reading.current
-    reading.told.refuse(card, "it stands below no *MATERIAL; put it there.")
-    return None
-
-
 def read_elastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read isotropic moduli, by temperature."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     if card.get("TYPE").upper() not in ISOTROPIC:
         reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic elasticity alone is read.")
     elif material:
@@ -48,16 +42,17 @@ def read_elastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 def read_expansion(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read coefficients of thermal expansion, by temperature."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     if card.get("TYPE").upper() not in ISOTROPIC:
         reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic expansion alone is read.")
     elif material:
         material.expansion = [numbers_in(card, line) for line in range(len(card.lines))]
+        material.zero = number_of(card, card.get("ZERO"))
 
 
 def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read the mass per volume."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     numbers = numbers_in(card)
     if material and numbers:
         material.density = numbers[0]
@@ -65,7 +60,7 @@ def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 def read_plastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read von Mises plasticity with linear hardening: one or two lines."""
-    material = _material_of(reading, card)
+    material = reading.below(card, MaterialCards, "MATERIAL")
     rows = [numbers_in(card, line) for line in range(len(card.lines))]
     hardening = card.get("HARDENING").upper()
     if hardening not in ("", "ISOTROPIC", "KINEMATIC"):
@@ -122,16 +117,29 @@ def hypothesis_of(reading: DeckReading) -> str:
 
 
 def thickness_of(reading: DeckReading, hypothesis: str) -> float:
-    """Return the thickness of a plane body [length]; 1 of another one."""
+    """Return the thickness of a plane body [length], the first of several; else 1.
+
+    In plane stress a cell of another thickness is as stiff as a cell of this thickness
+    whose moduli, density and pressures are times the share of its thickness.
+    """
+    reading.shares = np.ones(reading.mesh.body.count)
     if reading.mesh.d == 3 or hypothesis == AXISYMMETRIC:
         return 1.0
     values = {section.thickness: section.card for section in reading.sections}
-    if len(values) > 1:
-        numbers = ", ".join(f"{value:g}" for value in values)
-        card = list(values.values())[-1]
-        reading.told.refuse(card, f"thicknesses {numbers}: a plane body has one thickness.")
     thickness = next(iter(values), 1.0)
-    if thickness != 1.0:
+    numbers = ", ".join(f"{value:g}" for value in values)
+    card = list(values.values())[-1] if values else None
+    if card and len(values) > 1 and hypothesis != PLANE_STRESS:
+        reading.told.refuse(card, f"thicknesses {numbers}: in plane strain there is one.")
+    elif card and len(values) > 1:
+        reading.told.assume(
+            card,
+            f"thicknesses {numbers}: moduli, stresses, densities and pressures are times the "
+            f"thickness over {thickness:g}",
+        )
+        for section in reading.sections:
+            reading.shares[section.cells] = section.thickness / thickness
+    if card and thickness != 1.0:
         reading.told.assume(
             values[thickness],
             f"forces and energies are per unit of thickness: times {thickness:g} they are of the "
@@ -140,24 +148,19 @@ def thickness_of(reading: DeckReading, hypothesis: str) -> float:
     return thickness
 
 
-def at_temperature(rows: list[list[float]], column: int, temperature: float | None) -> list[float]:
-    """Return the values of a table by temperature, in its first columns.
-
-    Args:
-        rows: Values, then the temperature.
-        column: Number of the column of the temperature.
-        temperature: The temperature; None takes the first row.
-    """
-    if len(rows) == 1 or temperature is None:
-        return rows[0][:column]
-    temperatures = [row[column] if len(row) > column else 0.0 for row in rows]
-    return [
-        float(np.interp(temperature, temperatures, [row[i] for row in rows])) for i in range(column)
-    ]
+def thickened(material: MaterialCards, share: float) -> MaterialCards:
+    """Return a material of plane stress in cells with a share of the thickness."""
+    elastic = [[E * share, *others] for E, *others in material.elastic]
+    plastic = [[stress * share, *others] for stress, *others in material.plastic]
+    density = None if material.density is None else material.density * share
+    return replace(material, elastic=elastic, plastic=plastic, density=density)
 
 
 def material_of(
-    reading: DeckReading, material: MaterialCards, hypothesis: str, temperature: float | None
+    reading: DeckReading,
+    material: MaterialCards,
+    hypothesis: str,
+    temperatures: np.ndarray | None,
 ) -> Any:
     """Return a material of a scene; None if it is refused."""
     told = reading.told
@@ -165,9 +168,9 @@ def material_of(
         told.refuse(material.card, f"{material.name!r} has no *ELASTIC; give E and nu.")
         return None
     if len(material.elastic) > 1:
-        at = "the first temperature" if temperature is None else f"T = {temperature:g}"
+        at = "the first temperature" if temperatures is None else "the last temperatures"
         told.assume(material.card, f"{material.name!r}: moduli are taken at {at}")
-    E, nu, *_ = [*at_temperature(material.elastic, 2, temperature), 0.0]
+    E, nu, *_ = [*at_temperatures(reading.mesh, material.elastic, 2, temperatures), 0.0]
     if not material.plastic:
         return Elastic(E, nu, hypothesis=hypothesis)
     if hypothesis == PLANE_STRESS:
@@ -177,7 +180,7 @@ def material_of(
 
 
 def _plastic_of(
-    reading: DeckReading, material: MaterialCards, E: float, nu: float, hypothesis: str
+    reading: DeckReading, material: MaterialCards, E: Any, nu: Any, hypothesis: str
 ) -> Plastic:
     """Return the plastic law of a material."""
     rows = material.plastic
@@ -188,7 +191,7 @@ def _plastic_of(
             material.card, f"{material.name!r} hardens linearly, also beyond its last line"
         )
     if slope <= 0.0:
-        slope = LEAST_HARDENING * E
+        slope = LEAST_HARDENING * material.elastic[0][0]
         reading.told.assume(
             material.card,
             f"{material.name!r} has no hardening: it hardens by {slope:g}, 1% of E, as no error is "
@@ -198,15 +201,23 @@ def _plastic_of(
     return Plastic(E, nu, rows[0][0], hardening, kinematic, hypothesis=hypothesis)
 
 
-def expansions_of(
-    reading: DeckReading, materials: Mapping[str, MaterialCards], temperature: float | None
-) -> dict[str, float]:
-    """Return the coefficient of expansion of each region [1/temperature]."""
+def eigenstrains_of(
+    reading: DeckReading, regions: Mapping[str, np.ndarray], materials: Mapping[str, Any]
+) -> dict[str, Tensor]:
+    """Return the strain ``-C^-1 s`` of the stress s that regions have before all steps.
+
+    The stress of a body with this given strain is s where it is not strained.
+    """
     result = {}
-    for region, material in materials.items():
-        rows = material.expansion
-        if len(rows) > 1:
-            at = "the first temperature" if temperature is None else f"T = {temperature:g}"
-            reading.told.assume(material.card, f"{material.name!r}: expansion is taken at {at}")
-        result[region] = at_temperature(rows, 1, temperature)[0] if rows else 0.0
+    for region, cells in regions.items():
+        if int(cells[0]) not in reading.stresses:
+            continue
+        stress, card = reading.stresses[int(cells[0])]
+        material = materials[region]
+        if callable(material.E) or callable(material.nu):
+            reading.told.refuse(card, "its material has moduli that vary in the body.")
+            continue
+        s = np.array(stress)
+        strain = (material.nu * np.trace(s) * np.eye(3) - (1.0 + material.nu) * s) / material.E
+        result[region] = tuple(map(tuple, strain.tolist()))
     return result

@@ -1,19 +1,18 @@
-"""Hold values at the nodes of a deck, linear in its simplices, as a callable of x."""
+"""Hold values at the nodes of a deck, quadratic in its simplices, as functions of x."""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from erc_contact.base.ufl_tables import TableData, TableValue
+from erc_contact.decks.locating import Locator
 
-NEAREST = 24
-"""Number of simplices that are tried for a point, nearest middles first."""
 AT_ONCE = 20000
 """Number of points that are worked on at once."""
 
@@ -22,22 +21,25 @@ AT_ONCE = 20000
 class NodalTable:
     """Hold values at nodes, which scenes take as a callable of x.
 
-    It is linear in the simplices of the deck's mesh, whatever the mesh of the scene;
+    It is quadratic in the simplices of the deck's mesh, whatever the mesh of the scene;
     beyond them the nearest simplex goes on.
 
     Attributes:
         x: The nodes [length], shape (n, d).
         simplices: Their corners, shape (m, d+1).
         values: Values at the nodes, shape (n,).
+        between: Values at the middles of the edges of each simplex, in the order of
+            ``itertools.combinations``, shape (m, d(d+1)/2).
     """
 
     x: np.ndarray
     simplices: np.ndarray
     values: np.ndarray
+    between: np.ndarray
 
     def __post_init__(self) -> None:
         """Make arrays of lists, as code has them."""
-        for name in ("x", "simplices", "values"):
+        for name in ("x", "simplices", "values", "between"):
             object.__setattr__(self, name, np.asarray(getattr(self, name)))
 
     def __call__(self, x: Any) -> Any:
@@ -51,12 +53,13 @@ class NodalTable:
 
     def times(self, factor: float) -> NodalTable:
         """Return the values times a factor."""
-        return NodalTable(self.x, self.simplices, factor * self.values)
+        return replace(self, values=factor * self.values, between=factor * self.between)
 
     @cached_property
     def _digest(self) -> str:
         """Return a text that tells these numbers from other numbers."""
-        code = b"|".join(array.tobytes() for array in (self.x, self.simplices, self.values))
+        arrays = (self.x, self.simplices, self.values, self.between)
+        code = b"|".join(array.tobytes() for array in arrays)
         return hashlib.sha256(code).hexdigest()[:16]
 
     @property
@@ -65,15 +68,14 @@ class NodalTable:
         return [np.unique(self.x[:, i]) for i in range(self.x.shape[1])]
 
     @cached_property
-    def _tree(self) -> Any:
-        """Return a tree of the middles of the simplices."""
-        return cKDTree(self.x[self.simplices].mean(axis=1))
+    def _locator(self) -> Locator:
+        """Return what finds the simplices of points."""
+        return Locator(self.x[self.simplices])
 
     @cached_property
-    def _maps(self) -> np.ndarray:
-        """Return the maps to barycentric coordinates but the first, (m, d, d)."""
-        corners = self.x[self.simplices]
-        return np.linalg.inv(np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2))
+    def _ends(self) -> np.ndarray:
+        """Return the ends of the edges of a simplex, shape (2, edges)."""
+        return np.array(list(combinations(range(self.simplices.shape[1]), 2))).T
 
     def interpolated(self, places: np.ndarray, slope: int | None = None) -> np.ndarray:
         """Evaluate the values, or a slope of them, at places (..., d)."""
@@ -86,16 +88,15 @@ class NodalTable:
 
     def _at(self, places: np.ndarray, slope: int | None) -> np.ndarray:
         """Evaluate at places (n, d)."""
-        count = min(NEAREST, len(self.simplices))
-        _, near = self._tree.query(places, k=[*range(1, count + 1)])
-        origin = self.x[self.simplices[near, 0]]
-        later = np.einsum("nkij,nkj->nki", self._maps[near], places[:, None] - origin)
-        weights = np.concatenate([1.0 - later.sum(axis=2, keepdims=True), later], axis=2)
-        # The simplex that has the place, or is left least.
-        best = weights.min(axis=2).argmax(axis=1)
-        rows = np.arange(len(places))
-        values = self.values[self.simplices[near[rows, best]]]
+        chosen, at = self._locator.locate(places)
+        values = self.values[self.simplices[chosen]]
+        first, second = self._ends
+        # Beside the linear function stands 4 w_i w_j times what the middle is above it.
+        above = self.between[chosen] - 0.5 * (values[:, first] + values[:, second])
         if slope is None:
-            return np.einsum("nk,nk->n", weights[rows, best], values)
-        along = self._maps[near[rows, best], :, slope]
-        return np.einsum("nk,nk->n", along, values[:, 1:] - values[:, :1])
+            bumps = 4.0 * at[:, first] * at[:, second]
+            return np.asarray((at * values).sum(axis=1) + (bumps * above).sum(axis=1))
+        along = self._locator.maps[chosen, :, slope]
+        along = np.column_stack([-along.sum(axis=1), along])
+        rises = 4.0 * (at[:, first] * along[:, second] + at[:, second] * along[:, first])
+        return np.asarray((along * values).sum(axis=1) + (rises * above).sum(axis=1))

@@ -121,7 +121,9 @@ class DeckPlan:
         d: Dimension.
         material: Material of each region.
         thickness: Thickness by which forces are divided [length].
-        alphas: Coefficient of expansion of each region [1/temperature].
+        alphas: Coefficient of expansion of each region [1/temperature], a number or a
+            callable of x.
+        eigenstrains: Strains of regions at the beginning, 3 rows of 3 [-].
         planes: Parts on planes of symmetry.
         radials: Parts held along the radius of a cylinder.
         joints: Contacts, tied joints and cuts.
@@ -133,7 +135,8 @@ class DeckPlan:
     d: int
     material: Mapping[str, Any]
     thickness: float = 1.0
-    alphas: Mapping[str, float] = field(default_factory=dict)
+    alphas: Mapping[str, Any] = field(default_factory=dict)
+    eigenstrains: Mapping[str, Any] = field(default_factory=dict)
     planes: list[Plane] = field(default_factory=list)
     radials: list[Radial] = field(default_factory=list)
     joints: list[DeckJoint] = field(default_factory=list)

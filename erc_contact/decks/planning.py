@@ -7,26 +7,35 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.balance import unbalanced_bodies
+from erc_contact.decks.balance import reactions_of
 from erc_contact.decks.claims import INNER, Claims
 from erc_contact.decks.grips import (
+    Gripped,
     claim_cuts,
     gripped_faces,
     plan_cuts,
     plan_grips,
     shared_forces,
 )
+from erc_contact.decks.heat import expansions_of, heat_of, temperatures_of
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.loads import (
-    LoadedFaces,
-    heat_of,
-    loaded_faces,
-    temperature_of,
-    volumes_of,
+from erc_contact.decks.loads import LoadedFaces, loaded_faces, volumes_of
+from erc_contact.decks.materials import (
+    eigenstrains_of,
+    hypothesis_of,
+    material_of,
+    thickness_of,
 )
-from erc_contact.decks.materials import expansions_of, hypothesis_of, material_of, thickness_of
+from erc_contact.decks.pads import pads_of
 from erc_contact.decks.pairs import adjusted
 from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
+from erc_contact.decks.points import (
+    NO_FORCE,
+    follow_from_balance,
+    free_motions,
+    points_of_bodies,
+    reactions_as_loads,
+)
 from erc_contact.decks.reading import DeckReading, MaterialCards
 from erc_contact.decks.regions import regions_of
 from erc_contact.decks.sides import (
@@ -38,7 +47,7 @@ from erc_contact.decks.sides import (
     pairs_of,
     plan_pairs,
 )
-from erc_contact.decks.supports import NO_FORCE, RADIAL, SYMMETRY, HeldFaces, held_faces
+from erc_contact.decks.supports import RADIAL, SYMMETRY, HeldFaces, LonePoints, held_faces
 from erc_contact.scene.material import AXISYMMETRIC
 
 Members = dict[str, np.ndarray]
@@ -60,15 +69,16 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     hypothesis = hypothesis_of(reading)
     reading.is_ring = hypothesis == AXISYMMETRIC
     thickness = thickness_of(reading, hypothesis)
-    temperature = temperature_of(reading)
+    temperatures = temperatures_of(reading)
     regions, cards = regions_of(reading)
-    plan = DeckPlan(reading.mesh.d, _materials(reading, cards, hypothesis, temperature), thickness)
-    plan.alphas = expansions_of(reading, cards, temperature)
+    plan = DeckPlan(reading.mesh.d, _materials(reading, cards, hypothesis, temperatures), thickness)
+    plan.alphas = expansions_of(reading, cards, temperatures)
     plan.times = list(reading.steps.times)
     if told.refused:
         return plan, {}, {}
+    plan.eigenstrains = eigenstrains_of(reading, regions, plan.material)
     pairs = pairs_of(reading)
-    held = held_faces(reading)
+    held, lone = held_faces(reading)
     grips = gripped_faces(reading)
     free_of_supports(reading, pairs, held)
     sides = faces_of_pairs(pairs)
@@ -76,7 +86,9 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     loads += shared_forces(reading, grips, thickness)
     free_of_loads(reading, pairs, loads)
     volumes = volumes_of(reading, regions, cards)
-    _check_balance(reading, pairs, loads, volumes, regions)
+    reactions, pads = _supported_points(reading, lone, held, pairs, loads, volumes, regions)
+    loads += reactions
+    grips += pads
     if told.refused:
         return plan, {}, {}
     known = _known_sets(reading)
@@ -99,28 +111,46 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     return plan, regions, parts
 
 
-def _check_balance(
+def _supported_points(
     reading: DeckReading,
+    lone: list[LonePoints],
+    held: list[HeldFaces],
     pairs: list[Pair],
     loads: list[LoadedFaces],
     volumes: list[Entry],
     regions: Members,
-) -> None:
-    """Refuse points that were left out where they would carry the loads."""
-    if reading.loose is None:
-        return
-    card, shown, free = reading.loose
-    # What a contact carries is not known before the solution.
-    sides = [side.faces for pair in pairs for side in pair.sides]
-    in_pairs = reading.mesh.bodies[reading.mesh.cell_of_face[np.concatenate([NONE, *sides])]]
-    alone = {body: motions for body, motions in free.items() if body not in in_pairs}
-    every = np.concatenate(reading.mesh.body.numbers)
+) -> tuple[list[LoadedFaces], Gripped]:
+    """Return what stands for points that are held: their reactions, and rigid pads."""
+    mesh = reading.mesh
+    sides = np.concatenate([NONE, *(side.faces for pair in pairs for side in pair.sides)])
+    taken = [sides]
+    taken += [support.faces for support in held]
+    taken += [load.faces for load in loads]
+    in_pairs = mesh.bodies[mesh.cell_of_face[sides]]
+    every = np.concatenate(mesh.body.numbers)
     in_body = []
     for entry in volumes:
         region = entry.what.region
         in_body.append((entry, every if region is None else regions[region], entry.what.value))
-    if unbalanced_bodies(reading, loads, in_body, alone, ring=reading.is_ring):
-        reading.told.refuse(card, f"nodes {shown} {NO_FORCE}")
+    ring = reading.is_ring
+    reactions = []
+    pads: Gripped = []
+    for points in points_of_bodies(reading, lone):
+        free = free_motions(reading, held, points.body)
+        rows = points.rows(mesh.x, ring=ring)
+        acting = rows @ free
+        if points.values.any() or not follow_from_balance(reading, held, points, acting, rows):
+            pads += pads_of(reading, points, np.concatenate(taken))
+            continue
+        # What a contact carries is not known before the solution.
+        known = [] if points.body in in_pairs else loads
+        inside = [] if points.body in in_pairs else in_body
+        found = reactions_of(reading, known, inside, points.body, free, acting, ring=ring)
+        if found is None:
+            reading.told.refuse(points.card, f"{points.words()} {NO_FORCE}")
+        else:
+            reactions += reactions_as_loads(reading, held, points, found)
+    return reactions, pads
 
 
 def _known_sets(reading: DeckReading) -> Members:
@@ -152,14 +182,14 @@ def _materials(
     reading: DeckReading,
     cards: dict[str, MaterialCards],
     hypothesis: str,
-    temperature: float | None,
+    temperatures: np.ndarray | None,
 ) -> dict[str, Any]:
     """Return the material of each region; regions of one material share it."""
     made: dict[int, Any] = {}
     result = {}
     for region, material in cards.items():
         if id(material) not in made:
-            made[id(material)] = material_of(reading, material, hypothesis, temperature)
+            made[id(material)] = material_of(reading, material, hypothesis, temperatures)
         result[region] = made[id(material)]
     return result
 

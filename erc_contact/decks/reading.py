@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from namedmesh.for_solvers import Card, DeckMesh, DeckSpace
 
 TINY = 1e-300
 """Radius of a point on the axis [length]."""
+Parent = TypeVar("Parent")
+"""Type of what cards belong to."""
+Tensor = tuple[tuple[float, ...], ...]
+"""Components of a tensor, rows of rows."""
 
 
 @dataclass
@@ -24,6 +28,7 @@ class MaterialCards:
         card: The card *MATERIAL.
         elastic: Rows E, nu and temperature.
         expansion: Rows alpha and temperature.
+        zero: Temperature from which alpha is a mean.
         density: Mass per volume; None if it has none.
         plastic: Rows yield stress, plastic strain and temperature.
         kinematic: Whether the hardening is kinematic.
@@ -33,6 +38,7 @@ class MaterialCards:
     card: Card
     elastic: list[list[float]] = field(default_factory=list)
     expansion: list[list[float]] = field(default_factory=list)
+    zero: float = 0.0
     density: float | None = None
     plastic: list[list[float]] = field(default_factory=list)
     kinematic: bool = False
@@ -188,8 +194,8 @@ class DeckReading:
         penalty: "hard" or "kept": what a pressure over an overclosure is.
         steps: Its steps, with what they prescribe.
         is_ring: Whether the body is axisymmetric.
-        loose: Card and numbers of points that are left out as they stop rigid motions
-            alone, and the motions of each body that faces leave free.
+        stresses: The stress [force/area] of a cell at the beginning, and its card.
+        shares: Thickness of each cell over the thickness of the body, else 1 [-].
         current: What the cards belong to that come next: a material, an interaction, a
             coupling.
     """
@@ -199,7 +205,7 @@ class DeckReading:
     penalty: str
     steps: Steps = field(default_factory=Steps)
     is_ring: bool = False
-    loose: tuple[Card, str, dict[int, np.ndarray]] | None = None
+    shares: np.ndarray = field(default_factory=lambda: np.empty(0))
     current: Any = None
     materials: dict[str, MaterialCards] = field(default_factory=dict)
     sections: list[SolidSection] = field(default_factory=list)
@@ -211,6 +217,14 @@ class DeckReading:
     pretensions: list[Pretension] = field(default_factory=list)
     transforms: list[Axes] = field(default_factory=list)
     initial: dict[int, float] = field(default_factory=dict)
+    stresses: dict[int, tuple[Tensor, Card]] = field(default_factory=dict)
+
+    def below(self, card: Card, kind: type[Parent], keyword: str) -> Parent | None:
+        """Return what a card belongs to; refuse a card that stands below no keyword."""
+        if isinstance(self.current, kind):
+            return self.current
+        self.told.refuse(card, f"it stands below no *{keyword}; put it there.")
+        return None
 
     def amplitude(self, card: Card) -> Amplitude | None:
         """Return the amplitude that a card names, None if it names no amplitude."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.decks.reading import DeckReading, MaterialCards
+from erc_contact.decks.materials import thickened
+from erc_contact.decks.reading import DeckReading, MaterialCards, Tensor
 
 
 def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, MaterialCards]]:
     """Return the cells and the material of each region.
 
-    A region has one section, and its cells are connected.
+    A region has one section and one stress at the beginning, and its cells are
+    connected.
 
     Returns:
         The cells, and the materials, by the names of the regions.
@@ -30,20 +32,33 @@ def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, M
         )
         return {}, {}
     pieces = _pieces(reading)
-    keys = np.column_stack([section_of_cell[cells], pieces[cells]])
+    stresses = _numbers_of_stresses(reading)
+    keys = np.column_stack([section_of_cell[cells], pieces[cells], stresses[cells]])
     found, region_of_cell = np.unique(keys, axis=0, return_inverse=True)
     members = [np.sort(cells[region_of_cell.ravel() == i]) for i in range(len(found))]
-    names = _names(reading, [int(section) for section, _ in found], members)
+    names = _names(reading, [int(section) for section in found[:, 0]], members)
     regions = dict(zip(names, members, strict=True))
     materials = {}
-    for name, (number, _) in zip(names, found, strict=True):
+    made: dict[tuple[str, float], MaterialCards] = {}
+    for name, number in zip(names, found[:, 0], strict=True):
         section = reading.sections[number]
         material = reading.materials.get(section.material)
         if material is None:
             reading.told.refuse(section.card, f"no *MATERIAL is called {section.material!r}.")
             return {}, {}
-        materials[name] = material
+        share = float(reading.shares[regions[name][0]])
+        key = (section.material, share)
+        materials[name] = made.setdefault(key, thickened(material, share))
     return regions, materials
+
+
+def _numbers_of_stresses(reading: DeckReading) -> np.ndarray:
+    """Return a number of the stress that each cell has at the beginning, 0 without."""
+    numbers = np.zeros(reading.mesh.body.count, dtype=np.int64)
+    known: dict[Tensor, int] = {}
+    for cell, (stress, _) in reading.stresses.items():
+        numbers[cell] = known.setdefault(stress, len(known) + 1)
+    return numbers
 
 
 def _pieces(reading: DeckReading) -> np.ndarray:

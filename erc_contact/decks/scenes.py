@@ -12,7 +12,7 @@ from erc_contact.decks.plan import DeckJoint, DeckPlan, Plane, Radial, RigidPart
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.load import BodyForce, Traction
 from erc_contact.scene.scene import Scene
-from erc_contact.scene.strain import ThermalStrain
+from erc_contact.scene.strain import Eigenstrain, ThermalStrain
 from erc_contact.scene.support import Displacement, Rigid
 from erc_contact.scene.tied import Preload, Tied
 
@@ -95,10 +95,11 @@ def _loads(plan: DeckPlan, t: float) -> list[Any]:
     return loads
 
 
-def _strains(plan: DeckPlan, t: float) -> list[ThermalStrain]:
-    """Return the strain of heat at a time."""
+def _strains(plan: DeckPlan, t: float) -> list[Any]:
+    """Return the strains of the beginning, and the strain of heat at a time."""
+    strains: list[Any] = [Eigenstrain(plan.eigenstrains)] if plan.eigenstrains else []
     if not any(plan.alphas.values()):
-        return []
+        return strains
     linear = constant(0.0, plan.d)
     changes: list[Any] = []
     for entry in plan.at("heat", t):
@@ -111,7 +112,7 @@ def _strains(plan: DeckPlan, t: float) -> list[ThermalStrain]:
         changes.append(linear.value)
     values = set(plan.alphas.values())
     alpha: Any = values.pop() if len(values) == 1 else dict(plan.alphas)
-    return [ThermalStrain(alpha, change) for change in changes]
+    return strains + [ThermalStrain(alpha, change) for change in changes]
 
 
 def _contact(joint: DeckJoint) -> Contact:

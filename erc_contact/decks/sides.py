@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from erc_contact.decks.claims import Claims
-from erc_contact.decks.distances import DrawnDistance
+from erc_contact.decks.distances import DrawnDistance, outward_triangles
 from erc_contact.decks.loads import LoadedFaces
 from erc_contact.decks.pairs import distance_between, surfaces_of
 from erc_contact.decks.plan import DeckJoint, DeckPlan
@@ -163,8 +163,8 @@ def plan_pairs(
                 found = distance_between(mesh, parts[here], parts[there])
                 if len(found.faces):
                     joint = _joint(reading, facing, here, there, found.greatest)
-                    sides = [mesh.x[mesh.simplices(parts[name])] for name in (here, there)]
                     if joint.apart and mesh.d == 3:
+                        sides = [outward_triangles(mesh, parts[name]) for name in (here, there)]
                         joint = replace(joint, drawn=DrawnDistance(sides[0], sides[1], joint.gap))
                     plan.joints.append(joint)
 

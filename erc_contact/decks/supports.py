@@ -18,15 +18,8 @@ from erc_contact.decks.reading import Axes, DeckReading
 
 FLAT = 1e-6
 """Sine of an angle that is none [-]."""
-DIGITS = 6
-"""Digits to which directions of motions are compared."""
-NO_FORCE = (
-    "are held as points, which carry no force in a continuum: hold a set of nodes that has whole "
-    "faces."
-)
-"""What is said of points that would carry a force."""
-RANK = 1e-9
-"""Singular value that is none, as a share of the greatest [-]."""
+LonePoints = tuple[Entry, np.ndarray, int]
+"""An entry, points of its nodes that no face holds, and a component from 0."""
 
 
 @dataclass
@@ -60,11 +53,11 @@ SYMMETRY, RADIAL = -1, -2
 """Components that are no component of the coordinates."""
 
 
-def held_faces(reading: DeckReading) -> list[HeldFaces]:
-    """Return the faces that the deck holds; tell of nodes that are points."""
+def held_faces(reading: DeckReading) -> tuple[list[HeldFaces], list[LonePoints]]:
+    """Return the faces that the deck holds, and points that it holds beside them."""
     mesh = reading.mesh
     result: list[HeldFaces] = []
-    points: list[tuple[Entry, np.ndarray, int]] = []
+    points: list[LonePoints] = []
     names: dict[Any, str] = {}
     for entry in reading.steps.entries.get("held", []):
         held: Held = entry.what
@@ -76,7 +69,8 @@ def held_faces(reading: DeckReading) -> list[HeldFaces]:
         if not name:
             # Components of the same nodes are one part.
             name = names.setdefault(held.nodes.tobytes(), f"support {len(names) + 1}")
-        axes = _axes_of(reading, held)
+        # What does not move at all does not move along any axis.
+        axes = None if _is_fixed(reading, held) else _axes_of(reading, held)
         is_used = mesh.node_is_used[held.nodes]
         nodes = held.nodes[is_used]
         if not is_used.all():
@@ -105,8 +99,7 @@ def held_faces(reading: DeckReading) -> list[HeldFaces]:
         is_on_axis = reading.is_ring & (held.component == 1) & (mesh.x[nodes, 0] == 0.0)
         if not (on_faces | is_on_axis).all():
             points.append((entry, nodes[~on_faces & ~is_on_axis], held.component - 1))
-    _check_points(reading, result, points)
-    return result
+    return result, _alone(reading, result, points)
 
 
 def _needed(reading: DeckReading, held: Held, faces: np.ndarray) -> np.ndarray:
@@ -158,6 +151,16 @@ def _axes_of(reading: DeckReading, held: Held) -> Axes | None:
     return None
 
 
+def _is_fixed(reading: DeckReading, held: Held) -> bool:
+    """Tell whether nodes are held at 0 in all components."""
+    components = set()
+    for entry in reading.steps.entries["held"]:
+        beside: Held = entry.what
+        if np.array_equal(beside.nodes, held.nodes) and not beside.values.any():
+            components.add(beside.component)
+    return components >= set(range(1, reading.mesh.d + 1))
+
+
 def _in_axes(
     reading: DeckReading,
     entry: Entry,
@@ -169,18 +172,8 @@ def _in_axes(
 ) -> HeldFaces | None:
     """Return faces that are held along a local axis."""
     mesh = reading.mesh
-    d = mesh.d
-    every = [
-        entry_beside.what
-        for entry_beside in reading.steps.entries["held"]
-        if np.array_equal(entry_beside.what.nodes, held.nodes)
-    ]
-    components = {beside.component for beside in every if not beside.values.any()}
-    if components >= set(range(1, d + 1)) and len(faces):
-        # What does not move at all does not move along any axis.
-        return HeldFaces(name, faces, held.component - 1, Affine(0.0, (0.0,) * d), entry)
     number = held.component - 1
-    zero = Affine(0.0, (0.0,) * d)
+    zero = Affine(0.0, (0.0,) * mesh.d)
     if len(faces):
         directions = axes.at(mesh.centres(faces))[:, number]
         along = np.flatnonzero((abs(directions) > 1 - FLAT).all(axis=0))
@@ -216,12 +209,12 @@ def _by_planes(reading: DeckReading, held: HeldFaces) -> list[HeldFaces]:
     return result
 
 
-def _check_points(
-    reading: DeckReading, result: list[HeldFaces], points: list[tuple[Entry, np.ndarray, int]]
-) -> None:
-    """Leave points out that faces hold, or that stop rigid motions alone."""
+def _alone(
+    reading: DeckReading, result: list[HeldFaces], points: list[LonePoints]
+) -> list[LonePoints]:
+    """Return points that no face holds."""
     mesh = reading.mesh
-    left: list[tuple[Entry, np.ndarray, int]] = []
+    left: list[LonePoints] = []
     for entry, nodes, component in points:
         on_faces = [
             mesh.nodes_of_faces(held.faces) for held in result if held.component == component
@@ -236,105 +229,4 @@ def _check_points(
             free = np.intersect1d(free, mesh.nodes_of_faces(np.flatnonzero(mesh.outer)))
         if len(free):
             left.append((entry, free, component))
-    if not left:
-        return
-    first: Held = left[0][0].what
-    numbers = sorted({int(mesh.numbers[node]) for _, nodes, _ in left for node in nodes[:4]})
-    shown = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
-    moved = any(entry.what.values.any() for entry, _, _ in left)
-    motions = None if moved else _motions_that_points_stop(reading, result, left)
-    if motions is None:
-        reading.told.refuse(first.card, f"nodes {shown} {NO_FORCE}")
-        return
-    reading.loose = (first.card, shown, motions)
-    reading.told.assume(
-        first.card,
-        f"nodes {shown} stop rigid motions alone: they are left out, and their reactions are zero",
-    )
-
-
-def _motions_that_points_stop(
-    reading: DeckReading, result: list[HeldFaces], left: list[tuple[Entry, np.ndarray, int]]
-) -> dict[int, np.ndarray] | None:
-    """Return the rigid motions of bodies with points that faces leave free.
-
-    It is None unless points hold each of these motions once: only then loads in balance
-    cause no reactions there.
-    """
-    found = {}
-    mesh = reading.mesh
-    body_of_node = mesh.body_of_node
-    for body in np.unique(body_of_node[body_of_node >= 0]):
-        rows_of_faces = []
-        for held in result:
-            faces = held.faces[mesh.bodies[mesh.cell_of_face[held.faces]] == body]
-            rows_of_faces += _rows_of_faces(reading, held, faces)
-        rows_of_points = []
-        for _, points, component in left:
-            nodes = points[body_of_node[points] == body]
-            rows_of_points.append(_rigid_rows(mesh.x[nodes], component, ring=reading.is_ring))
-        count = 3 if mesh.d == 2 else 6
-        of_faces = np.concatenate([np.empty((0, count)), *rows_of_faces])
-        of_points = np.concatenate([np.empty((0, count)), *rows_of_points])
-        free = _null_space(of_faces, count)
-        if reading.is_ring:
-            free = free[:, abs(free[1]) > RANK]
-        acting = of_points @ free
-        size = np.linalg.norm(acting, axis=1)
-        if (size <= RANK * abs(of_points).max(initial=0.0)).any():
-            return None  # it resists a strain alone
-        # Points on a line across a plane problem say the same.
-        distinct = np.unique(np.round(acting / size[:, None], DIGITS), axis=0)
-        if len(distinct) and len(distinct) > np.linalg.matrix_rank(distinct, tol=10.0**-DIGITS):
-            return None
-        if len(of_points):
-            found[int(body)] = free
-    return found
-
-
-def _rows_of_faces(reading: DeckReading, held: HeldFaces, faces: np.ndarray) -> list[np.ndarray]:
-    """Return what faces hold of the rigid motions, rows as of :func:`_rigid_rows`."""
-    mesh = reading.mesh
-    if held.component >= 0:
-        nodes = np.unique(mesh.corners(faces))
-        return [_rigid_rows(mesh.x[nodes], held.component, ring=reading.is_ring)]
-    # Planes and cylinders are held along their normals.
-    normals = mesh.normals(faces)
-    result = []
-    for column in mesh.corners(faces).T:
-        rows = [
-            _rigid_rows(mesh.x[column], i, ring=reading.is_ring) * normals[:, i, None]
-            for i in range(mesh.d)
-        ]
-        result.append(np.sum(rows, axis=0))
-    return result
-
-
-def _rigid_rows(x: np.ndarray, component: int, *, ring: bool) -> np.ndarray:
-    """Return a component of all rigid motions at points, shape (n, 3 or 6).
-
-    Rings move along their axis alone.
-    """
-    n, d = x.shape
-    shifts = np.zeros((n, d))
-    shifts[:, component] = 1.0
-    if ring:
-        return np.column_stack([0 * x[:, 0], shifts[:, 1], 0 * x[:, 0]])
-    if d == 2:
-        turn = -x[:, 1] if component == 0 else x[:, 0]
-        return np.column_stack([shifts, turn])
-    turns = np.zeros((n, 3))
-    for axis in range(3):
-        spin = np.zeros(3)
-        spin[axis] = 1.0
-        turns[:, axis] = np.cross(spin, x)[:, component]
-    return np.column_stack([shifts, turns])
-
-
-def _null_space(rows: np.ndarray, count: int) -> np.ndarray:
-    """Return an orthonormal basis of the motions that rows do not stop, as columns."""
-    if not len(rows):
-        return np.eye(count)
-    _, values, vectors = np.linalg.svd(rows, full_matrices=True)
-    rank = int((values > RANK * values.max()).sum())
-    return vectors[rank:].T
+    return left

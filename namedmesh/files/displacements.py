@@ -74,7 +74,7 @@ def displacement_of(mesh: FileMesh) -> FileField:
         quadratic |= second
         split |= block.shape not in ("triangle", "tetrahedron")
         middle = mesh.points[block.corners].mean(axis=1)
-        for a, b, value in _values_between(mesh, block, u, second=second):
+        for a, b, value in values_between(mesh, block, u, second=second):
             ends.append(np.column_stack([block.nodes[:, a], block.nodes[:, b]]))
             values.append(value)
             middles.append(middle)
@@ -123,12 +123,18 @@ def _choose_vector(mesh: FileMesh) -> np.ndarray:
     )
 
 
-def _values_between(
+def values_between(
     mesh: FileMesh, block: Block, u: np.ndarray, *, second: bool
 ) -> list[tuple[int, int, np.ndarray]]:
-    """Return pairs of corners of cells, and the displacement in their middles.
+    """Return pairs of corners of cells, and the values in their middles.
 
     The pairs are the edges and the diagonals of faces and of hexahedra.
+
+    Args:
+        mesh: The mesh.
+        block: The cells.
+        u: Values at its points, shape (n, ...).
+        second: Whether the middles of edges are nodes.
     """
     shape = SHAPES[block.shape]
     corners = u[block.corners]

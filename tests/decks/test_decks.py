@@ -148,3 +148,20 @@ def test_the_deck_is_the_scene_written_by_hand():
     for place in ((3.0, 4.0), (7.0, 16.0)):
         assert moved(solution, *place) == pytest.approx(moved(by_hand, *place), abs=1e-12)
     assert deck.scene.contacts[0].law.friction == scene.contacts[0].law.friction
+
+
+def test_a_beam_on_two_lines_of_nodes():
+    """Pads are hinges: the deflection is that of a beam with shear on two supports.
+
+    The load q = 3 is on a length a = 4 in the middle of the span l = 16, and I = 2.
+    """
+    _, solution = solved("prepomax_bending.inp")
+    span, part, EI, G, area = 16.0, 4.0, 1000 * 2.0, 1000 / 2.6, 6.0
+    force = 3.0 * part
+    bent = force * (8 * span**3 - 4 * span * part**2 + part**3) / (384 * EI)
+    sheared = 1.2 * force * (span - part / 2) / (4 * G * area)
+    sunk = moved(solution, 10.0, 1.5, 1.0)[2]
+    assert sunk == pytest.approx(-(bent + sheared), rel=0.1)
+    for pad in ("pad 35", "pad 51"):
+        assert pad in solution.model.space.domain.names
+        assert solution.force(pad).force[2] == pytest.approx(force / 2, rel=1e-6)

@@ -5,6 +5,7 @@ import pytest
 
 import erc_contact as ec
 from erc_contact.base.code import code_of
+from erc_contact.decks.distances import DrawnDistance
 
 E, NU = 1000.0, 0.0
 MESH = """*NODE, NSET=Nall
@@ -154,6 +155,82 @@ def test_temperatures_at_nodes(read):
     assert np.allclose(strain.temperature.interpolated(places[1:2], 2), [2.0])
     # The head is free: it rises by the strain of heat about the axis.
     assert 0.1 < risen(deck) < 0.15
+
+
+def test_sets_that_later_steps_warm_anew(read):
+    """The head is at 40, then at 20 as the foot: no change beside the beginning."""
+    heat = "*EXPANSION\n1.E-3\n"
+    warm = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNall, 20.\n"
+    deck = read(
+        warm + step(FIXED + "*TEMPERATURE\nNall, 40.") + step("*TEMPERATURE\nHead, 20."),
+        heat + SECTION,
+    )
+    changes = []
+    for t, place in ((1.0, 20.0), (2.0, 20.0), (2.0, 0.0)):
+        at = np.array([[5.0, 5.0, place]])
+        total = 0.0
+        for strain in deck.scene_at(t).strains:
+            value = strain.temperature
+            is_table = hasattr(value, "interpolated")
+            number = value(at[0]) if callable(value) and not is_table else value
+            total += value.interpolated(at)[0] if is_table else number
+        changes.append(total)
+    assert np.allclose(changes, [20.0, 0.0, 20.0])
+
+
+def test_temperatures_in_the_middles_of_edges(tmp_path):
+    """A field that is quadratic in an element is taken as it is, and moduli follow it."""
+    corners = [(0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (0.0, 2.0)]
+    middles = [(2.0, 0.0), (4.0, 1.0), (2.0, 2.0), (0.0, 1.0)]
+    nodes = np.array(corners + middles)
+    warm = 100.0 + nodes[:, 0] ** 2 - nodes[:, 0] * nodes[:, 1]
+    lines = [f"{i + 1}, {x}, {y}" for i, (x, y) in enumerate(nodes)]
+    heat = [f"{i + 1}, {value}" for i, value in enumerate(warm)]
+    text = (
+        "*NODE\n" + "\n".join(lines) + "\n*ELEMENT, TYPE=CPE8, ELSET=E\n1, 1, 2, 3, 4, 5, 6, 7, 8\n"
+        "*MATERIAL, NAME=M\n*ELASTIC\n2000., 0.3, 0.\n1000., 0.3, 1000.\n"
+        "*EXPANSION, ZERO=50.\n1.E-5, 0.\n2.E-5, 1000.\n*SOLID SECTION, ELSET=E, MATERIAL=M\n"
+        "*BOUNDARY\n1, 1, 2\n4, 1, 2\n8, 1, 2\n*STEP\n*STATIC\n*TEMPERATURE\n"
+    )
+    path = tmp_path / "job.inp"
+    path.write_text(text + "\n".join(heat) + "\n*END STEP\n")
+    scene = ec.read_deck(path).scene
+    at = np.array([[1.0, 0.5], [3.0, 1.5], [2.5, 0.2]])
+    now = 100.0 + at[:, 0] ** 2 - at[:, 0] * at[:, 1]
+    assert np.allclose(scene.material.E.interpolated(at), 2000.0 - now)
+    (strain,) = scene.strains
+    mean = strain.alpha.interpolated(nodes)
+    found = mean * strain.temperature.interpolated(nodes)
+    # From T = 0, as nothing else is said.
+    expected = (1e-5 + 1e-8 * warm) * (warm - 50.0) + 1e-5 * 50.0
+    assert np.allclose(found, expected)
+
+
+def test_a_stress_before_all_steps(read):
+    """The upper half is compressed by 10, and free: it is longer by 10 h/E."""
+    before = "*INITIAL CONDITIONS, TYPE=STRESS\n2, 1, 0., 0., -10., 0., 0., 0.\n"
+    deck = read(before + step(FIXED))
+    assert list(deck.domain.regions) == ["Lower", "Upper"]
+    assert np.isclose(risen(deck), 10.0 * 10 / E)
+    uneven = before + "2, 2, 0., 0., -20., 0., 0., 0.\n"
+    with pytest.raises(ec.InputError, match="varies inside element 2"):
+        read(uneven + step(FIXED))
+
+
+def test_drawn_distances_have_a_sign_and_a_slope():
+    """Of a plane z = 1 over a tilted plane below it, which overlaps it at x > 2."""
+    square = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)])
+    above = np.column_stack([square, np.ones(4)])
+    below = np.column_stack([square, 0.5 * square[:, 0]])
+    halves = [[0, 1, 2], [0, 2, 3]]
+    # Outward: the upper body looks down, and the lower body looks up.
+    distance = DrawnDistance(above[halves][:, ::-1], below[halves])
+    places = np.array([(1.0, 1.0, 1.0), (3.0, 0.5, 1.0), (2.0, 3.0, 1.0)])
+    cosine = 2 / np.sqrt(5)
+    assert np.allclose(distance.interpolated(places), cosine * (1.0 - 0.5 * places[:, 0]))
+    assert np.allclose(distance.interpolated(places, 0), -0.5 * cosine)
+    on_lower = places * [1, 1, 0] + np.outer(0.5 * places[:, 0], [0, 0, 1])
+    assert np.allclose(distance.interpolated(on_lower), 1.0 - 0.5 * places[:, 0])
 
 
 def test_a_shared_force_and_a_moment(read):
