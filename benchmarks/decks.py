@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import erc_contact as ec
-from namedmesh.files.displacements import displacement_of
+from namedmesh.files.displacements import FileField, displacement_of
 from namedmesh.files.reading import read
 
 MOST_CELLS = 5000
@@ -78,10 +78,11 @@ def differences(path: Path, deck: ec.Deck, result: Any) -> str:
         field = displacement_of(read(frd, "frd", numbered=False))
         table = (Path(folder) / "job.dat").read_text("latin-1")
     d = deck.plan.d
-    x = field.points[: field.vertices]
-    places = (x + INWARD * field.inward[: field.vertices])[:, :d]
-    theirs = field.values[: field.vertices, :d]
-    if d == 2:  # CalculiX makes a layer of a plane body
+    corners, inward = corners_of(field)
+    x = field.x[corners]
+    places = (x + INWARD * inward)[:, :d]
+    theirs = field.values[corners, :d]
+    if field.x.shape[1] > d:  # CalculiX makes a layer of a plane body
         is_top = x[:, 2] == x[:, 2].max()
         places, theirs = places[is_top], theirs[is_top]
     ours = np.full(theirs.shape, np.nan)
@@ -115,6 +116,17 @@ def differences(path: Path, deck: ec.Deck, result: Any) -> str:
             apart = max(apart, float(abs((of_us - of_ccx) * is_held).max()))
     words += f", F {apart / greatest:.1%}" if greatest else ""
     return words
+
+
+def corners_of(field: FileField) -> tuple[np.ndarray, np.ndarray]:
+    """Return the corners of cells of a file, and the ways into them [length]."""
+    every = field.simplices.ravel()
+    middles = field.x[field.simplices].mean(axis=1)
+    sums = np.zeros(field.x.shape)
+    np.add.at(sums, every, np.repeat(middles, field.simplices.shape[1], axis=0))
+    corners = np.unique(np.concatenate([block.corners.ravel() for block in field.blocks]))
+    inward = sums[corners] / np.bincount(every)[corners, None] - field.x[corners]
+    return corners, inward
 
 
 def without_motions(x: np.ndarray, u: np.ndarray, *, ring: bool) -> np.ndarray:

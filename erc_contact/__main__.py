@@ -18,6 +18,7 @@ from erc_contact.base.exceptions import ErcContactError, InputError
 from erc_contact.command.certifying import certify_file
 from erc_contact.command.check import run_check
 from erc_contact.command.decks import show_deck, show_parts
+from erc_contact.command.refining import refine_deck
 from erc_contact.command.solving import solve_deck
 from erc_contact.decks.deck import PENALTIES
 
@@ -87,8 +88,18 @@ def _parser() -> Parser:
     words = "certify the result that another code has computed for a deck"
     certify = command("certify", certify_file, words, "job.inp job.frd")
     _add_deck(certify, "certified")
-    certify.add_argument("result", help="its result: .frd, .vtu, .med, .e or .xdmf")
+    _add_result(certify)
     _add_accuracy(certify)
+
+    words = "write the deck of a result with a mesh for an accuracy"
+    example = "job.inp job.frd --accuracy 0.05 -o next.inp"
+    refine = command("refine", refine_deck, words, example)
+    _add_deck(refine)
+    _add_result(refine)
+    _add_accuracy(refine)
+    words = "greatest mesh (default: 100000)"
+    refine.add_argument("--max-cells", type=int, default=100_000, help=words)
+    refine.add_argument("-o", "--output", help="the new deck (default: DECK_next.inp)")
 
     words = "solve a deck to an accuracy, with forces and their intervals"
     solve = command("solve", solve_deck, words, "job.inp --accuracy 0.05")
@@ -103,8 +114,13 @@ def _parser() -> Parser:
     return parser
 
 
-def _add_deck(parser: Parser, ending: str) -> None:
-    """Add a deck, how it is read, and the folder of the report."""
+def _add_result(parser: Parser) -> None:
+    """Add the file of results of another code."""
+    parser.add_argument("result", help="its result: .frd, .vtu, .vtk, .med, .e or .xdmf")
+
+
+def _add_deck(parser: Parser, ending: str = "") -> None:
+    """Add a deck, how it is read, and the folder of the report if it has an ending."""
     parser.add_argument("deck", help="the deck of CalculiX or Abaqus")
     parser.add_argument(
         "--without",
@@ -115,7 +131,9 @@ def _add_deck(parser: Parser, ending: str) -> None:
     )
     words = "what a pressure over an overclosure is: a penalty for hard contact, or a layer"
     parser.add_argument("--penalty", choices=PENALTIES, default="hard", help=words)
-    parser.add_argument("-o", "--output", help=f"folder of the report (default: DECK_{ending})")
+    if ending:
+        words = f"folder of the report (default: DECK_{ending})"
+        parser.add_argument("-o", "--output", help=words)
 
 
 def _add_accuracy(parser: Parser) -> None:

@@ -369,8 +369,7 @@ class DeckMesh:
         at_middle = []
         for number in self.body.blocks:
             block = self.tables.blocks[number].block
-            second = block.nodes.shape[1] > block.corners.shape[1]
-            for a, b, value in values_between(self.mesh, block, values, second=second):
+            for a, b, value in values_between(self.mesh, block, values):
                 numbers.append(self._edge_numbers(self.body.same[block.nodes[:, [a, b]]]))
                 at_middle.append(value)
         known, first = np.unique(np.concatenate(numbers), return_index=True)

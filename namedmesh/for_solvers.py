@@ -8,7 +8,10 @@ from namedmesh.bodies import Bodies, Geometry
 from namedmesh.closest import closest
 from namedmesh.copies import points_in_words, shared_points
 from namedmesh.deck_mesh import Card, DeckMesh, DeckSpace, domain_of, read_deck_mesh
+from namedmesh.deck_refinement import FinerDeckMesh, refined_deck_mesh
+from namedmesh.field_on_mesh import SAME_PLACE, FieldOnMesh
 from namedmesh.files.abaqus_tables import shape_of
+from namedmesh.files.displacements import FileField, from_file
 from namedmesh.files.file_mesh import FileMesh
 from namedmesh.graphs import components, order_along_curves, successors, to_chain_ends
 from namedmesh.interface_map import Interface
@@ -31,11 +34,15 @@ __all__ = [
     "INSIDE_CELLS",
     "NAMELESS",
     "NO_TAG",
+    "SAME_PLACE",
     "Bodies",
     "Card",
     "DeckMesh",
     "DeckSpace",
+    "FieldOnMesh",
+    "FileField",
     "FileMesh",
+    "FinerDeckMesh",
     "Geometry",
     "Interface",
     "NodalMesh",
@@ -47,12 +54,14 @@ __all__ = [
     "count_cells",
     "domain_of",
     "facets_of_parts",
+    "from_file",
     "in_space",
     "inner_facets",
     "listed",
     "order_along_curves",
     "points_in_words",
     "read_deck_mesh",
+    "refined_deck_mesh",
     "shape_in_words",
     "shape_of",
     "shared_points",

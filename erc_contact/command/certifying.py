@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import isclose
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 
-from erc_contact.command.decks import deck_of, folder_of, say, write_words
-from erc_contact.command.forces import BoundedForce, bounded_forces, in_columns
+from erc_contact.command.decks import folder_of, say, write_words
+from erc_contact.command.forces import (
+    BoundedForce,
+    bolt_forces,
+    bounded_forces,
+    in_columns,
+    with_forces_of,
+)
+from erc_contact.command.results import certified_file
 from erc_contact.decks.deck import Deck
-from erc_contact.error.certify import ADVICE, Certificate, certify
+from erc_contact.error.certify import ADVICE, Certificate
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.sizes import PREDICTIVE_ERROR, size_map
+from erc_contact.model.preload import shifts_of
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_report
 from erc_contact.output.verdict import verdict
@@ -24,10 +30,13 @@ from namedmesh.base.html import table
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows
 from namedmesh.base.releases import cell_nodes
-from namedmesh.files.displacements import FileField, from_file
 
-SAME_TIME = 1e-5
-"""Relative difference of times that is none: files have six digits [-]."""
+IN_WORDS = {
+    "the mesh": "the mesh",
+    "the contact": "the contact enforcement (penetration, tension, friction)",
+    "the displacement": "forces out of balance (solver, digits, contact stiffness)",
+}
+"""The causes of an error as an engineer calls them."""
 MOST = 0.5
 """Share of the squared error in the cells that are told as the place of it [-]."""
 
@@ -42,43 +51,44 @@ class Certified:
 
 def certify_file(arguments: Namespace) -> int:
     """Certify a file of results, and write the verdict, pictures and a report."""
-    deck = deck_of(arguments)
     folder = folder_of(arguments, "certified")
-    field = from_file(deck.domain.comm, arguments.result)
-    time = _time_of(deck, field)
-    certificate = certify(deck.scene_at(time), deck.domain, field)
+    certified = certified_file(arguments)
+    deck, name, time = certified.deck, certified.name, certified.time
+    certificate = certified.certificate
     error = certificate.error
-    name = Path(arguments.result).name
     forces = bounded_forces(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
-        forces = [replace(force, computed=None) for force in forces]
+        forces = with_forces_of(forces, error, certified.field)
+    bolts = bolt_forces(error, deck.scene_at(time))
     sentences = [
-        _how_wrong(error, name, time),
+        _how_wrong(certificate, name, time),
         *_of_the_time(deck, time, name),
         *_from_what(certificate),
         _where(error),
         _how_many_cells(certificate, arguments.accuracy),
-        _of_forces(forces, certificate, name),
+        _of_forces(forces, name),
+        *_of_bolts(bolts, error),
     ]
+    forces += bolts
     words = "\n".join(sentences)
     columns = in_columns(forces)
     write_words(folder / "verdict.txt", f"{words}\n\n{columns}")
     say(words, "", columns, "")
     gallery = Gallery(error.domain, folder, 0.0, every=True)
     add_error(gallery, error, "certificate.error")
-    header = ("part", "axis", "by its displacement", "exact solution")
+    header = ("part", "axis", "of the result", "exact solution")
     tables = {"Forces": table([row.row for row in forces], header)}
     path = folder / "report.html"
     write_report(
         Certified(error, words),
         path,
-        f"{name}: eps = {percent(error.total)}",
+        f"{name}: eps = {percent(certificate.total)}",
         tables,
         gallery,
-        claims=[*_assumed(deck), *verdict(error)],
+        claims=[*_assumed(deck), *_in_its_cells(certificate), *verdict(error)],
     )
     say(f"Report: {path}")
-    return int(error.total > arguments.accuracy)
+    return int(certificate.total > arguments.accuracy)
 
 
 def _assumed(deck: Deck) -> list[tuple[str, str]]:
@@ -86,25 +96,30 @@ def _assumed(deck: Deck) -> list[tuple[str, str]]:
     return [("assumed", str(note)) for note in deck.assumed]
 
 
-def _time_of(deck: Deck, field: FileField) -> float:
-    """Return the time of a result; the end of the last step if its file tells none."""
-    ends = deck.times or [0.0]
-    if field.time is None:
-        return ends[-1]
-    same = [end for end in ends if isclose(end, field.time, rel_tol=SAME_TIME)]
-    return (same or [field.time])[0]
+def _in_its_cells(certificate: Certificate) -> list[tuple[str, str]]:
+    """Say of what the numbers of a report are if the result has other cells."""
+    if not certificate.interpolated:
+        return []
+    words = (
+        f"The result has the error {percent(certificate.total)} in its own cells. What "
+        "follows is of its displacement on simplices, between whose nodes it is interpolated."
+    )
+    return [("bound", words)]
 
 
-def _how_wrong(error: ConstitutiveError, name: str, time: float) -> str:
+def _how_wrong(certificate: Certificate, name: str, time: float) -> str:
     """Say how large the error is, and whether that is proved."""
-    eps = error.total
+    eps = certificate.total
     words = (
         f"{name} at t = {time:g} has the error eps = {percent(eps)} against the exact solution of "
         "the deck: in the mean over the bodies (energy norm) its stress is wrong by at most about "
         f"{percent(2.0 * eps, 2)}, and by {percent(eps)} halfway to the stress in equilibrium. "
     )
-    proof = "This is proved." if error.guaranteed else "The report names what is not proved of it."
-    return words + proof
+    if not certificate.error.guaranteed:
+        return f"{words}The report names what is not proved of it."
+    if certificate.interpolated:
+        return f"{words}This is proved, up to the quadrature in its cells."
+    return f"{words}This is proved."
 
 
 def _of_the_time(deck: Deck, time: float, name: str) -> list[str]:
@@ -127,26 +142,22 @@ def _of_the_time(deck: Deck, time: float, name: str) -> list[str]:
 
 def _from_what(certificate: Certificate) -> list[str]:
     """Say what causes the error."""
-    error = certificate.error
-    scale = error.scale or 1.0
-    shares = {
-        "the mesh": certificate.mesh,
-        "the contact (penetration, tension, friction)": certificate.contact,
-        "forces out of balance (solver, digits, contact stiffness)": certificate.displacement,
-    }
-    words = ", ".join(f"{cause} {percent(share / scale)}" for cause, share in shares.items())
-    sentences = [f"From: {words}; the squares add up."]
+    words = []
+    for cause, part in certificate.causes.items():
+        words.append(f"{IN_WORDS[cause]} {percent(certificate.share(part))}")
+    sentences = [f"From: {', '.join(words)}; the squares add up."]
+    if certificate.interpolated:
+        sentences[0] = (
+            f"{sentences[0][:-1]}. The transfer from its cells to simplices, which matters at "
+            f"contacts and ties alone, costs {percent(certificate.share(certificate.transfer))}, "
+            "and is added."
+        )
     sentences.append(f"Most of it is {certificate.cause}: {ADVICE[certificate.cause]}.")
     if certificate.penetration > 0:
         sentences.append(f"Bodies penetrate by up to {certificate.penetration:.3g}.")
     if certificate.off_supports > 0:
         sentences.append(
             f"The result differs from the supports by up to {certificate.off_supports:.3g}."
-        )
-    if certificate.interpolated:
-        sentences.append(
-            "Its cells were split into simplices. What that loses is in the error, as forces out "
-            "of balance; results of tetrahedra or triangles lose nothing."
         )
     return sentences
 
@@ -179,7 +190,7 @@ def _how_many_cells(certificate: Certificate, accuracy: float) -> str:
     """Say how many cells would do for an accuracy; collective."""
     error = certificate.error
     wanted = percent(accuracy)
-    if error.total <= accuracy:
+    if certificate.total <= accuracy:
         return f"The mesh of {error.domain.cells} simplices does for {wanted}."
     if certificate.cause != "the mesh":
         return f"A finer mesh alone does not lead to {wanted}: see what most of the error is."
@@ -191,12 +202,35 @@ def _how_many_cells(certificate: Certificate, accuracy: float) -> str:
     )
 
 
-def _of_forces(forces: Sequence[BoundedForce], certificate: Certificate, name: str) -> str:
+def _of_forces(forces: Sequence[BoundedForce], name: str) -> str:
     """Say which forces of the result are outside their intervals."""
-    if certificate.interpolated:
-        return "Forces: compare the printed forces of the other code with these intervals."
-    outside = [f"{row.part} along {row.axis}" for row in forces if row.is_outside]
-    known = sum(row.bounds is not None for row in forces)
+    told = [row for row in forces if row.computed is not None and row.bounds is not None]
+    if not told:
+        return (
+            f"Forces: {name} does not tell its forces on these parts; compare what the other code "
+            "has printed with the intervals."
+        )
+    outside = [f"{row.part} along {row.axis}" for row in told if row.is_outside]
     if not outside:
-        return f"Forces: {known} of {len(forces)} have an interval, and {name} is in all of these."
+        return (
+            f"Forces: {len(told)} of {len(forces)} are known of {name} and have an interval, and "
+            "it is in all of these."
+        )
     return f"Forces: the forces of {name} on {', '.join(outside)} are outside their intervals."
+
+
+def _of_bolts(bolts: Sequence[BoundedForce], error: ConstitutiveError) -> list[str]:
+    """Say with which shifts bolts are certified, and which forces they cause."""
+    shifts = shifts_of(error.solution.scene.ties)
+    sentences = []
+    for bolt in bolts:
+        shift = f"{shifts[bolt.part]:.5g}"
+        sentences.append(
+            f"The bolt at {bolt.part} is shortened by {shift} as in the result; the error is that "
+            "of the bodies with this bolt."
+        )
+        if bolt.bounds is not None:
+            where = "outside of" if bolt.is_outside else "in"
+            force = f"The force {bolt.computed:.5g} that the deck asks for"
+            sentences.append(f"{force} is {where} the interval of its force.")
+    return sentences

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from erc_contact.admissible.fields import sides_of
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.interval import interval
 from erc_contact.error.numbers import Bounds
-from erc_contact.scene.goal import Resultant
+from erc_contact.scene.goal import BoltForce, Resultant
+from erc_contact.scene.load import BodyForce
+from erc_contact.scene.scene import Scene
+from erc_contact.scene.tied import Preload
+from namedmesh.base.ranks import of_all
+from namedmesh.for_solvers import SAME_PLACE, FileField, closest
+from namedmesh.simplex import of_facets
 
 NEGLIGIBLE = 1e-6
 """Component of a force over the greatest force that is not listed [-]."""
@@ -25,8 +33,8 @@ class BoundedForce:
 
     Attributes:
         part: Name of the part on which it acts.
-        axis: "x", "y" or "z"; of axisymmetric bodies "r" or "z".
-        computed: The component that the displacement has by its nodal forces [force];
+        axis: "x", "y" or "z"; of axisymmetric bodies "r" or "z"; "bolt" along a bolt.
+        computed: The component that the other code has by its nodal forces [force];
             None if these are not known.
         bounds: The interval of the exact solution; None if there is none.
         why: Why there is none.
@@ -70,6 +78,74 @@ def bounded_forces(error: ConstitutiveError) -> list[BoundedForce]:
             bounds, why = _bounds_of(error, name, direction, is_contact=name in contacts)
             rows.append(BoundedForce(name, letters[axis], float(force[axis]), bounds, why))
     return rows
+
+
+def bolt_forces(error: ConstitutiveError, scene: Scene) -> list[BoundedForce]:
+    """Bound the forces of bolts with the shifts of a result; collective.
+
+    Args:
+        error: The error of the result, whose scene has the shifts.
+        scene: The scene that prescribes the forces of some bolts.
+    """
+    rows = []
+    for tie in scene.ties:
+        if isinstance(tie, Preload) and tie.force is not None:
+            try:
+                bounds, why = interval(error, BoltForce(tie.facets)), ""
+            except (InputError, NotConverged) as reason:
+                bounds, why = None, str(reason)
+            rows.append(BoundedForce(tie.facets, "bolt", tie.force, bounds, why))
+    return rows
+
+
+def with_forces_of(
+    rows: Sequence[BoundedForce], error: ConstitutiveError, field: FileField
+) -> list[BoundedForce]:
+    """Return forces with the components that a file has; collective.
+
+    A file lists reactions and loads of nodes together. Where a node of a support has a
+    load, too, or any other node has a force, the force of a part is not known.
+    """
+    known = _forces_in_file(error, field)
+    result = []
+    for row in rows:
+        force = known.get(row.part)
+        computed = None if force is None else float(force["xyz".index(row.axis)])
+        result.append(replace(row, computed=computed))
+    return result
+
+
+def _forces_in_file(error: ConstitutiveError, field: FileField) -> dict[str, np.ndarray]:
+    """Sum the forces on the nodes of supports that a file in 3D has; collective."""
+    scene = error.solution.scene
+    has_body_force = any(isinstance(load, BodyForce) for load in scene.loads)
+    if field.forces is None or error.domain.dim < 3 or has_body_force:
+        return {}
+    supports = {support.facets for support in scene.supports}
+    loads = {load.facets for load in scene.loads if load.facets is not None}
+    x = field.x[: len(field.forces)]
+    on = {name: _is_on_part(error, name, x) for name in sorted(supports | loads)}
+    count = np.zeros(len(x), dtype=np.int64)
+    for is_on in on.values():
+        count += is_on
+    size = abs(field.forces).max(axis=1)
+    has_force = size > ROUND_OFF * size.max(initial=0.0)
+    if (has_force & (count == 0)).any():
+        return {}
+    forces = {}
+    for name in supports:
+        if (count[on[name]] == 1).all():
+            forces[name] = field.forces[on[name]].sum(axis=0)
+    return forces
+
+
+def _is_on_part(error: ConstitutiveError, name: str, x: np.ndarray) -> np.ndarray:
+    """Tell which points (n, 3) lie on a part, the same on all ranks; collective."""
+    space = error.model.space
+    sides = sides_of(error.model, name)
+    corners = of_facets(space.cell_corners()[sides[:, 0]], sides[:, 1])
+    (every,) = of_all(space.comm, corners)
+    return np.asarray(closest(x, every).distance <= SAME_PLACE * error.domain.extent)
 
 
 def _bounds_of(

@@ -74,6 +74,18 @@ def fitted(x: np.ndarray, values: np.ndarray) -> Affine | None:
     return Affine(float(solution[0] - middle @ slopes), tuple(slopes))
 
 
+def moment_of(x: np.ndarray, forces: np.ndarray) -> np.ndarray:
+    """Return the moment of forces about the origin, one number in the plane, else 3.
+
+    Args:
+        x: Points [length], shape (n, d).
+        forces: Forces at them [force], shape (n, d).
+    """
+    if x.shape[1] == 2:
+        return np.array([np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])])
+    return np.cross(x, forces).sum(axis=0)
+
+
 def linear_traction(
     force: npt.ArrayLike, moment: npt.ArrayLike, points: np.ndarray, measures: np.ndarray
 ) -> list[Affine]:

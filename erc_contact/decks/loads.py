@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
+from erc_contact.decks.affine import Affine, constant, fitted, linear_traction, moment_of
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Pressure, Spin
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.plan import Volume
@@ -214,11 +214,7 @@ def _traction(
         around = 2 * np.pi * points[:, :, 0].mean(axis=1)
         area = float((around * measures).sum())
         return tuple(constant(value / area, mesh.d) for value in force)
-    if mesh.d == 2:
-        moment = np.array([np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])])
-    else:
-        moment = np.cross(x, forces).sum(axis=0)
-    return tuple(linear_traction(force, moment, points, measures))
+    return tuple(linear_traction(force, moment_of(x, forces), points, measures))
 
 
 # --- loads in the body

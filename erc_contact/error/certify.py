@@ -11,19 +11,28 @@ The first is what these elements cost with this traction, *the mesh*. The second
 far u^ is from equilibrium with it, *the displacement*: the solver has not converged,
 its data are others, or its numbers are rounded. The third is the contact part of e^2,
 *the contact*: u penetrates or opens under pressure, or friction does not oppose slip.
+
+A displacement u_f that lives in other cells is interpolated, and loses something. Its
+own error is measured in its own cells, up to the cost of *the transfer* e_T at contacts
+(:mod:`erc_contact.error.transfer`). Where e_T is more than a tenth of it, the mesh is
+refined there. The mesh has no equation for what u_f is between its nodes. So the bulk
+part of this error is *the mesh*, but for the energy by which u was lifted out of what
+it penetrates, which is *the contact*'s.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import elastic_stress, macro_moduli
+from erc_contact.admissible.cells import cell_geometry
+from erc_contact.admissible.elastic import elastic_stress, macro_moduli, moduli, strains_at
 from erc_contact.admissible.equilibrate import equilibrate, equilibrated
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
@@ -32,16 +41,42 @@ from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.base.exceptions import InputError, NotBalanced
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.error.numbers import ROUND_OFF
+from erc_contact.error.shifts import with_shifts_of
+from erc_contact.error.strategy import largest, refined
+from erc_contact.error.transfer import gain_in_file, transfer_squares
 from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.trace import split
+from erc_contact.model.files import interpolated
 from erc_contact.model.law.constitution import act
+from erc_contact.model.model import Model
+from erc_contact.model.promises import bind
 from erc_contact.newton.given import AnyField, solution_of, with_nitsche_tractions
 from erc_contact.scene.potential import refuse_potential
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 from namedmesh import Domain
 from namedmesh.base.percent import percent
-from namedmesh.files.displacements import FileField, from_file
+from namedmesh.base.ranks import greatest
+from namedmesh.for_solvers import FieldOnMesh, FileField, from_file
+from namedmesh.simplex import rule
+
+BY_ADAPT = (
+    "ec.adapt, ec.evolve and `erc-contact solve` compute it with its error; of the result of "
+    "another code the stress that belongs to its displacement is not known."
+)
+"""What to do with a material with a potential."""
+TENTH = 0.1
+"""Cost of a transfer over the error above which the mesh is refined [-]."""
+AHEAD = 0.8
+"""By how much less than a tenth of e it is to be, as e is less in its own cells [-]."""
+FRACTION = 0.7
+"""Share of e_T^2 in the cells that are refined [-]."""
+MOST_CELLS = 100_000
+"""Greatest number of cells of a mesh that is refined for a transfer."""
+LOSSLESS = 1e-3
+"""What an interpolation changes over e that is none [-]."""
+DIGITS = 1e-5
+"""What it changes over the scale of eps that is the digits of a file [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +92,12 @@ class Certificate:
         off_supports: Greatest difference of u to the supports [length], which u^ keeps.
         penetration: Greatest penetration of u into a foundation or the other body
             [length], which u^ does not have.
-        interpolated: Whether the cells of a file were split, so that u is interpolated
-            in them. What that loses is a part of the displacement's.
+        lift: Energy norm of what supports and gaps change of u [sqrt(force length)].
+        absolute: e of u in its own cells [sqrt(force length)]. It is ``error.absolute``
+            unless u comes from a file with other cells than the mesh.
+        transfer: The cost e_T of its transfer [sqrt(force length)]: the error of the
+            result in the file, corrected as u^ is, is at most ``absolute + transfer``.
+        interpolated: Whether u lives in cells that the mesh does not have.
 
     Example:
         >>> certificate = ec.certify(scene, block, solution.u)
@@ -74,18 +113,20 @@ class Certificate:
     contact: float
     off_supports: float
     penetration: float
+    lift: float
+    absolute: float
+    transfer: float = 0.0
     interpolated: bool = False
 
     def __repr__(self) -> str:
         """Describe the certificate in a line."""
-        return f"<Certificate: eps = {percent(self.error.relative)}, most of it {self.cause}>"
+        return f"<Certificate: eps = {percent(self.relative)}, most of it {self.cause}>"
 
     def __str__(self) -> str:
         """Say how large the error is, and what causes it."""
-        scale = self.error.scale or 1.0
-        parts = {name: percent(part / scale) for name, part in self._parts.items()}
+        parts = {name: percent(self.share(part)) for name, part in self.causes.items()}
         shares = ", ".join(f"{name} {part}" for name, part in parts.items())
-        words = [f"eps = {percent(self.error.relative)}: {shares}."]
+        words = [f"eps = {percent(self.relative)}: {shares}."]
         words.append(f"Most of it is {self.cause}: {ADVICE[self.cause]}.")
         if self.off_supports > 0:
             words.append(f"u differs from the supports by up to {self.off_supports:.3g}.")
@@ -93,24 +134,51 @@ class Certificate:
             words.append(f"u penetrates by up to {self.penetration:.3g}.")
         if self.interpolated:
             words.append(
-                "The cells of the file were split, and u is interpolated in them; what that loses "
-                "counts as the displacement's."
+                "It is the error in the cells of the file, up to the transfer from them at "
+                f"contacts and ties, which costs {percent(self.share(self.transfer))}."
             )
         return "\n".join(words)
+
+    def share(self, part: float) -> float:
+        """Return a part of e over the scale of eps [-]."""
+        return part / (self.error.scale or 1.0)
+
+    @property
+    def relative(self) -> float:
+        """Return eps of u in its own cells [-]."""
+        return self.share(self.absolute) if self.error.scale > 0 else 0.0
+
+    @property
+    def total(self) -> float:
+        """Return eps with the transfer and the estimate of the geometry [-]."""
+        if self.error.scale <= 0:
+            return 0.0
+        with_transfer = self.absolute + self.transfer
+        return self.share(float(np.hypot(with_transfer, self.error.geometry_error)))
 
     @property
     def cause(self) -> str:
         """Return the greatest cause: the mesh, the displacement or the contact."""
-        parts = self._parts
-        return max(parts, key=lambda name: parts[name])
+        causes = self.causes
+        return max(causes, key=lambda name: causes[name])
 
     @property
-    def _parts(self) -> dict[str, float]:
-        """Return the parts of e by the names of their causes."""
+    def causes(self) -> dict[str, float]:
+        """Return the parts of e by the names of their causes [sqrt(force length)].
+
+        Their squares sum to e^2.
+        """
+        if not self.interpolated:
+            return {
+                "the mesh": self.mesh,
+                "the displacement": self.displacement,
+                "the contact": self.contact,
+            }
+        bulk_2 = max(self.absolute**2 - self.contact**2, 0.0)
+        lifted_2 = min(self.lift**2, bulk_2) if self.penetration > 0 else 0.0
         return {
-            "the mesh": self.mesh,
-            "the displacement": self.displacement,
-            "the contact": self.contact,
+            "the mesh": float(np.sqrt(bulk_2 - lifted_2)),
+            "the contact": float(np.sqrt(self.contact**2 + lifted_2)),
         }
 
 
@@ -128,7 +196,7 @@ ADVICE = {
 def certify(
     scene: Scene,
     domain: Domain,
-    u: AnyField | str | Path,
+    u: AnyField | FileField | str | Path,
     *,
     traction: Mapping[str, AnyField] | None = None,
     degree: int | None = None,
@@ -143,21 +211,23 @@ def certify(
     whatever the quality of u.
 
     Args:
-        scene: The problem that u is to solve.
+        scene: The problem that u is to solve. Preloads by a force get the shifts that
+            the file of u has; ``error.solution.scene`` tells them.
         domain: The mesh on which u lives.
         u: The displacement [length]: a DOLFINx Function on ``domain.mesh``; or a
             callable of points of shape (d, n), which returns values of shape (d, n); or
             (points, values), arrays of shape (n, d) in any order, with a point at each
             node: the vertices, for degree 2 also the middles of edges; or the file of
-            the results: .frd of CalculiX, Exodus, MED, XDMF, vtu. The domain is then
-            read from the same file or has the same nodes. Quadrilaterals, hexahedra,
-            prisms and pyramids are split, and u is interpolated.
+            the results: .frd of CalculiX, Exodus, MED, XDMF, vtk, vtu, by its content.
+            Its cells may be of any shape and need not match the mesh: body by body u is
+            interpolated by their own shape functions, and where that costs more than a
+            tenth of e, the mesh is refined, up to 100 000 cells.
         traction: Contact tractions that the solver has computed, by the names of
             contacts [force/area], each as u is given, at the nodes of the part. They
             act on the part that the contact is named after. r^ then comes from them.
         degree: Degree of the elements, 1 or 2; None takes the degree of a Function, 2
-            if there are more points than vertices, for files 2 if their cells are of
-            second order or are split, else 1.
+            if there are more points than vertices, for files 1 if all cells are
+            triangles or tetrahedra of first order, else 2.
         tighten: As in :func:`equilibrate`.
 
     Returns:
@@ -165,7 +235,8 @@ def certify(
 
     Raises:
         InputError: If u does not fit the mesh or the scene, or is not finite, or the
-            shift of a preload is not known.
+            shift of a preload is not known, or nodes are farther outside of the bodies
+            of a file than half of a cell.
         NotHeldError: As in :func:`equilibrate`.
         NotBalanced: As there.
 
@@ -174,20 +245,49 @@ def certify(
         >>> ec.certify(scene, block, rough).cause
         'the displacement'
     """
-    refuse_potential(scene.material, "certify()", "solve() and adapt() have an error for it.")
+    refuse_potential(scene.material, "certify()", BY_ADAPT)
+    file = from_file(domain.comm, u) if isinstance(u, str | Path) else u
+    if not isinstance(file, FileField):
+        _refuse_unknown_shifts(scene)
+        return _certificate(scene, domain, file, traction, degree, tighten)[0]
+    scene = with_shifts_of(scene, domain, file)
     _refuse_unknown_shifts(scene)
-    field = from_file(domain.comm, u) if isinstance(u, str | Path) else u
-    solution, off_supports = solution_of(scene, domain, field, degree, traction)
-    penetration = 0.0
+    # The mesh of a solution is one body at ties.
+    domain = domain.tied([tie.sides for tie in scene.ties])
+    while True:
+        field = FieldOnMesh(domain, file)
+        certificate, given = _certificate(scene, domain, field, traction, degree, tighten)
+        cost, whole = transfer_squares(certificate.error.model, given, field)
+        error = certificate.error
+        goal = max(AHEAD * TENTH * error.absolute, DIGITS * error.scale)
+        finer = None
+        # Tractions are given at the nodes of this mesh.
+        if _norm(domain, cost) > goal and traction is None:
+            finer = _with_less_transfer(error, file, goal)
+        if finer is None:
+            return _in_file(certificate, given, field, _norm(domain, cost), _norm(domain, whole))
+        domain = finer
+
+
+def _certificate(
+    scene: Scene,
+    domain: Domain,
+    u: AnyField,
+    traction: Mapping[str, AnyField] | None,
+    degree: int | None,
+    tighten: int,
+) -> tuple[Certificate, fem.Function]:
+    """Measure the error on a mesh, see :func:`certify`; collective.
+
+    Returns:
+        The certificate, and u as it is given at the nodes.
+    """
+    solution, given = solution_of(scene, domain, u, degree, traction)
     model = solution.model
-    for contact in model.contacts:
-        if contact.stiffness is not None:
-            continue  # a compliant foundation may be entered
-        w_n = split(contact.trace.of(solution.u.x.array), contact.trace.normals).normal
-        beyond = w_n - gap_at_nodes(model.space, contact)
-        penetration = max(penetration, float(beyond.max(initial=0.0)))
-    moved = float(abs(solution.u.x.array).max(initial=0.0))
-    penetration, size = np.max(model.space.comm.allgather([penetration, moved]), axis=0)
+    penetration = _greatest_penetration(model, solution.u)
+    off_supports = greatest(domain.comm, solution.u.x.array - given.x.array)
+    # Supports are prescribed to all digits, and files have six.
+    none = ROUND_OFF * greatest(domain.comm, solution.u.x.array)
     pair = equilibrated(solution, tighten, None, is_own=traction is None)
     error = constitutive_error(pair)
     # On curved contacts that are partly closed, reactions of coarse meshes give an e
@@ -201,15 +301,82 @@ def certify(
     pair = error.admissible
     displacement_2 = _distance_to_equilibrium(pair)
     mesh_2 = max(error.bulk_error**2 - displacement_2, 0.0)
-    return Certificate(
+    certificate = Certificate(
         error=error,
         mesh=float(np.sqrt(mesh_2)),
         displacement=float(np.sqrt(min(displacement_2, error.bulk_error**2))),
         contact=error.contact_error,
-        off_supports=off_supports if off_supports > ROUND_OFF * size else 0.0,
-        penetration=float(penetration) if penetration > ROUND_OFF * size else 0.0,
-        interpolated=isinstance(field, FileField) and field.interpolated,
+        off_supports=off_supports if off_supports > none else 0.0,
+        penetration=penetration if penetration > none else 0.0,
+        lift=_distance(model, pair.displacement, given),
+        absolute=error.absolute,
     )
+    return certificate, given
+
+
+def _in_file(
+    certificate: Certificate, u: fem.Function, field: FieldOnMesh, cost: float, whole: float
+) -> Certificate:
+    """Return a certificate of a displacement in the cells of its file; collective.
+
+    Args:
+        certificate: The certificate of the interpolated displacement.
+        u: This displacement, as the nodes have it.
+        field: The displacement of the file.
+        cost: The cost of the transfer e_T [sqrt(force length)].
+        whole: Energy norm of what the interpolation changes [sqrt(force length)].
+    """
+    error = certificate.error
+    if whole <= max(LOSSLESS * error.absolute, DIGITS * error.scale):
+        # Linear cells may be split without loss, and are still no cells of the mesh.
+        is_same = field.field.has_elements_of(error.degree)
+        return replace(certificate, interpolated=not is_same)
+    gain = gain_in_file(error.admissible, u, field)
+    absolute = float(np.sqrt(max(error.absolute**2 + gain, 0.0)))
+    transfer = cost if cost > ROUND_OFF * absolute else 0.0
+    return replace(certificate, absolute=absolute, transfer=transfer, interpolated=True)
+
+
+def _with_less_transfer(error: ConstitutiveError, file: FileField, goal: float) -> Domain | None:
+    """Refine a mesh where the transfer costs most; collective.
+
+    Args:
+        error: The error on the mesh.
+        file: The displacement of the file.
+        goal: Cost that the transfer is to have [sqrt(force length)].
+
+    Returns:
+        The finer mesh; None if it would have too many cells.
+    """
+    domain = error.domain
+    while True:
+        model = bind(error.solution.scene, domain, error.degree)
+        field = FieldOnMesh(domain, file)
+        cost, _ = transfer_squares(model, interpolated(model, field), field)
+        if _norm(domain, cost) <= goal:
+            return domain
+        marked = largest(domain.comm, np.sqrt(cost), FRACTION)
+        try:
+            domain = refined(domain, marked, MOST_CELLS)
+        except InputError:
+            return None
+
+
+def _norm(domain: Domain, squares: np.ndarray) -> float:
+    """Return the root of the sum of the squares of all ranks; collective."""
+    return float(np.sqrt(domain.comm.allreduce(float(squares.sum()), MPI.SUM)))
+
+
+def _greatest_penetration(model: Model, u: fem.Function) -> float:
+    """Return by how much u enters foundations or other bodies [length]; collective."""
+    penetration = 0.0
+    for contact in model.contacts:
+        if contact.stiffness is not None:
+            continue  # a compliant foundation may be entered
+        w_n = split(contact.trace.of(u.x.array), contact.trace.normals).normal
+        beyond = w_n - gap_at_nodes(model.space, contact)
+        penetration = max(penetration, float(beyond.max(initial=0.0)))
+    return float(model.space.comm.allreduce(penetration, MPI.MAX))
 
 
 def _refuse_unknown_shifts(scene: Scene) -> None:
@@ -222,9 +389,23 @@ def _refuse_unknown_shifts(scene: Scene) -> None:
     unknown = [tie.facets for tie in preloads if tie.shortening is None]
     if unknown:
         raise InputError(
-            f"certify: the shifts of the preloads at {unknown} are not known; give shortening= as "
-            "the other code has it, or solve the scene with ec.adapt, which finds them."
+            f"certify: the shifts of the preloads at {unknown} are not known; give the file of the "
+            "results, which tells them, or shortening= as the other code has it, or solve the "
+            "scene with ec.adapt, which finds them."
         )
+
+
+def _distance(model: Model, u: fem.Function, v: fem.Function) -> float:
+    """Compute ``|u - v|`` of displacements [sqrt(force length)]; collective."""
+    difference = model.space.function()
+    difference.x.array[:] = u.x.array - v.x.array
+    cells = cell_geometry(model.space)
+    owned = model.domain.owned_cells
+    points, weights = rule(model.space.d, 2 * model.space.degree)
+    strain = strains_at(model.space, cells, difference, points, owned)
+    stress = act(moduli(model, cells, points, owned), strain)
+    squares = (stress * strain).sum(axis=2) @ weights * cells.volume[:owned]
+    return _norm(model.domain, squares)
 
 
 def _distance_to_equilibrium(pair: Admissible) -> float:

@@ -38,7 +38,13 @@ from erc_contact.model.motions.held_motions import held_products, loose_motions,
 from erc_contact.model.motions.rigid_faces import face_forces
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes, body_motions, motions_not_held
 from erc_contact.model.motions.unheld import Relief, find_unheld, relief_of
-from erc_contact.model.preload import bind_preloads, check_beside_cuts, jumps_at, shifts_of
+from erc_contact.model.preload import (
+    bind_preloads,
+    check_beside_cuts,
+    jump_gradients,
+    jumps_at,
+    shifts_of,
+)
 from erc_contact.model.section import Section
 from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
@@ -429,6 +435,10 @@ class Model:
         return jumps_at(
             self.preloads, shifts_of(self.scene.ties), cell, x, self.space.cell_corners()
         )
+
+    def jump_gradients(self, cells: np.ndarray) -> np.ndarray:
+        """Return the derivatives of what these shifts add in cells [-], (n, d, d)."""
+        return jump_gradients(self.preloads, shifts_of(self.scene.ties), cells, self.space.d)
 
     # -- data on contacts
 

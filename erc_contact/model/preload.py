@@ -135,6 +135,17 @@ def jumps_at(
     return total
 
 
+def jump_gradients(
+    preloads: Sequence[PreloadOnMesh], shifts: Mapping[str, float], cells: np.ndarray, d: int
+) -> np.ndarray:
+    """Return the derivatives of the sum of ``q psi`` in cells [-], shape (n, d, d)."""
+    total = np.zeros((len(cells), d, d))
+    for preload in preloads:
+        slopes = preload.gradient.x.array.reshape(-1, d)[cells]
+        total += shifts[preload.name] * preload.axis[:, None] * slopes[:, None, :]
+    return total
+
+
 def check_beside_cuts(
     space: Space,
     preloads: Sequence[PreloadOnMesh],

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.files import values_of_file
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
@@ -34,22 +35,13 @@ from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.base import checks
 from namedmesh.base.ranks import greatest
-from namedmesh.files.displacements import FileField
+from namedmesh.for_solvers import SAME_PLACE, FieldOnMesh
 
 LARGEST = 1e100
 """Greatest displacement over the size of the body whose energy is a number [-]."""
 REASON = "given displacement"
-type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any] | FileField
+type AnyField = fem.Function | Callable[[np.ndarray], Any] | tuple[Any, Any] | FieldOnMesh
 """A Function, a callable of points, points with values, or what a file has."""
-SAME_PLACE = 1e-5
-"""Distance of a point to a node that is none, over the extent of the body [-].
-
-Result files often have six digits.
-"""
-OFFSET = 0.2718
-"""Place of the lattice of boxes, in boxes [-]."""
-ASIDE = 10.0
-"""Way by which points go into their bodies, by the distance that is none [-]."""
 
 
 def solution_of(
@@ -58,7 +50,7 @@ def solution_of(
     u: AnyField,
     degree: int | None = None,
     traction: Mapping[str, AnyField] | None = None,
-) -> tuple[Solution, float]:
+) -> tuple[Solution, fem.Function]:
     """Make a solution of a displacement; collective.
 
     Args:
@@ -70,7 +62,7 @@ def solution_of(
             from the reactions.
 
     Returns:
-        The solution, and by how much supports differ from u at most [length].
+        The solution, which keeps the supports, and u as it is given.
 
     Raises:
         InputError: If u does not fit the mesh, or is not finite.
@@ -80,7 +72,10 @@ def solution_of(
     degree = together(comm, _degree, scene, domain, u, degree)
     model = bind(scene, domain, degree)
     displacement = model.space.function()
-    values = together(comm, _values, model.space, u)
+    given_u = model.space.function()
+    given_u.x.array[:] = together(comm, _values, model, u).ravel()
+    given_u.x.scatter_forward()
+    values = given_u.x.array
     finite = comm.allreduce(bool(np.isfinite(values).all()), MPI.LAND)
     if not finite:
         raise InputError("certify: the displacement is not finite everywhere.")
@@ -93,11 +88,8 @@ def solution_of(
         )
     for face in model.loose_faces:
         # Any motion of the face is admissible: here it is the motion that u has.
-        face.follow(model.prescribed, values)
-    fixed = model.supported.ravel()
-    prescribed = model.prescribed.x.array
-    off = greatest(comm, (values.ravel() - prescribed)[fixed])
-    displacement.x.array[:] = np.where(fixed, prescribed, values.ravel())
+        face.follow(model.prescribed, values.reshape(-1, model.space.d))
+    displacement.x.array[:] = np.where(model.supported.ravel(), model.prescribed.x.array, values)
     displacement.x.scatter_forward()
 
     given = together(comm, given_multipliers, model, traction or {})
@@ -115,7 +107,7 @@ def solution_of(
         stiffness=elastic,
         seconds=comm.allreduce(perf_counter() - began, MPI.MAX),
     )
-    return solution, off
+    return solution, given_u
 
 
 def with_nitsche_tractions(solution: Solution) -> Solution | None:
@@ -135,16 +127,19 @@ def _degree(scene: Scene, domain: Domain, u: AnyField, degree: int | None) -> in
         degree = 1
         if isinstance(u, fem.Function):
             degree = u.function_space.element.basix_element.degree
-        elif isinstance(u, FileField):
-            degree = u.degree
+        elif isinstance(u, FieldOnMesh):
+            degree = u.field.degree
         elif isinstance(u, tuple) and len(u) == 2 and len(u[0]) > domain.vertices:
             degree = 2
     check_arguments(scene, domain, None, degree, "auto")
     return degree
 
 
-def _values(space: Space, u: AnyField) -> np.ndarray:
+def _values(model: Model, u: AnyField) -> np.ndarray:
     """Return the displacement at the nodes of this rank [length], shape (nodes, d)."""
+    space = model.space
+    if isinstance(u, FieldOnMesh):
+        return values_of_file(model, u)
     if isinstance(u, tuple) and space.domain.pairs:
         raise InputError(
             "certify: at a contact between bodies two nodes lie at one place, so that points do"
@@ -241,8 +236,6 @@ def nodal_values(space: Space, field: AnyField, nodes: np.ndarray, what: str) ->
     if isinstance(field, fem.Function):
         return _of_function(space, field, what)[nodes]
     x = space.V.tabulate_dof_coordinates()[nodes, : space.d]
-    if isinstance(field, FileField):
-        return _of_file(space, field, nodes, what)
     if callable(field):
         return _of_callable(field, x, what)
     if not isinstance(field, tuple) or len(field) != 2:
@@ -284,39 +277,6 @@ def _of_callable(field: Callable[[np.ndarray], Any], x: np.ndarray, what: str) -
             " rows, a component each."
         )
     return values
-
-
-def _of_file(space: Space, field: FileField, nodes: np.ndarray, what: str) -> np.ndarray:
-    """Return the values of a file at nodes, by their bodies where bodies touch."""
-    d = space.d
-    x = space.V.tabulate_dof_coordinates()[:, :d]
-    points = field.points[:, :d]
-    place = _nearest(x[nodes], points)
-    tolerance = SAME_PLACE * space.domain.extent
-    # Nodes of bodies that touch are in the same box of a lattice that no mesh has.
-    boxes = np.floor(x / tolerance + OFFSET)
-    _, same, count = np.unique(boxes, axis=0, return_inverse=True, return_counts=True)
-    twins = np.flatnonzero(count[same.ravel()][nodes] > 1)
-    if len(twins):
-        into = _move_inward(x[nodes], _inward(space, x)[nodes], ASIDE * tolerance)
-        of_bodies = _move_inward(points, field.inward[:, :d], ASIDE * tolerance)
-        place[twins] = _nearest(into[twins], of_bodies)
-    return _values_at(points, field.values, place, x[nodes], tolerance, what)
-
-
-def _inward(space: Space, x: np.ndarray) -> np.ndarray:
-    """Return the mean middle of the cells at each node, less the node [length]."""
-    dofs = space.V.dofmap.list
-    middles = x[dofs[:, : space.d + 1]].mean(axis=1)
-    sums = np.zeros(x.shape)
-    np.add.at(sums, dofs.ravel(), np.repeat(middles, dofs.shape[1], axis=0))
-    return sums / np.bincount(dofs.ravel(), minlength=len(x))[:, None] - x
-
-
-def _move_inward(x: np.ndarray, inward: np.ndarray, length: float) -> np.ndarray:
-    """Move points by a length along vectors [length], shape (n, d)."""
-    size = np.linalg.norm(inward, axis=1)
-    return x + length * inward / np.where(size == 0, 1.0, size)[:, None]
 
 
 def _of_points(

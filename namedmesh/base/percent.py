@@ -26,7 +26,7 @@ def percent(ratio: float, digits: int = 4) -> str:
     if size == 0 or 0.01 <= size < 100:
         return f"{size:.{digits}g}%"
     is_round_off = size < 1e-9
-    mantissa, power, exponent = f"{size:.{digits - 2 - is_round_off}e}".partition("e")
+    mantissa, power, exponent = f"{size:.{max(digits - 2 - is_round_off, 0)}e}".partition("e")
     return f"{mantissa}e{int(exponent)}%" if power else f"{mantissa}%"
 
 

@@ -1,4 +1,4 @@
-"""Read results of CalculiX (.frd): the mesh, and the displacement of the last step."""
+"""Read results of CalculiX (.frd): the mesh, and vectors of the last step."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ TYPES = {
     12: ("line", 3),
 }
 """Shape and number of nodes of the numbers of types of elements."""
+VECTORS = ("DISP", "FORC")
+"""Names of displacements and of forces on nodes."""
 LONG = 1
 """Format of files whose numbers of nodes have ten digits; 0 stands for five."""
 WIDTH = 12
@@ -53,11 +55,11 @@ def mesh_of_frd(path: Path) -> FileMesh:
             numbers, points = _table(lines, at, 3)
         elif head == "3C":
             elements = _elements(lines, at)
-        elif head == "-4" and words[1] == "DISP":
+        elif head == "-4" and words[1] in VECTORS:
             result_numbers, table = _table(lines, _first_row(lines, at) - 1, 3, _digits(lines, at))
             rows = places_of(numbers, result_numbers)
-            values["DISP"] = np.zeros(points.shape)
-            values["DISP"][rows[rows >= 0]] = table[rows >= 0]
+            values[words[1]] = np.zeros(points.shape)
+            values[words[1]][rows[rows >= 0]] = table[rows >= 0]
             words_of_time = lines[_head(lines, at)][TIME].strip()
             time = float(words_of_time) if words_of_time else None
         at += 1

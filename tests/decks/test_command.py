@@ -37,7 +37,7 @@ def last_line(text):
 
 
 @pytest.mark.broad
-@pytest.mark.parametrize("name", ["parts", "deck", "certify", "solve", "check"])
+@pytest.mark.parametrize("name", ["parts", "deck", "certify", "refine", "solve", "check"])
 def test_each_has_help_with_an_example(name, tmp_path):
     returned, told, _ = command(tmp_path, name, "--help")
     assert returned == 0
@@ -135,13 +135,28 @@ def test_a_result_of_calculix_is_certified(tmp_path):
     assert returned == 0, wrong
     assert "freecad_contact.frd at t = 1 has the error eps = 0.1153%" in told
     assert "Bodies penetrate by up to 8e-06" in told
-    assert "Forces: 2 of 2 have an interval, and freecad_contact.frd is in all of these." in told
+    assert "Forces: 2 of 2 are known of freecad_contact.frd and have an interval" in told
     folder = tmp_path / "freecad_contact_certified"
     assert last_line(told) == "Report: freecad_contact_certified/report.html"
     page = (folder / "report.html").read_text()
     assert "Share of each element in eps." in page
     assert "Bodies penetrate" in page
     assert (folder / "verdict.txt").read_text().splitlines()[0] in told
+
+
+@pytest.mark.broad
+@calculix
+def test_a_finer_deck_does_not_depend_on_the_ranks(tmp_path):
+    """A concrete column under its weight: eps of 6% falls with the square of the size."""
+    files = computed(tmp_path, "prepomax_weight")
+    for ranks in (1, 2):
+        words = ("refine", *files, "--accuracy", 0.02, "-o", f"next_{ranks}.inp")
+        returned, told, wrong = command(tmp_path, *words, ranks=ranks)
+        assert returned == 0, wrong
+        assert "for about 2%" in told
+        assert last_line(told) == f"Deck: next_{ranks}.inp"
+    alone, together = ((tmp_path / f"next_{ranks}.inp").read_text() for ranks in (1, 2))
+    assert alone == together
 
 
 @pytest.mark.broad
@@ -170,7 +185,10 @@ def test_a_result_that_ends_early_is_compared_with_its_own_time(tmp_path):
 
 @pytest.mark.broad
 @calculix
-def test_a_preload_whose_shift_is_not_known(tmp_path):
-    returned, _, wrong = command(tmp_path, "certify", *computed(tmp_path, "prepomax_bolt"))
-    assert returned == 2
-    assert "the shifts of the preloads" in wrong
+def test_a_bolt_has_the_shift_of_its_result(tmp_path):
+    """Its force is E A/L times the shift, 200000 100/40 0.04, as the deck asks for."""
+    returned, told, wrong = command(tmp_path, "certify", *computed(tmp_path, "prepomax_bolt"))
+    assert returned == 0, wrong
+    assert "The bolt at Cut side 1 is shortened by 0.04 as in the result" in told
+    assert "The force 20000 that the deck asks for is in the interval of its force." in told
+    assert "Cut side 1  bolt  20000  between 20000 and 20000 (proved)" in told
