@@ -129,15 +129,17 @@ def _round_off(coefficients: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def _least_length(normals: np.ndarray) -> np.ndarray:
     """Bound the length of N on each facet from below [-], shape (f,).
 
-    ``|sum l_i N_i|^2 >= c + (1 - c) sum l_i^2`` with the least cosine c of two normals.
+    ``|sum l_i N_i|^2 >= c + (s - c) sum l_i^2`` with the least product c and the least
+    square s of two normals, and ``sum l_i^2 >= 1/d``.
 
     Args:
-        normals: Unit normals at the vertices, shape (f, d, d).
+        normals: Normals at the vertices, of at most the length 1, shape (f, d, d).
     """
-    cosines = np.einsum("fid,fjd->fij", normals, normals)
-    least = np.clip(cosines.min(axis=(1, 2), initial=1.0), 0.0, 1.0)
-    shares: np.ndarray = np.sqrt(least + (1 - least) / normals.shape[1])
-    return shares
+    products = np.einsum("fid,fjd->fij", normals, normals)
+    least = np.maximum(products.min(axis=(1, 2), initial=1.0), 0.0)
+    squares = np.einsum("fii->fi", products).min(axis=1, initial=1.0)
+    lengths: np.ndarray = np.sqrt(least + (squares - least) / normals.shape[1])
+    return lengths
 
 
 def _minorants(space: Space, contact: ContactOnMesh) -> np.ndarray:
