@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from scenes import block, prototype_block
-from test_fields import grid
+from test_fields_in_cells import grid
 
 import erc_contact as ec
 from erc_contact.error.transfer import transfer_squares
