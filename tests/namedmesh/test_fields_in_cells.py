@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-import erc_contact as ec
+import namedmesh as nm
 from namedmesh.base.releases import cell_nodes
 from namedmesh.field_on_mesh import FieldOnMesh
 from namedmesh.files.displacements import displacement_of
@@ -126,8 +126,8 @@ def together(*meshes):
 
 def box_of(d, comm=MPI.COMM_WORLD):
     if d == 2:
-        return ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 5), comm=comm)
-    return ec.box((0.0,) * 3, (1.0,) * 3, cells=(3, 2, 3), comm=comm)
+        return nm.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 5), comm=comm)
+    return nm.box((0.0,) * 3, (1.0,) * 3, cells=(3, 2, 3), comm=comm)
 
 
 @pytest.mark.on_ranks("hexahedron-2")
@@ -166,9 +166,9 @@ def test_bodies_that_overlap_keep_their_displacements():
     lower = grid("quadrilateral", 2, lambda x: 0 * x + 1.0, (0.0, 0.0), (1.0, 0.51), 3)
     upper = grid("triangle", 1, lambda x: 0 * x - 1.0, (0.0, 0.5), (1.0, 1.0), 2)
     field = displacement_of(together(lower, upper))
-    below = ec.rectangle((0.0, 0.0), (1.0, 0.5), cells=(4, 2))
-    above = ec.rectangle((0.0, 0.5), (1.0, 1.0), cells=(5, 2))
-    domain = ec.assembly({"below": below, "above": above})
+    below = nm.rectangle((0.0, 0.0), (1.0, 0.5), cells=(4, 2))
+    above = nm.rectangle((0.0, 0.5), (1.0, 1.0), cells=(5, 2))
+    domain = nm.assembly({"below": below, "above": above})
     geometry = domain.mesh.geometry
     u = FieldOnMesh(domain, field).at_nodes(cell_nodes(geometry), geometry.x[:, :2])
     of_cells = u[cell_nodes(geometry)]
@@ -183,8 +183,8 @@ def test_nodes_outside_have_the_nearest_point():
     geometry = domain.mesh.geometry
     u = FieldOnMesh(domain, field).at_nodes(cell_nodes(geometry), geometry.x)
     assert abs(u - np.minimum(geometry.x, [1.0, 1.0, 0.99])).max() < 1e-12
-    with pytest.raises(ec.InputError, match="in 3D, and the mesh is in 2D"):
+    with pytest.raises(nm.InputError, match="in 3D, and the mesh is in 2D"):
         FieldOnMesh(box_of(2), field)
     small = displacement_of(grid("hexahedron", 1, lambda x: x, (0.0,) * 3, (1.0, 1.0, 0.5), 2))
-    with pytest.raises(ec.InputError, match="outside of the bodies of the file, the first"):
+    with pytest.raises(nm.InputError, match="outside of the bodies of the file, the first"):
         FieldOnMesh(domain, small).at_nodes(cell_nodes(geometry), geometry.x)
