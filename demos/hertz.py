@@ -87,8 +87,8 @@ if half_disc.comm.rank == 0:
 
 # %%
 # What must hold: half-width and peak within 1%, by a certified 2% and far fewer than
-# 5000 elements; pressure ends where the closed form says, up to a facet, whose nodes are
-# at its ends and in its middle; the disc is symmetric.
+# 5000 elements; pressure ends where the closed form says, up to a facet; the disc is
+# symmetric.
 
 assert history.reached
 assert history.steps[-1].cells < 5000

@@ -143,7 +143,7 @@ def facet_means(run, pull):
 
 
 def half_angle(theta, pressure):
-    """Between the last facet that is pressed and the next, and how far these are apart."""
+    """Between the last facet that is pressed and the next, and their distance."""
     last = np.flatnonzero(pressure > 0.02 * pressure.max()).max()
     ends = theta[last : last + 2]
     return ends.mean(), np.ptp(ends)
