@@ -5,8 +5,8 @@ unless a test fails there, and then say so on stderr and end with an exit code o
 own, so that mpiexec fails. A test that ends on one rank and not on another aborts the
 run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Tests
 marked ``broad`` are left out unless asked for by ``-m broad``: random families, long
-runs and comparisons. On one rank so are cases of other tests whose values of parameters
-are all in other cases. Of a test marked ``on_ranks`` only the named cases run, one for each way in which ranks
+runs and comparisons. So are cases of other tests whose values of parameters are all in
+other cases. Of a test marked ``on_ranks`` only the named cases run, one for each way in which ranks
 work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
 many cases that any two values of two of its parameters meet in one of them; a case
 that is asked for by its name runs always. The demos, marked ``gallery``, run only if
@@ -115,9 +115,11 @@ def pytest_collection_modifyitems(config, items):
     if not by_name:
         raise_if_unknown(items)
         out.update(cases_beyond(items, pairs_of, "pairs"))
-        if COMM.size == 1:
-            for item in cases_beyond([item for item in items if item not in out], values_of):
-                item.add_marker("broad")
+        shorter = [
+            item for item in items if item not in out and not item.get_closest_marker("ranks")
+        ]
+        for item in cases_beyond(shorter, values_of):
+            item.add_marker("broad")
     left_out = ["serial" if COMM.size > 1 else "ranks"]
     left_out += [mark for mark in ("gallery", "broad") if mark not in config.option.markexpr]
     if by_name:
