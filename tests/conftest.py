@@ -29,6 +29,7 @@ import tempfile
 from itertools import combinations_with_replacement
 from pathlib import Path
 from time import monotonic, sleep
+from zlib import crc32
 
 os.environ["MPLBACKEND"] = "Agg"
 
@@ -97,6 +98,12 @@ class Ranks:
         sys.stderr.flush()
 
 
+def pytest_addoption(parser):
+    parser.addoption(
+        "--part", metavar="K/N", help="of the tests, those of the K-th of N parts, K from 0"
+    )
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_configure(config):
     if COMM.rank > 0:
@@ -125,6 +132,9 @@ def pytest_collection_modifyitems(config, items):
     if by_name:
         left_out.remove("broad")
     out.update(item for item in items if any(item.get_closest_marker(mark) for mark in left_out))
+    if config.option.part:
+        number, count = map(int, config.option.part.split("/"))
+        out.update(item for item in items if crc32(test_of(item).encode()) % count != number)
     config.hook.pytest_deselected(items=[item for item in items if item in out])
     items[:] = [item for item in items if item not in out]
 
@@ -133,6 +143,11 @@ def pytest_collection_finish(session):
     """Let Python look no more for cycles among modules and tests, which all stay."""
     gc.collect()
     gc.freeze()
+
+
+def test_of(item):
+    """Return the name of the test of which this is a case."""
+    return item.nodeid.split("[")[0]
 
 
 def cases_left_out(items):
@@ -151,7 +166,7 @@ def cases_beyond(items, tuples_of, mark=None):
     functions = {}
     for item in items:
         if hasattr(item, "callspec") and (mark is None or item.get_closest_marker(mark)):
-            functions.setdefault(item.nodeid.split("[")[0], []).append(item)
+            functions.setdefault(test_of(item), []).append(item)
     for cases in functions.values():
         yield from set(cases) - set(covering(cases, tuples_of))
 
@@ -192,7 +207,7 @@ def raise_if_unknown(items):
     for item in items:
         mark = item.get_closest_marker("on_ranks")
         if mark is not None:
-            function = item.nodeid.split("[")[0]
+            function = test_of(item)
             names.add((function, item.callspec.id))
             unknown.update((function, case) for case in mark.args)
     unknown -= names
