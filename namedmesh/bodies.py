@@ -99,7 +99,7 @@ class Bodies(NamedMesh):
         return table(self._in_words(), caption=f"Domain in {self.dim}D")
 
     def _in_words(self) -> list[tuple[str, str]]:
-        """Return what the domain is made of, of many parts the first ones."""
+        """Return what the domain is made of, and of many parts the first parts."""
         rows = [("cells", str(self.cells)), ("vertices", str(self.vertices))]
         rows.append(("boundary parts", first_names(self.names)))
         if self.regions:
