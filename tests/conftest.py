@@ -6,8 +6,8 @@ own, so that mpiexec fails. A test that ends on one rank and not on another abor
 run. Tests marked ``serial`` are left out; on one rank those marked ``ranks`` are. Tests
 marked ``broad`` are left out unless asked for by ``-m broad``: random families, long
 runs and comparisons. So are cases of other tests whose values of parameters are all in
-other cases. Of a test marked ``on_ranks`` only the named cases run, one for each way in which ranks
-work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
+other cases. Of a test marked ``on_ranks`` only the named cases run, one for each way in
+which ranks work together; the others differ in what no rank sees. Of a test marked ``pairs`` run so
 many cases that any two values of two of its parameters meet in one of them; a case
 that is asked for by its name runs always. The demos, marked ``gallery``, run only if
 asked for, by ``-m gallery``.
@@ -128,9 +128,10 @@ def pytest_collection_modifyitems(config, items):
         for item in cases_beyond(shorter, values_of):
             item.add_marker("broad")
     left_out = ["serial" if COMM.size > 1 else "ranks"]
-    left_out += [mark for mark in ("gallery", "broad") if mark not in config.option.markexpr]
-    if by_name:
-        left_out.remove("broad")
+    if "gallery" not in config.option.markexpr:
+        left_out.append("gallery")
+    if "broad" not in config.option.markexpr and not by_name:
+        left_out.append("broad")
     out.update(item for item in items if any(item.get_closest_marker(mark) for mark in left_out))
     if config.option.part:
         number, count = map(int, config.option.part.split("/"))

@@ -37,7 +37,7 @@ def refine_deck(arguments: Namespace) -> int:
             "Refine again from its result, or allow more by --max-cells."
         )
     if certificate.total > PREDICTIVE_ERROR:
-        words.append("A mesh as coarse as that of the result foresees it badly: refine again.")
+        words.append("A mesh as coarse as the mesh of the result foresees it badly: refine again.")
     by_mesh = certificate.cause == "the mesh"
     if not by_mesh:
         words.append(

@@ -151,7 +151,7 @@ def test_the_deck_is_the_scene_written_by_hand():
 
 
 def test_a_beam_on_two_lines_of_nodes():
-    """Pads are hinges: the deflection is that of a beam with shear on two supports.
+    """Pads are hinges: a beam with shear on two supports deflects so.
 
     The load q = 3 is on a length a = 4 in the middle of the span l = 16, and I = 2.
     """

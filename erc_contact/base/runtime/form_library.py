@@ -121,17 +121,17 @@ def _compiled(
     """Compile forms and expressions in one library, and note where each is.
 
     Args:
-        sources: They, by their signatures.
+        sources: Forms and expressions by their signatures.
         folder: The folder of compiled forms.
         flags: Options of the compiler.
         c_code: Writes the code of sources, with a beginning of the names.
     """
     name = "liberc_contact_forms_" + sha256("".join(sources).encode()).hexdigest()[:40]
 
-    def code() -> str:
-        return c_code(list(sources.values()), name)
+    def compile_to(path: Path) -> None:
+        _compile(c_code(list(sources.values()), name), path, flags)
 
-    path = compile_once(folder / f"{name}.so", lambda path: _compile(code(), path, flags))
+    path = compile_once(folder / f"{name}.so", compile_to)
     places = {}
     for number, (signature, source) in enumerate(sources.items()):
         if isinstance(source, ufl.Form):
