@@ -70,6 +70,7 @@ from erc_contact.scene.goal import (
     Slip,
     StressIntensity,
 )
+from erc_contact.scene.hardening import HardeningCurve, Swift, Voce
 from erc_contact.scene.law import Coulomb, Law, Orthotropic, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
@@ -118,6 +119,7 @@ __all__ = [
     "Foundation",
     "Functional",
     "GivenStrain",
+    "HardeningCurve",
     "History",
     "InputError",
     "Law",
@@ -151,6 +153,7 @@ __all__ = [
     "Step",
     "Strategy",
     "StressIntensity",
+    "Swift",
     "Symmetry",
     "ThermalStrain",
     "Tied",
@@ -158,6 +161,7 @@ __all__ = [
     "Traction",
     "Tresca",
     "Uniform",
+    "Voce",
     "adapt",
     "assembly",
     "box",

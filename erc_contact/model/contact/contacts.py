@@ -35,9 +35,10 @@ from erc_contact.model.contact.normals import (
 from erc_contact.model.contact.trace import Side, Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
-from erc_contact.model.data.values import components, number, parameter
+from erc_contact.model.data.values import components, number
 from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.space import Space
+from erc_contact.scene.checks import parameter
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Law
 from namedmesh.base.checks import positive
