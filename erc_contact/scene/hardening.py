@@ -85,20 +85,7 @@ class HardeningCurve(Hardening):
                 "where the stress is the yield stress, and increase. Take the elastic strain "
                 "stress/E from total strains."
             )
-        if stress[0] <= 0.0:
-            raise InputError(
-                f"HardeningCurve: the first stress is {stress[0]:g}; it is the yield stress, which "
-                "must be > 0 [force/area]."
-            )
-        falls = np.flatnonzero(np.diff(stress) < 0.0)
-        if len(falls):
-            at = falls[0]
-            raise InputError(
-                f"HardeningCurve: the stress falls from {stress[at]:g} to {stress[at + 1]:g} at a "
-                f"plastic strain of {strain[at + 1]:g}. Where it falls, the potential is not "
-                "convex, no error can be certified, and the strain localises with the mesh. End "
-                "the curve at its greatest stress."
-            )
+        _check_stress(strain, stress)
 
     @classmethod
     def through(
@@ -132,6 +119,7 @@ class HardeningCurve(Hardening):
                 "HardeningCurve: the function k(a) must return a finite stress for each plastic "
                 f"strain from 0 to {up_to:g}; write it with numpy, for arrays."
             )
+        _check_stress(strain, value)
         ends = _ends_of_pieces(strain, value)
         return cls(strain[ends].tolist(), value[ends].tolist())
 
@@ -269,6 +257,24 @@ def _check_sizes(strains: int, stresses: int) -> None:
         raise InputError(
             f"HardeningCurve: there are {strains} points; give 2 to {MOST_POINTS}. For a single "
             "slope give numbers, yield_stress= and hardening=."
+        )
+
+
+def _check_stress(strain: np.ndarray, stress: np.ndarray) -> None:
+    """Check that a stress begins above zero and never falls."""
+    if stress[0] <= 0.0:
+        raise InputError(
+            f"HardeningCurve: the first stress is {stress[0]:g}; it is the yield stress, which "
+            "must be > 0 [force/area]."
+        )
+    falls = np.flatnonzero(np.diff(stress) < 0.0)
+    if len(falls):
+        at = falls[0]
+        raise InputError(
+            f"HardeningCurve: the stress falls from {stress[at]:g} to {stress[at + 1]:g} at a "
+            f"plastic strain of {strain[at + 1]:g}. Where it falls, the potential is not "
+            "convex, no error can be certified, and the strain localises with the mesh. End "
+            "the curve at its greatest stress."
         )
 
 
