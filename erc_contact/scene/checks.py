@@ -97,17 +97,3 @@ def _check_no_ufl(what: str, value: Any) -> None:
             f"{what} is UFL or a Function; give a callable of x that returns it,"
             " e.g. lambda x: value."
         )
-
-
-def parameter(owner: Any, name: str) -> Any:
-    """Return the value of a parameter of a material, law or load.
-
-    Raises:
-        InputError: If there is no attribute of this name.
-    """
-    if not hasattr(owner, name):
-        raise InputError(
-            f"{type(owner).__name__} has {name!r} among its parameters and no such attribute;"
-            " add it, or mend the name."
-        )
-    return getattr(owner, name)

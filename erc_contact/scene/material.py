@@ -25,7 +25,6 @@ import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
-from erc_contact.scene.checks import parameter
 
 PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC = "plane strain", "plane stress", "axisymmetric"
 HYPOTHESES = (PLANE_STRAIN, PLANE_STRESS, AXISYMMETRIC)
@@ -227,6 +226,20 @@ def values_in_space(material: Any) -> dict[str, Any]:
     if hasattr(material, "values_in_space"):
         return dict(material.values_in_space())
     return {name: parameter(material, name) for name in material.parameters}
+
+
+def parameter(owner: Any, name: str) -> Any:
+    """Return the value of a parameter of a material, law or load.
+
+    Raises:
+        InputError: If there is no attribute of this name.
+    """
+    if not hasattr(owner, name):
+        raise InputError(
+            f"{type(owner).__name__} has {name!r} among its parameters and no such attribute;"
+            " add it, or mend the name."
+        )
+    return getattr(owner, name)
 
 
 def check_numbers(material: Any) -> None:

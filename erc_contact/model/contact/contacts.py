@@ -38,9 +38,9 @@ from erc_contact.model.data.users import call_of_user, scalar
 from erc_contact.model.data.values import components, number
 from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.space import Space
-from erc_contact.scene.checks import parameter
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Law
+from erc_contact.scene.material import parameter
 from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule
