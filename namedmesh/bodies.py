@@ -18,7 +18,7 @@ from namedmesh.base.names import first_names
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
 from namedmesh.sides import facets_of_cells
-from namedmesh.surface import offset
+from namedmesh.surface import offset, on_surface
 from namedmesh.tags import tag_table
 
 
@@ -159,6 +159,15 @@ class Bodies(NamedMesh):
         if self.curved_facets is None:
             return self.marks
         return tag_table(self.curved_facets)[facets_of_cells(self.mesh)]
+
+    @property
+    def drawn_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points on the true surface where it is known; collective."""
+        x, cells = self.points
+        marks = self.marks_of_sides
+        if marks is None or self.geometry is None:
+            return x, cells
+        return on_surface(self.comm, x, cells, marks, self.geometry.nearest), cells
 
     @property
     def knows_shape(self) -> bool:

@@ -116,6 +116,15 @@ class NamedMesh:
         numbers = np.arange(cells * corners).reshape(cells, corners)
         return in_space(self.places.reshape(-1, d)), numbers
 
+    @property
+    def drawn_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points where the shape was drawn, see :attr:`points`; collective.
+
+        Vertices of facets that keep the volume lie beside a curved surface; here they
+        are on it.
+        """
+        return self.points
+
     @cached_property
     def corners(self) -> tuple[np.ndarray, np.ndarray]:
         """Return two corners of the bounding box [length], shape (d,) each; collective.
