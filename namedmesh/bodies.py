@@ -162,7 +162,11 @@ class Bodies(NamedMesh):
 
     @property
     def drawn_points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the points on the true surface where it is known; collective."""
+        """Return the points on the true surface where it is known; collective.
+
+        They are right at the corners of owned cells: a rank has all cells around these,
+        and so all curved sides.
+        """
         x, cells = self.points
         marks = self.marks_of_sides
         if marks is None or self.geometry is None:

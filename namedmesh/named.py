@@ -104,17 +104,18 @@ class NamedMesh:
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the bodies, and which of them each cell has.
 
-        They are the nodes of the mesh; where bodies keep their shapes in a glued mesh,
-        each cell has its own points.
+        They are the nodes of the mesh. Where bodies keep their shapes in a glued mesh, a
+        node has a point at each of its places.
 
         Returns:
             Points [length], shape (n, 3), and their numbers, shape (cells, d+1).
         """
+        nodes = cell_nodes(self.mesh.geometry)
         if self.places is None:
-            return self.mesh.geometry.x, cell_nodes(self.mesh.geometry)
-        cells, corners, d = self.places.shape
-        numbers = np.arange(cells * corners).reshape(cells, corners)
-        return in_space(self.places.reshape(-1, d)), numbers
+            return self.mesh.geometry.x, nodes
+        rows = np.column_stack([nodes.ravel(), self.places.reshape(-1, self.dim)])
+        different, numbers = np.unique(rows, axis=0, return_inverse=True)
+        return in_space(different[:, 1:]), numbers.reshape(nodes.shape)
 
     @property
     def drawn_points(self) -> tuple[np.ndarray, np.ndarray]:

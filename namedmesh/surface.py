@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,15 @@ from namedmesh.base.logs import log_of
 from namedmesh.base.ranks import from_first, gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
 from namedmesh.sides import boundary_sides, facets_of_cells
-from namedmesh.simplex import determinants, lagrange, measures, of_facets, outward_normals, rule
+from namedmesh.simplex import (
+    determinants,
+    lagrange,
+    measures,
+    of_facets,
+    outward_normals,
+    rule,
+)
+from namedmesh.simplex import nodes as reference_nodes
 from namedmesh.tags import NO_TAG
 from namedmesh.volume import MarkedSurface, balanced, marks_table
 
@@ -280,6 +289,34 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
         squares=(weighted * height).sum(axis=1),
         depths=np.ptp(nodal, axis=1),
     )
+
+
+def true_areas(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
+    """Compute the areas of the true surface over facets [length^(d-1)], shape (n,).
+
+    The surface is taken as a polynomial of degree 2 over each facet.
+
+    Args:
+        offset: The offset from :func:`offset` [length].
+        sides: Facets as (cell, local facet), shape (n, 2).
+    """
+    W = offset.function_space
+    d = W.mesh.topology.dim
+    nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
+    geometry = W.mesh.geometry
+    corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
+    at_nodes = lagrange(d - 1, 1, reference_nodes(d - 1, 2))
+    flat = np.matmul(at_nodes, of_facets(corners, sides[:, 1]))
+    surface = flat + offset.x.array.reshape(-1, d)[nodes]
+    points, weights = rule(d - 1, 4)
+    tangents = []
+    for step in np.eye(d - 1) / 2:
+        # The difference over 1 is the derivative of a polynomial of degree 2.
+        slope = lagrange(d - 1, 2, points + step) - lagrange(d - 1, 2, points - step)
+        tangents.append(np.matmul(slope, surface))
+    along = np.stack(tangents, axis=-1)
+    gram = np.linalg.det(along.swapaxes(-1, -2) @ along)
+    return np.sqrt(gram) @ weights / factorial(d - 1)
 
 
 def _moves(

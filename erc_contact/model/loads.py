@@ -6,6 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from ufl.algorithms import extract_type
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
@@ -15,6 +19,7 @@ from erc_contact.model.data.users import IN_UFL, call_of_user, vector
 from erc_contact.model.data.values import DATA_DEGREE, parameter, value_of, without_plain_numbers
 from erc_contact.model.space import Space
 from erc_contact.scene.load import Load
+from namedmesh.for_solvers import true_areas
 from namedmesh.simplex import rule
 
 
@@ -98,7 +103,39 @@ def _density(space: Space, load: Load) -> Ufl:
     region = getattr(load, "region", None)
     if region is not None:
         density = space.indicator(space.domain.region(region)) * density
+    # A pressure acts on the vector area, which facets share with the true surface.
+    if load.facets is not None and not extract_type(density, ufl.FacetNormal):
+        factor = area_factor(space, load.facets)
+        density = density if factor is None else factor * density
     return space.on_meridian(density)
+
+
+def area_factor(space: Space, part: str) -> fem.Function | None:
+    """Return the area of the true surface over the area of facets [-]; collective.
+
+    They differ by O(h^2) on a curved part, and a force per area has its resultant on
+    the true surface. A cell with two facets of the part has the mean of both.
+
+    Args:
+        space: The mesh.
+        part: Name of the part.
+
+    Returns:
+        A factor of each cell, 1 without facets of the part; None on a flat part.
+    """
+    domain = space.domain
+    if domain.offset is None or domain.curved_facets is None:
+        return None
+    sides = domain.facets(part)
+    is_curved = np.isin(space.facet_numbers(sides), domain.curved_facets.indices)
+    if not space.comm.allreduce(bool(is_curved.any()), MPI.LOR):
+        return None
+    factor = domain.function("DG", 0)
+    flat, true = np.zeros((2, len(factor.x.array)))
+    np.add.at(flat, sides[:, 0], space.facet_areas(sides))
+    np.add.at(true, sides[:, 0], true_areas(domain.offset, sides))
+    factor.x.array[:] = np.divide(true, flat, out=np.ones(len(flat)), where=flat > 0)
+    return factor
 
 
 class HoopLoad:
