@@ -15,6 +15,9 @@ from scenes import certified
 from test_surface import BALL, COMM, MESHES, PUNCH, from_script
 
 import erc_contact as ec
+from erc_contact.error.goals.motion_perturbations import mean_displacement
+from erc_contact.error.goals.perturbation import BaseScene
+from erc_contact.error.load_work import work_of_load
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
 from namedmesh.simplex import bernstein
@@ -78,6 +81,36 @@ def test_cost_of_facets_of_a_pressed_ring(shared_tmp_path):
     assert 1.0 < min(ratios) <= max(ratios) < 3.0
     # With vertices on the circle they fall like h^2.
     assert np.log2(changes[0] / changes[2]) > 2 * 2.9
+
+
+def test_a_load_acts_on_the_area_of_the_true_surface():
+    """A traction on a half circle, whose facets are off by h^2/24: 4e-3 on the first mesh."""
+    domain, off = ec.read_mesh(MESHES / "half_disc.geo", scripts=True), []
+    held = ec.Displacement("top", (0.0, 0.0))
+    density = np.array([1e-3, 2e-3])
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), held, ec.Traction("arc", tuple(density)))
+    for _ in range(3):
+        force = ec.solve(scene, domain).reactions()["tractions"].force
+        off.append(abs(force / (np.pi * density) - 1).max())
+        domain = domain.refined()
+    assert off[0] < 1e-4
+    assert off[2] < off[0] / 12**2
+
+
+@pytest.mark.serial
+def test_a_mean_displacement_is_over_the_true_area():
+    """It is the work of the load that perturbs the scene, whatever the displacement is."""
+    domain = ec.read_mesh(MESHES / "half_disc.geo", scripts=True)
+    held = ec.Displacement("top", (0.0, 0.0))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), held, ec.Traction("arc", (0.0, -1e-3)))
+    solution = ec.solve(scene, domain)
+    model = solution.model
+    base = BaseScene(model, scene, 1.0, 1.0, 1.0)
+    goal = ec.MeanDisplacement("arc", (0.0, -1.0))
+    perturbation = mean_displacement(base, goal, np.array([0.0, -1.0]))
+    load = perturbation.scene_at(1.0).loads[-1]
+    work = work_of_load(model.space, load, solution.u).value
+    assert perturbation.psi(solution.u).value == pytest.approx(work, rel=1e-12)
 
 
 @pytest.mark.parametrize("normal", ["gap", "callable"])
