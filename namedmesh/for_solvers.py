@@ -26,7 +26,7 @@ from namedmesh.remeshing import count_cells
 from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL
-from namedmesh.surface import sides_of_facets, slivers, true_areas
+from namedmesh.surface import sides_of_facets, slivers
 from namedmesh.tags import NO_TAG, tag_table
 
 __all__ = [
@@ -70,6 +70,5 @@ __all__ = [
     "successors",
     "tag_table",
     "to_chain_ends",
-    "true_areas",
     "vertex_normals",
 ]

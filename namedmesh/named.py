@@ -21,6 +21,7 @@ from namedmesh.base.ranks import box
 from namedmesh.base.releases import cell_nodes
 from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides
+from namedmesh.simplex import measures, of_facets
 from namedmesh.tags import NO_TAG, tag_table
 
 INSIDE_CELLS = "DG inside cells"
@@ -104,7 +105,7 @@ class NamedMesh:
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the bodies, and which of them each cell has.
 
-        They are the nodes of the mesh. Where bodies keep their shapes in a glued mesh, a
+        They are the nodes of the mesh. In a glued mesh whose bodies keep their shapes a
         node has a point at each of its places.
 
         Returns:
@@ -125,6 +126,16 @@ class NamedMesh:
         are on it.
         """
         return self.points
+
+    def side_areas(self, sides: np.ndarray) -> np.ndarray:
+        """Return areas of sides [length^(d-1)], shape (n,); collective.
+
+        Args:
+            sides: Sides (cell, local facet), shape (n, 2).
+        """
+        x, points_of = self.points
+        corners = x[points_of[sides[:, 0]], : self.dim]
+        return measures(of_facets(corners, sides[:, 1]))
 
     @cached_property
     def corners(self) -> tuple[np.ndarray, np.ndarray]:

@@ -120,7 +120,7 @@ class MarkedSurface:
 
     @cached_property
     def marks_of_edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return pairs of an edge and one of its marks, all different, (k,) each."""
+        """Return the different pairs of an edge and its marks, shape (k,) each."""
         each = self.edges_of_facets.shape[1]
         rows = np.column_stack([self.edges_of_facets.ravel(), np.repeat(self.marks, each)])
         edge, mark = np.unique(rows, axis=0).T

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 from ufl.algorithms import extract_type
 
 from erc_contact.base.exceptions import InputError
@@ -19,7 +18,6 @@ from erc_contact.model.data.users import IN_UFL, call_of_user, vector
 from erc_contact.model.data.values import DATA_DEGREE, parameter, value_of, without_plain_numbers
 from erc_contact.model.space import Space
 from erc_contact.scene.load import Load
-from namedmesh.for_solvers import true_areas
 from namedmesh.simplex import rule
 
 
@@ -123,18 +121,16 @@ def area_factor(space: Space, part: str) -> fem.Function | None:
     Returns:
         A factor of each cell, 1 without facets of the part; None on a flat part.
     """
-    domain = space.domain
-    if domain.offset is None or domain.curved_facets is None:
+    sides = space.domain.facets(part)
+    ratio = space.domain.area_ratio(sides)
+    if ratio is None:
         return None
-    sides = domain.facets(part)
-    is_curved = np.isin(space.facet_numbers(sides), domain.curved_facets.indices)
-    if not space.comm.allreduce(bool(is_curved.any()), MPI.LOR):
-        return None
-    factor = domain.function("DG", 0)
-    flat, true = np.zeros((2, len(factor.x.array)))
-    np.add.at(flat, sides[:, 0], space.facet_areas(sides))
-    np.add.at(true, sides[:, 0], true_areas(domain.offset, sides))
-    factor.x.array[:] = np.divide(true, flat, out=np.ones(len(flat)), where=flat > 0)
+    factor = space.domain.function("DG", 0)
+    flat = space.facet_areas(sides)
+    sums = np.zeros((2, len(factor.x.array)))
+    np.add.at(sums[0], sides[:, 0], flat)
+    np.add.at(sums[1], sides[:, 0], ratio * flat)
+    factor.x.array[:] = np.divide(sums[1], sums[0], out=np.ones_like(sums[0]), where=sums[0] > 0)
     return factor
 
 
