@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from namedmesh.files.abaqus_cards import cards_of
+from namedmesh.files.abaqus_cards import Card, cards_of
 from namedmesh.files.abaqus_tables import DeckSpace, Tables, tables_of
 from namedmesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, NodeSet, pad
 from namedmesh.files.sets import list_names
@@ -46,11 +46,17 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes, or a card that computes them.
     """
-    return _file_mesh(tables_of(list(cards_of(path))))
+    return mesh_of_cards(list(cards_of(path)))
 
 
-def _file_mesh(mesh: Tables) -> FileMesh:
-    """Return the mesh with all sets, whose rows are now numbers in blocks."""
+def mesh_of_cards(cards: list[Card]) -> FileMesh:
+    """Return the mesh of cards, with its sets and surfaces.
+
+    Raises:
+        InputError: If they have no nodes, or a card computes them.
+    """
+    mesh = tables_of(cards)
+    # Sets and surfaces have rows of all elements, which become numbers in blocks.
     dim, blocks, left_out = blocks_of(mesh)
     begins = np.array([part.begin for part in mesh.blocks])
     lines: dict[tuple[str, bool, int], list[np.ndarray]] = {}
