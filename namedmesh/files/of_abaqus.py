@@ -1,4 +1,4 @@
-"""Read the text files of Abaqus and CalculiX, with their sets and surfaces.
+"""Read the text files of Abaqus, CalculiX and FrontISTR, with their sets and surfaces.
 
 Points, elements and sets are read, of parts and their instances, too. Elements that are
 no solids are left out and counted.
@@ -16,6 +16,7 @@ import numpy as np
 from namedmesh.files.abaqus_cards import Card, cards_of
 from namedmesh.files.abaqus_tables import DeckSpace, Tables, tables_of
 from namedmesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, NodeSet, pad
+from namedmesh.files.hecmw_cards import cards_of_hecmw
 from namedmesh.files.sets import list_names
 
 FACES = {
@@ -46,15 +47,20 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes, or a card that computes them.
     """
-    return mesh_of_cards(list(cards_of(path)))
+    return _mesh_of_cards(list(cards_of(path)))
 
 
-def mesh_of_cards(cards: list[Card]) -> FileMesh:
-    """Return the mesh of cards, with its sets and surfaces.
+def mesh_of_hecmw(path: Path) -> FileMesh:
+    """Read a mesh of FrontISTR, whose cards are cards of Abaqus under other names.
 
     Raises:
-        InputError: If they have no nodes, or a card computes them.
+        InputError: If it has no nodes, or a group of sides has no pairs.
     """
+    return _mesh_of_cards(cards_of_hecmw(path))
+
+
+def _mesh_of_cards(cards: list[Card]) -> FileMesh:
+    """Return the mesh of cards, with its sets and surfaces."""
     mesh = tables_of(cards)
     # Sets and surfaces have rows of all elements, which become numbers in blocks.
     dim, blocks, left_out = blocks_of(mesh)

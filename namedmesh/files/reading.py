@@ -10,14 +10,13 @@ from namedmesh.base.exceptions import InputError
 from namedmesh.files.apart import read_apart
 from namedmesh.files.file_mesh import FileMesh
 from namedmesh.files.formats import DRAWINGS, format_of
-from namedmesh.files.of_abaqus import mesh_of_abaqus
+from namedmesh.files.of_abaqus import mesh_of_abaqus, mesh_of_hecmw
 from namedmesh.files.of_ansys import mesh_of_ansys
 from namedmesh.files.of_aster import mesh_of_aster
 from namedmesh.files.of_dyna import mesh_of_dyna
 from namedmesh.files.of_frd import mesh_of_frd
 from namedmesh.files.of_getfem import mesh_of_getfem
 from namedmesh.files.of_gid import mesh_of_gid
-from namedmesh.files.of_hecmw import mesh_of_hecmw
 from namedmesh.files.of_kratos import mesh_of_kratos
 from namedmesh.files.of_med import mesh_of_med
 from namedmesh.files.of_mfem import mesh_of_mfem

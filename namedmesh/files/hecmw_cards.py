@@ -1,4 +1,4 @@
-"""Read meshes of FrontISTR (.msh of HEC-MW), with their groups.
+"""Take meshes of FrontISTR (.msh of HEC-MW) apart, into cards of Abaqus.
 
 Their cards are the cards of Abaqus under other names: groups of nodes, of elements and
 of sides are its sets and surfaces, whose sides have the same numbers.
@@ -13,8 +13,6 @@ from pathlib import Path
 
 from namedmesh.base.exceptions import InputError
 from namedmesh.files.abaqus_cards import Card, cards_of, integers_of
-from namedmesh.files.file_mesh import FileMesh
-from namedmesh.files.of_abaqus import mesh_of_cards
 
 TYPES = {
     **{"231": "CPS3", "232": "CPS6", "241": "CPS4", "242": "CPS8"},
@@ -31,16 +29,16 @@ PARAMETERS = {"NGRP": "NSET", "EGRP": "ELSET", "SGRP": "NAME"}
 """Parameters of Abaqus by the parameters that name groups."""
 
 
-def mesh_of_hecmw(path: Path) -> FileMesh:
-    """Read a mesh of FrontISTR.
+def cards_of_hecmw(path: Path) -> list[Card]:
+    """Return the cards of Abaqus that say what a mesh of FrontISTR says.
 
     Raises:
-        InputError: If it has no nodes, or a group of sides has no pairs.
+        InputError: If a group of sides has no pairs, or an included file is missing.
     """
     cards: list[Card] = []
     for card in cards_of(path, "!"):
         cards += _of_abaqus(card)
-    return mesh_of_cards(cards)
+    return cards
 
 
 def _of_abaqus(card: Card) -> Iterator[Card]:
