@@ -544,3 +544,22 @@ def test_sets_and_parts_of_dyna(tmp_path, measures, caplog):
     assert measures.part(domain, "node set 1") == pytest.approx(1.0, rel=EXACT)
     assert measures.part(domain, "segment set 1") == pytest.approx(1.0, rel=EXACT)
     assert "*SET_SEGMENT_GENERAL, which is not read" in caplog.text
+
+
+@pytest.mark.serial
+def test_a_displacement_of_exodus_comes_with_its_nodes(tmp_path):
+    """VTK reads it, without netCDF4."""
+    import pyvista
+    from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+
+    from namedmesh.for_solvers import from_file
+
+    x, cells = files.arrays("hexahedron")
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: cells["hexahedron"][0]}, x)
+    grid.point_data["disp"] = x @ np.diag([0.1, 0.2, 0.3])
+    writer = vtkExodusIIWriter()
+    writer.SetFileName(str(tmp_path / "result.e"))
+    writer.SetInputData(grid)
+    writer.Write()
+    field = from_file(MPI.COMM_SELF, tmp_path / "result.e")
+    assert np.allclose(field.values, field.x @ np.diag([0.1, 0.2, 0.3]), atol=EXACT)
