@@ -560,6 +560,7 @@ def test_a_displacement_of_exodus_comes_with_its_nodes(tmp_path):
     writer = vtkExodusIIWriter()
     writer.SetFileName(str(tmp_path / "result.e"))
     writer.SetInputData(grid)
+    writer.WriteAllTimeStepsOn()
     writer.Write()
     field = from_file(MPI.COMM_SELF, tmp_path / "result.e")
     assert np.allclose(field.values, field.x @ np.diag([0.1, 0.2, 0.3]), atol=EXACT)
