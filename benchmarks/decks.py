@@ -234,4 +234,5 @@ def main() -> None:
         print(name, of_cards.most_common(40))
 
 
-main()
+if __name__ == "__main__":
+    main()
