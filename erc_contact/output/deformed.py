@@ -147,7 +147,7 @@ def draw_deformed(
     d = space.d
     body, gathered_contacts = whole_body(admissible)
     cells = gather_mises(admissible, stress)
-    up = upward(admissible)
+    up = upward(admissible.model)
     letters = letters_of(space)
     # A rigid motion has stresses of round-off.
     strain = greatest(space.comm, admissible.displacement.x.array) / size

@@ -149,7 +149,7 @@ def draw_cells(
     """
     domain = admissible.domain
     comm = domain.comm
-    up = upward(admissible)
+    up = upward(admissible.model)
     letters = letters_of(admissible.model.space)
     body = gather_rows(comm, **body_mesh(domain))
     cells = gather_rows(comm, values=values)
