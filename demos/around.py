@@ -25,6 +25,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/around")
 MU, RADIUS = 0.3, 0.2
 ANGLES = 2 * np.pi * np.arange(17) / 16

@@ -26,6 +26,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/brake")
 MU, P0, TURN = 0.35, 2.0, 0.01  # friction, pressure [MPa], turn [rad]
 RADIUS, LENGTH, WIDTH, HEIGHT = 110.0, 60.0, 40.0, 12.0  # [mm]
@@ -54,6 +56,7 @@ scene = ec.Scene(
         moment=(0.0, 0.0, None),
     ),
     contacts=disc,
+    units="mm, N, MPa",
 )
 history = ec.adapt(scene, pad, accuracy=0.1, degree=2)
 

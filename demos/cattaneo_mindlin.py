@@ -43,6 +43,8 @@ import erc_contact as ec
 
 from dolfinx.mesh import compute_midpoints  # isort: skip - MPI first
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/cattaneo_mindlin")
 E, NU, MU, R = 1.0, 0.4999, 0.3, 10.0
 

@@ -41,6 +41,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/hertz_cylinders")
 SIZE, FORCE = 40.0, 3200.0
 RADIUS = 1 / (1 / 10 + 1 / 13)
@@ -83,6 +85,7 @@ scene = ec.Scene(
     contacts=ec.Contact(
         "roller", gap=lambda x: x[0] ** 2 / (2 * RADIUS), against="track"
     ),
+    units="mm, N/mm, MPa",
 )
 domain = blocks()
 history = ec.adapt(scene, domain, accuracy=0.005, degree=2, strategy=ec.SizeMap())

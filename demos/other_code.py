@@ -24,6 +24,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/other_code")
 FOLDER.mkdir(parents=True, exist_ok=True)
 FILES = Path(__file__).resolve().parents[1] / "meshes" / "calculix"

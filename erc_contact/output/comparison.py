@@ -100,7 +100,7 @@ def _numbers_of(run: Run) -> dict[str, float]:
         if cause != "balance":
             for letter, component in zip(letters, force.force, strict=False):
                 numbers[f"force of {cause} along {letter} [force]"] = float(component)
-    return numbers
+    return {run.error.solution.scene.label(name): number for name, number in numbers.items()}
 
 
 def _words_of(run: Run) -> dict[str, str]:

@@ -129,27 +129,28 @@ def write_report(
     """
     file = Path(path)
     comm = run.error.domain.comm
+    # An error that is read from a folder has no scene.
+    scene = run.error.solution.scene if isinstance(run.error, ConstitutiveError) else None
 
     def write() -> None:
+        label = scene.label if scene is not None else str
         name = file.resolve().parent.name
         introduction = [f"{name}, {date.today()}", without_paths(run.outcome), note]
         sections = {"": "".join(paragraph(text) for text in introduction if text)}
         if results:
-            sections["Forces and their intervals"] = wide(results)
+            sections["Forces and their intervals"] = wide(label(results))
         if claims:
-            sections["What the number means"] = wide(table(claims), "verdict")
-        # An error that is read from a folder has no scene.
-        if isinstance(run.error, ConstitutiveError):
-            words = in_words(run.error.solution.scene)
+            sections["What the number means"] = wide(label(table(claims)), "verdict")
+        if scene is not None:
+            words = in_words(scene)
             sections["Scene"] = wide(table(words, ("part", "what holds there")))
         for heading, rows in tables.items():
             sections[heading] = wide(rows, "numbers")
         if gallery is not None and (gallery.drawn or gallery.missing):
             sections["Pictures"] = _pictures(gallery)
         if forces:
-            sections["Forces on the body"] = _forces(
-                forces, _facing(run.error), on_rings=_is_of_rings(run.error)
-            )
+            rows = _forces(forces, _facing(run.error), on_rings=_is_of_rings(run.error))
+            sections["Forces on the body"] = label(rows)
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}
@@ -254,8 +255,8 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
     if on_rings:
         header = ["cause", "Fr", "Fz"]
         words = (
-            "Axial resultants Fz of the admissible stress on full rings, and sums Fr of radial "
-            "forces around them. The balance is zero up to round-off."
+            "Axial resultants Fz [force] of the admissible stress on full rings, and sums Fr "
+            "[force] of radial forces around them. The balance is zero up to round-off."
         )
     else:
         first = next(iter(forces.values()))
@@ -264,8 +265,8 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
         # In the plane the moment is that about z.
         header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
         words = (
-            "Resultants and moments about the origin of the admissible stress. The balance is "
-            "zero up to round-off."
+            "Resultants [force] and moments [force length] about the origin of the admissible "
+            "stress. The balance is zero up to round-off."
         )
     rows = []
     for cause, force in forces.items():
@@ -345,6 +346,8 @@ def run_as_code(
         entries = [f"        {code_of(entry)}," for entry in getattr(scene, name)]
         if entries:
             lines += [f"    {name}=[", *entries, "    ],"]
+    if scene.units:
+        lines.append(f"    units={scene.units!r},")
     scene_lines = ["scene = ec.Scene(", *lines, ")", *_domain_lines(domain, domain_code)]
     return _script(definitions(scene), scene_lines, "history = ec.adapt(\n    scene", arguments)
 

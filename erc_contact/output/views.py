@@ -43,7 +43,7 @@ MOST_FRAMES = 60
 """Greatest number of steps of a view."""
 BAND = 0.025
 """Width of a band that shows a contact in the plane, over the size of the body [-]."""
-ERROR = "error, share of each element [%]"
+ERROR = "error of each element [%]"
 """Name of the colours of eps_E."""
 PRESSURE = "pressure of contacts [force/area]"
 """Name of the colours of the pressure."""
@@ -166,7 +166,7 @@ def show_solution(solution: Solution) -> View:
 def _of_stress(model: Model) -> Colours:
     """Return the colours of the von Mises stress."""
     part = "" if tells_out_of_plane(model) else " of the plane part"
-    return Colours(f"von Mises stress{part} [force/area]")
+    return Colours(model.scene.label(f"von Mises stress{part} [force/area]"))
 
 
 def _pieces_of(
@@ -229,7 +229,7 @@ def _view(
         most = max(_most_of_volume(d, body, cells["stress"]) for body, cells, _, _ in drawn)
         colours["stress"] = replace(colours["stress"], most=most)
         if any(len(pieces["pressure"]) for _, _, pieces, _ in drawn):
-            colours["pressure"] = Colours(PRESSURE, of_contacts=True)
+            colours["pressure"] = Colours(model.scene.label(PRESSURE), of_contacts=True)
         axes = next(iter(views_of(d, up).values()))
         pages[0] = page_of(that_fit(steps), colours, axes, f"displacement × {factor:g}")
 

@@ -287,7 +287,8 @@ def add_error(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
         error: The error.
         code: The error as a user writes it.
     """
-    if error.maximum("displacement").value > STILL_SHARE * error.domain.extent:
+    moves = error.maximum("displacement").value > STILL_SHARE * error.domain.extent
+    if moves:
         words = "The deformed body."
         line = f'erc_contact.output.draw_deformed({code}, "deformed.png")'
         gallery.add("deformed.png", words, line, partial(draw_deformed, error), is_body=True)
@@ -300,7 +301,8 @@ def add_error(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
             file = f"contact_{file_stem(name)}.png"
             line = f"erc_contact.output.plot_contact({code}, {name!r}, {file!r})"
             gallery.add(file, words, line, partial(plot_contact, error.admissible, name))
-    add_view(gallery, error, code)
+    if moves:
+        add_view(gallery, error, code)
     for contact in model.contacts:
         add_near(gallery, error, contact.name, code)
     add_states(gallery, error, code)
