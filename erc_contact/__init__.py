@@ -56,6 +56,7 @@ from erc_contact.run.history import History
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
+from erc_contact.scene import goal as goals  # noqa: F401 - ec.goals has the names of goals
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.goal import (
     BoltForce,
@@ -204,4 +205,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """List the public names alone, which users complete and see in ``dir``."""
-    return sorted([*__all__, "output", "results"])
+    return sorted([*__all__, "goals", "output", "results"])
