@@ -89,6 +89,15 @@ mathjax = str(
 mathjax_path = Path(mathjax).name  # formulas without a foreign server and without fonts
 
 html_theme = "furo"
+addresses = dict(
+    entry.split(", ", 1) for entry in metadata.metadata("erc-contact").get_all("Project-URL") or ()
+)
+if "Source" in addresses:  # each page then links to its file
+    html_theme_options = {
+        "source_repository": addresses["Source"],
+        "source_branch": "main",
+        "source_directory": "docs/",
+    }
 html_title = "erc_contact"
 html_static_path = ["_static", mathjax]
 html_css_files = ["site.css"]
