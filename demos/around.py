@@ -49,6 +49,7 @@ ec.log_to_console()
 box = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 0.5), cells=(3, 3, 2))
 evolution = ec.evolve(scene_at, box, ANGLES, accuracy=0.3)
 root = evolution.error.domain.comm.rank == 0
+ec.output.draw_deformed(evolution.error, FOLDER / "deformed.png")
 
 # %%
 # The direction of each step, the friction along it, and the energy that friction takes.

@@ -68,6 +68,7 @@ profile = history.profile("bottom")
 pressed = profile["weight"] * profile["pressure"]
 moment = MU * pressed @ np.hypot(profile["x"], profile["y"])
 tilting = pressed @ profile["y"]
+ec.output.draw_deformed(history.error, FOLDER / "deformed.png")
 if pad.comm.rank == 0:
     FOLDER.mkdir(parents=True, exist_ok=True)
     print(f"normal force {force.force[2]:.1f} N for {P0 * LENGTH * WIDTH:.1f} N")

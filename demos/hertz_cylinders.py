@@ -115,6 +115,7 @@ for name, sign in (("upper", 1.0), ("lower", -1.0)):
 shear = (across - along) / 2
 found = {name: (s[:, 0, 0] - s[:, 1, 1]) / 2 for name, s in stresses.items()}
 
+ec.output.draw_near(history.error, "roller", FOLDER / "near.png")
 if domain.comm.rank == 0:
     print(f"half-width {half_width:.5f} for {a:.5f}: {half_width / a - 1:+.2%}")
     print(f"peak {peak:.2f} for {p_0:.2f}: {peak / p_0 - 1:+.2%}")
