@@ -18,7 +18,7 @@ from namedmesh.base.names import first_names
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
 from namedmesh.sides import facets_of_cells
-from namedmesh.surface import offset, on_surface, true_areas
+from namedmesh.surface import area_ratio, offset, on_surface
 from namedmesh.tags import tag_table
 
 
@@ -149,8 +149,7 @@ class Bodies(NamedMesh):
         if not self.comm.allreduce(bool(is_curved.any()), MPI.LOR):
             return None
         ratio = np.ones(len(sides))
-        curved = sides[is_curved]
-        ratio[is_curved] = true_areas(self.offset, curved) / super().side_areas(curved)
+        ratio[is_curved] = area_ratio(self.offset, sides[is_curved])
         return ratio
 
     def true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:

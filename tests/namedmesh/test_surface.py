@@ -81,7 +81,7 @@ def test_half_disc_has_its_area(measures):
         off.append(abs(measures.region(domain) - np.pi / 2))
         # The length that is told is the length of the arc; chords are 4e-3 off at first.
         told = dict(zip(domain.parts().name, domain.parts().area, strict=True))
-        assert told["arc"] == pytest.approx(np.pi, rel=2e-6 / 15**step)
+        assert told["arc"] == pytest.approx(np.pi, rel=2e-6 / 15 ** min(step, 2))
         low = (
             domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[: domain.owned_cells], 1].min(
                 axis=1
