@@ -90,7 +90,7 @@ class ConstitutiveError:
         geometry_error: Estimate of the error by the flat facets of a curved body
             [sqrt(force length)], not part of e. Half of its square is about the change
             of the potential energy by the facets, mostly 1 to 3 times, see
-            :mod:`erc_contact.error.geometry`. It is zero if all facets are exact, and
+            ``erc_contact.error.geometry``. It is zero if all facets are exact, and
             if only a mesh is known: the body is then the mesh.
         round_off: Bound of the round-off of ``C eps(u^)`` [sqrt(force length)], which e
             contains. It matters where u^ is 1e12 times its differences.
