@@ -143,7 +143,7 @@ def assembly() -> Pair:
     domain = ec.read_mesh(ASSEMBLY, size=50.0, parts=base)
     pressed = [("nut *", "plate"), ("nut *", "l-*"), ("bolt *", "l-*"), ("l-*", "plate")]
     pairs = [pair for names in pressed for pair in domain.touching(*names)]
-    contacts = [ec.Contact(*pair, friction=0.15) for pair in pairs]
+    contacts = [ec.Contact(pair.facets, against=pair.against, friction=0.15) for pair in pairs]
     tight = {name: -5e-4 for name in domain.regions if name[:2] in ("bo", "ro")}
     ties = [ec.Tied(*pair) for pair in domain.touching("nut *", "[br]o*")]
     scene = ec.Scene(

@@ -130,7 +130,7 @@ class Bodies(NamedMesh):
             Areas [length^(d-1)], shape (n,).
         """
         ratio = self.area_ratio(sides)
-        flat = super().side_areas(sides)
+        flat = self.flat_areas(sides)
         return flat if ratio is None else ratio * flat
 
     def area_ratio(self, sides: np.ndarray) -> np.ndarray | None:

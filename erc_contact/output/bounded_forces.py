@@ -107,5 +107,5 @@ def forces_in_columns(rows: Sequence[BoundedForce]) -> str:
 
 def forces_in_html(rows: Sequence[BoundedForce]) -> str:
     """Return a table of forces for a report; empty if there are none."""
-    header = ("part", "axis", "computed", "exact solution")
+    header = ("part", "axis", "computed [force]", "exact solution [force]")
     return table([row.row for row in rows], header) if rows else ""
