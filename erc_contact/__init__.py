@@ -76,6 +76,7 @@ from erc_contact.scene.hardening import HardeningCurve, Swift, Voce
 from erc_contact.scene.law import Coulomb, Law, Orthotropic, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.orthotropic import OrthotropicElastic
 from erc_contact.scene.plastic import Plastic
 from erc_contact.scene.potential import Potential, Remembering
 from erc_contact.scene.scene import Scene
@@ -137,6 +138,7 @@ __all__ = [
     "NotHeldError",
     "Opening",
     "Orthotropic",
+    "OrthotropicElastic",
     "Oscillations",
     "Plastic",
     "Potential",
