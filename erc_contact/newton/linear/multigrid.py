@@ -105,6 +105,8 @@ class Multigrid(ElasticEquations):
         self._hurried = hurried
         self._hierarchy: Hierarchy | None = None
         self._factor: tuple[Factor, PETSc.PC] | None = None
+        self._prefers_factor: bool | None = None
+        """Whether K is factorised, not cycled; None if nobody has asked yet."""
         self._matrix: PETSc.Mat | None = None
         self._operator: PETSc.Mat | None = None
 
@@ -417,7 +419,9 @@ class Multigrid(ElasticEquations):
 
     def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
         """Return what makes the preconditioners for K, in the order of trying."""
-        if factor_is_cheaper(self.model):
+        if self._prefers_factor is None:
+            self._prefers_factor = factor_is_cheaper(self.model, self.matrix)
+        if self._prefers_factor:
             return [self._factor_of_stiffness]
         return [self._cycle, self._factor_of_stiffness]
 
