@@ -30,20 +30,35 @@ By dimension, on one core. Here and below only ratios matter.
 """
 DENSE = (1.4e-7, 5e-11)
 """Seconds of the dense layer, for the square and the cube of its size."""
-OPERATIONS = 8e9
-"""Operations of a factor in a second, in 3D."""
 MULTIGRID = {2: 4.3e-5, 3: 9e-5}
 """Seconds of multigrid for one unknown, by dimension."""
-CYCLES = 6e-5
-"""Seconds of the elastic solves of a pair for one unknown, by cycles of multigrid."""
-OPERATIONS_BELOW = 100
-"""Operations of a coarse factor for one entry of the fine matrix [-].
+OPERATIONS_OF_CYCLE = 60
+"""Operations of a factor in the time of a cycle, for one entry of the matrix [-].
 
-A cycle multiplies each entry about five times, and is bound by memory. A factor is not:
-100 operations take the time of two cycles.
+A cycle multiplies each entry about five times, and waits for memory; a factor does not.
+They are 50 to 70 in bodies of 15 000 to 110 000 unknowns.
 """
+CHEAP_BELOW = 2.0
+"""A factor takes the place of multigrid on a coarse matrix up to so many cycles [-]."""
 MOST_FACTORISED = 2_000_000
 """Number of unknowns beyond which a factor takes too much memory."""
+
+
+def cycles_of_factor(matrix: PETSc.Mat, cycled: PETSc.Mat) -> float:
+    """Predict how many cycles of multigrid take the time of a factor; collective.
+
+    MUMPS' symbolic analysis tells how large the factor is: of an assembly of small
+    solids it has a seventh of the operations of a cube's with as many unknowns. It is
+    infinite where memory ends.
+
+    Args:
+        matrix: The matrix that is factorised.
+        cycled: The matrix of the cycles, with all its entries.
+    """
+    if matrix.getSize()[0] > MOST_FACTORISED:
+        return np.inf
+    entries = cycled.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
+    return float(operations(matrix) / (OPERATIONS_OF_CYCLE * entries))
 
 
 def factor_below(coarse: PETSc.Mat, fine: PETSc.Mat) -> bool:
@@ -56,8 +71,7 @@ def factor_below(coarse: PETSc.Mat, fine: PETSc.Mat) -> bool:
         coarse: The coarse matrix.
         fine: The matrix above it, with all its entries.
     """
-    entries = fine.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
-    return operations(coarse) < OPERATIONS_BELOW * entries
+    return cycles_of_factor(coarse, fine) < CHEAP_BELOW
 
 
 def multigrid_is_faster(model: Model) -> bool:
@@ -70,24 +84,6 @@ def multigrid_is_faster(model: Model) -> bool:
     layer = layer_size(model)
     direct = _seconds_of_factor(model) + of_square * layer**2 + of_cube * layer**3
     return MULTIGRID[model.space.d] * unknowns < direct
-
-
-def factor_is_cheaper(model: Model, stiffness: PETSc.Mat) -> bool:
-    """Tell whether elastic solves without the contact are faster by a factor.
-
-    Of all bodies with as many unknowns a compact one has the largest factor. Where its
-    factor would be too slow, MUMPS' analysis tells how large this one is: that of an
-    assembly of small solids has a seventh of the operations of a cube's. Collective.
-
-    Args:
-        model: The scene on a mesh.
-        stiffness: K.
-    """
-    by_cycles = CYCLES * _unknowns(model)
-    seconds = _seconds_of_factor(model)
-    if by_cycles < seconds < np.inf:
-        seconds = operations(stiffness) / OPERATIONS
-    return seconds < by_cycles
 
 
 def _seconds_of_factor(model: Model) -> float:
