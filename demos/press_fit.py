@@ -133,7 +133,7 @@ def lame(r):
     return np.array([moved, share * (1 - ratio), share * (1 + ratio)])
 
 
-inside, outside = 0.9995 * R, 1.00001 * R
+inside, outside = 0.9995 * R, 1.0005 * R
 moved = [on_circle(inside)[0], on_circle(outside)[0]]
 hoop = E_1 * moved[1] / outside - NU_1 * pressure
 found = np.array([pressure, *moved, hoop, 4 * ec.potential_energy(history).value])

@@ -18,7 +18,7 @@ from namedmesh.base.names import first_names
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
 from namedmesh.sides import facets_of_cells
-from namedmesh.surface import offset
+from namedmesh.surface import offset, on_surface, true_areas
 from namedmesh.tags import tag_table
 
 
@@ -120,6 +120,39 @@ class Bodies(NamedMesh):
             return None
         return offset(self.mesh, self.curved_facets, self.geometry.nearest)
 
+    def side_areas(self, sides: np.ndarray) -> np.ndarray:
+        """Return areas of sides, of curved sides on the true surface; collective.
+
+        Args:
+            sides: Sides (cell, local facet), shape (n, 2).
+
+        Returns:
+            Areas [length^(d-1)], shape (n,).
+        """
+        ratio = self.area_ratio(sides)
+        flat = super().side_areas(sides)
+        return flat if ratio is None else ratio * flat
+
+    def area_ratio(self, sides: np.ndarray) -> np.ndarray | None:
+        """Return the area of the true surface over the area of sides; collective.
+
+        Args:
+            sides: Sides (cell, local facet) of all ranks, shape (n, 2).
+
+        Returns:
+            Ratios [-], shape (n,); None where no side is curved on any rank.
+        """
+        if self.offset is None or self.curved_facets is None:
+            return None
+        facets = facets_of_cells(self.mesh)[sides[:, 0], sides[:, 1]]
+        is_curved = np.isin(facets, self.curved_facets.indices)
+        if not self.comm.allreduce(bool(is_curved.any()), MPI.LOR):
+            return None
+        ratio = np.ones(len(sides))
+        curved = sides[is_curved]
+        ratio[is_curved] = true_areas(self.offset, curved) / super().side_areas(curved)
+        return ratio
+
     def true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
         """Return normals of the true surface at vertices of facets [-]; collective.
 
@@ -159,6 +192,19 @@ class Bodies(NamedMesh):
         if self.curved_facets is None:
             return self.marks
         return tag_table(self.curved_facets)[facets_of_cells(self.mesh)]
+
+    @property
+    def drawn_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points on the true surface where it is known; collective.
+
+        They are right at the corners of owned cells: a rank has all cells around these,
+        and so all curved sides.
+        """
+        x, cells = self.points
+        marks = self.marks_of_sides
+        if marks is None or self.geometry is None:
+            return x, cells
+        return on_surface(self.comm, x, cells, marks, self.geometry.nearest), cells
 
     @property
     def knows_shape(self) -> bool:

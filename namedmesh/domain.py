@@ -223,6 +223,16 @@ class Domain(Bodies):
         shape = NamedShape(self.geometry, known, rules, last_tag, sizes)
         return replace(result, geometry=shape)
 
+    def snapped(self) -> Domain:
+        """Put the vertices of a new mesh on the true shape, in place; collective.
+
+        Returns:
+            The same domain, whose mesh no other object uses yet.
+        """
+        if self.curved_facets is not None and self.geometry is not None:
+            snap(self.mesh, self.curved_facets, self.geometry)
+        return self
+
     def split(self, sides: Mapping[str, str] | None = None, *, on: str | None = None) -> Domain:
         """Split the nodes along the facets between regions; collective.
 
@@ -397,7 +407,7 @@ class Domain(Bodies):
         if self.marks is not None and self.geometry is not None:
             # Each body has its own true shape.
             curved = carried.facet_tags(self.marks)
-            snap(new, curved, self.geometry.nearest)
+            snap(new, curved, self.geometry)
             whole = replace(self, places=carried.places())
         tags = side_tags(mesh, self.facet_tags, self.cell_tags, interfaces, cut)
         facet_tags = carried.facet_tags(tags)
@@ -442,7 +452,7 @@ class Domain(Bodies):
         cell_tags = refinement.inherit_tags(self.cell_tags)
         curved = refinement.inherit_tags(self.curved_facets)
         if curved is not None and self.geometry is not None:
-            snap(fine, curved, self.geometry.nearest)
+            snap(fine, curved, self.geometry)
         places = None
         if self.places is not None:
             corners = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]

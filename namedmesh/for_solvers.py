@@ -26,7 +26,7 @@ from namedmesh.remeshing import count_cells
 from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL
-from namedmesh.surface import sides_of_facets, swept
+from namedmesh.surface import sides_of_facets, slivers
 from namedmesh.tags import NO_TAG, tag_table
 
 __all__ = [
@@ -65,9 +65,9 @@ __all__ = [
     "shape_of",
     "shared_points",
     "sides_of_facets",
+    "slivers",
     "spread",
     "successors",
-    "swept",
     "tag_table",
     "to_chain_ends",
     "vertex_normals",

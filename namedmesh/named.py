@@ -21,6 +21,7 @@ from namedmesh.base.ranks import box
 from namedmesh.base.releases import cell_nodes
 from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides
+from namedmesh.simplex import measures, of_facets
 from namedmesh.tags import NO_TAG, tag_table
 
 INSIDE_CELLS = "DG inside cells"
@@ -104,17 +105,37 @@ class NamedMesh:
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the bodies, and which of them each cell has.
 
-        They are the nodes of the mesh; where bodies keep their shapes in a glued mesh,
-        each cell has its own points.
+        They are the nodes of the mesh. In a glued mesh whose bodies keep their shapes a
+        node has a point at each of its places.
 
         Returns:
             Points [length], shape (n, 3), and their numbers, shape (cells, d+1).
         """
+        nodes = cell_nodes(self.mesh.geometry)
         if self.places is None:
-            return self.mesh.geometry.x, cell_nodes(self.mesh.geometry)
-        cells, corners, d = self.places.shape
-        numbers = np.arange(cells * corners).reshape(cells, corners)
-        return in_space(self.places.reshape(-1, d)), numbers
+            return self.mesh.geometry.x, nodes
+        rows = np.column_stack([nodes.ravel(), self.places.reshape(-1, self.dim)])
+        different, numbers = np.unique(rows, axis=0, return_inverse=True)
+        return in_space(different[:, 1:]), numbers.reshape(nodes.shape)
+
+    @property
+    def drawn_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the points where the shape was drawn, see :attr:`points`; collective.
+
+        Vertices of facets that keep the volume lie beside a curved surface; here they
+        are on it.
+        """
+        return self.points
+
+    def side_areas(self, sides: np.ndarray) -> np.ndarray:
+        """Return areas of sides [length^(d-1)], shape (n,); collective.
+
+        Args:
+            sides: Sides (cell, local facet), shape (n, 2).
+        """
+        x, points_of = self.points
+        corners = x[points_of[sides[:, 0]], : self.dim]
+        return measures(of_facets(corners, sides[:, 1]))
 
     @cached_property
     def corners(self) -> tuple[np.ndarray, np.ndarray]:

@@ -115,7 +115,7 @@ def name_regions(
     if not rules:
         return mesh.cell_tags, dict(mesh.regions)
     comm = mesh.comm
-    x, nodes = mesh.points
+    x, nodes = mesh.drawn_points
     middles = x[nodes].mean(axis=1)
     owned = np.arange(len(nodes)) < mesh.owned_cells
     table = mesh.region_tags
@@ -188,7 +188,7 @@ def _sides(mesh: NamedMesh, taken: np.ndarray) -> _Sides:
     topology = mesh.mesh.topology
     d = mesh.dim
     owned = topology.index_map(d - 1).size_local
-    x, of_cells = mesh.points
+    x, of_cells = mesh.drawn_points
     region_of = mesh.region_tags
     outer = dmesh.exterior_facet_indices(topology)
     outer = outer[~taken[outer]]

@@ -17,7 +17,7 @@ from namedmesh.base.html import in_columns, table
 from namedmesh.base.percent import place_words
 from namedmesh.named import NamedMesh
 from namedmesh.sides import boundary_sides
-from namedmesh.simplex import measures, of_facets, outward_normals
+from namedmesh.simplex import of_facets, outward_normals
 from namedmesh.tags import tag_table
 
 NAMELESS = "(no name)"
@@ -132,7 +132,7 @@ def parts_of(mesh: NamedMesh) -> Parts:
     x, points_of = mesh.points
     of_cells = x[points_of[cell], :d]
     corners = of_facets(of_cells, local)
-    area = measures(corners)
+    area = mesh.side_areas(np.column_stack([cell, local]))
     outer = np.isin(facets, dmesh.exterior_facet_indices(mesh.mesh.topology))
     # The sums of these columns over the facets of each part make the table.
     columns = [np.ones(len(facets)), outer, area]

@@ -158,7 +158,7 @@ class Drawing(_OneModel):
     def meshed_by(self, like: Domain, sizes: SizeField, labels: Labels) -> Domain:
         """Mesh the shape with sizes in the cells of a mesh; collective."""
         new = mesh_geometry(self.build, like.comm, sizes, labels)
-        return Domain(**new, geometry=self)
+        return Domain(**new, geometry=self).snapped()
 
     def nearest(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return the nearest points of the true surface [length]; collective.
@@ -215,7 +215,7 @@ class Drawing(_OneModel):
 def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:
     """Find the nearest points on the curves or surfaces of marks [length].
 
-    A point with several marks goes to the common edge of all of them.
+    A point with several marks goes to the common edge or corner of all of them.
 
     Args:
         model: gmsh's current model.
@@ -230,22 +230,39 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
     result = x.copy()
     for row in np.unique(marks, axis=0):
         selected = np.all(marks == row, axis=1)
-        faces = [tags[mark] for mark in row if mark >= 0]
-        places = [(d - 1, faces[0])]
-        if len(faces) > 1:
-            edges = [set(map(int, model.getAdjacencies(d - 1, face)[1])) for face in faces]
-            places = [(d - 2, edge) for edge in set.intersection(*edges)]
+        faces = [(d - 1, tags[mark]) for mark in row if mark >= 0]
         flat = in_space(x[selected]).ravel()
         candidates = []
-        for place in places:
-            closest = np.reshape(model.getClosestPoint(*place, flat)[0], (-1, 3))
+        for dim, tag in _common(model, faces):
+            if dim == 0:
+                closest = np.tile(model.getValue(0, tag, []), (len(x[selected]), 1))
+            else:
+                closest = np.reshape(model.getClosestPoint(dim, tag, flat)[0], (-1, 3))
             candidates.append(closest[:, :d])
-        # Surfaces may have several common edges, or none: then points stay.
+        # There may be several common places, or none: then points stay.
         if candidates:
             points = np.array(candidates)
             best = np.linalg.norm(points - x[selected], axis=2).argmin(axis=0)
             result[selected] = points[best, np.arange(len(best))]
     return result
+
+
+def _common(model: Any, faces: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return what curves or surfaces have in common, of the greatest dimension.
+
+    A surface alone is its own. Two or more have common edges, or else common corners.
+    """
+    if len(faces) == 1:
+        return faces
+    bounds = [{face} for face in faces]
+    for dim in range(faces[0][0] - 1, -1, -1):
+        for number, entities in enumerate(bounds):
+            below = [model.getAdjacencies(*entity)[1] for entity in entities]
+            bounds[number] = {(dim, int(tag)) for tags in below for tag in tags}
+        common = set.intersection(*bounds)
+        if common:
+            return sorted(common)
+    return []
 
 
 def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarray) -> np.ndarray:

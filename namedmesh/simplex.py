@@ -273,6 +273,21 @@ def measures(corners: np.ndarray) -> np.ndarray:
     return np.sqrt(abs(np.linalg.det(gram))) / factorial(p)
 
 
+def normals_across(ends: np.ndarray) -> np.ndarray:
+    """Return normals of facets of any length, their signs open, shape (n, d).
+
+    They are products of coordinates, so that a facet along an axis has a normal along
+    an axis.
+
+    Args:
+        ends: Vertices of the facets [length], shape (n, d, d).
+    """
+    edges = ends[:, 1:] - ends[:, :1]
+    if ends.shape[2] == 2:
+        return np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
+    return np.cross(edges[:, 0], edges[:, 1])
+
+
 def outward_normals(corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
     """Compute the unit normals of facets that point out of their cells, shape (n, d).
 
@@ -281,15 +296,9 @@ def outward_normals(corners: np.ndarray, facets: np.ndarray) -> np.ndarray:
         facets: The local facet of each cell, shape (n,).
     """
     ends = of_facets(corners, facets)
-    first = ends[:, 0]
-    edges = ends[:, 1:] - first[:, None]
-    # Products of coordinates, so that a facet along an axis has a normal along an axis.
-    if corners.shape[2] == 2:
-        normals = np.column_stack([edges[:, 0, 1], -edges[:, 0, 0]])
-    else:
-        normals = np.cross(edges[:, 0], edges[:, 1])
+    normals = normals_across(ends)
     opposite = corners[np.arange(len(corners)), facets]
-    outward = ((first - opposite) * normals).sum(axis=1)
+    outward = ((ends[:, 0] - opposite) * normals).sum(axis=1)
     normals *= np.sign(outward)[:, None]
     return normals / np.linalg.norm(normals, axis=1)[:, None]
 

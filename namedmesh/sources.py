@@ -384,4 +384,4 @@ def _from_model(
         suffix, text, curved = found
         # Rank 0 alone calls gmsh, so it alone keeps the text, which may be long.
         shape = Drawing(suffix, text if comm.rank == 0 else "", curved)
-    return Domain(**tables, geometry=shape)
+    return Domain(**tables, geometry=shape).snapped()

@@ -14,6 +14,9 @@ the radius of curvature is R.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import factorial
+from typing import Any
 
 import numpy as np
 from dolfinx import fem, la
@@ -21,15 +24,27 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from namedmesh.base.communicators import lasting
+from namedmesh.base.logs import log_of
+from namedmesh.base.ranks import from_first, gather_rows, global_numbers
 from namedmesh.base.releases import cell_nodes
-from namedmesh.sides import facets_of_cells
-from namedmesh.simplex import determinants, lagrange, of_facets, rule
+from namedmesh.sides import boundary_sides, facets_of_cells
+from namedmesh.simplex import (
+    determinants,
+    lagrange,
+    measures,
+    of_facets,
+    outward_normals,
+    rule,
+)
+from namedmesh.simplex import nodes as reference_nodes
+from namedmesh.tags import NO_TAG
+from namedmesh.volume import MarkedSurface, balanced, marks_table
 
 Nearest = Callable[[MPI.Comm, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the nearest points (n, d) of the true surface; collective. It
 gets the communicator, points (n, d) and their marks (n, m), -1 where a point has fewer
-than m. A point where several marks meet goes to the edge that all of them have, and
-stays where there is no such edge: it is a corner of the drawing.
+than m. A point where several marks meet goes to the edge that all of them have, or else
+to the corner, and stays where there is neither.
 """
 LEAST_VOLUME = 0.3
 """Share of its volume that each cell keeps when vertices move to the true surface [-].
@@ -37,10 +52,11 @@ LEAST_VOLUME = 0.3
 A vertex of a cell that would keep less does not move. This happens on a mesh that is
 too coarse for its curves.
 """
-OFFSET_DEGREE = 6
-"""Quadrature degree for the length of the offset.
+SETTLED = 1e-9
+"""Move of a vertex that is too small to be made, as a share of the greatest coordinate.
 
-The length is the square root of a polynomial of degree 4.
+gmsh finds nearest points on arcs to 3e-10 of their radius. A mesh that is read again
+must stay as it is to the last bit.
 """
 OFFSET_ROUND_OFF = 1e-12
 """Offset that is round-off of the search, as a share of the greatest coordinate [-]."""
@@ -55,6 +71,30 @@ def sides_of_facets(mesh: dmesh.Mesh, facets: np.ndarray) -> np.ndarray:
     chosen = np.zeros(index_map.size_local + index_map.num_ghosts, dtype=bool)
     chosen[facets] = True
     return np.argwhere(chosen[facets_of_cells(mesh)])
+
+
+def on_surface(
+    comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, marks: np.ndarray, nearest: Nearest
+) -> np.ndarray:
+    """Return points whose marks are known on the true surface [length]; collective.
+
+    Args:
+        comm: Communicator.
+        x: Points of the bodies [length], shape (n, 3).
+        cells: Points of each cell, shape (m, d+1).
+        marks: The mark of each side of the cells, shape (m, d+1).
+        nearest: Nearest points of the true surface.
+
+    Returns:
+        Shape (n, 3); points that no marked side has are as they were.
+    """
+    d = cells.shape[1] - 1
+    cell, local = np.nonzero(marks != NO_TAG)
+    corners = of_facets(cells[cell], local)
+    chosen, table = marks_table(corners.ravel(), np.repeat(marks[cell, local], d))
+    result = x.copy()
+    result[chosen, :d] = nearest(comm, x[chosen, :d], table)
+    return result
 
 
 def _facet_closures(W: fem.FunctionSpace) -> np.ndarray:
@@ -89,64 +129,194 @@ def offset(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> fem.Fun
     return function
 
 
-def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, nearest: Nearest) -> None:
+def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, shape: Any) -> None:
     """Move the vertices of marked facets to the true surface, in place; collective.
+
+    There they move on, until the facets enclose the true volume, see
+    :mod:`namedmesh.volume`. What is there already stays as it is.
 
     Args:
         mesh: A new mesh that no other object uses yet, with complete vertex patches on
             every rank.
         marks: Marks of facets.
-        nearest: Nearest points of the true surface.
+        shape: The true shape, a :class:`namedmesh.bodies.Geometry`.
     """
     geometry = mesh.geometry
     d = mesh.topology.dim
     cells = cell_nodes(geometry)
-    x = geometry.x[:, :d].copy()
+    before = geometry.x[:, :d].copy()
     cell, local = sides_of_facets(mesh, marks.indices).T
     nodes = of_facets(cells[cell], local)
     owned = geometry.index_map().size_local
-    moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, x, nearest)
-    vector = la.vector(geometry.index_map(), d)
-    move = vector.array.reshape(-1, d)
+    moved_nodes, moves = _moves(mesh, marks, cell, local, nodes, owned, before, shape.nearest)
+    on_surface = before + _held_back(mesh, before, before, moved_nodes, moves)
+    numbers, moves = _balanced(mesh, marks, on_surface, shape)
+    made = _held_back(mesh, before, on_surface, numbers, moves)
+    _tell_held_back(lasting(mesh.comm), moves, made[numbers])
+    after = on_surface + made
+    size = lasting(mesh.comm).allreduce(float(abs(before).max(initial=0.0)), MPI.MAX)
+    has_moved = abs(after - before).max(axis=1) > SETTLED * size
+    geometry.x[has_moved, :d] = after[has_moved]
+
+
+def _tell_held_back(comm: MPI.Comm, wanted: np.ndarray, made: np.ndarray) -> None:
+    """Tell how many vertices do not go where facets keep the volume; collective."""
+    stay = comm.allreduce(int((wanted != made).any(axis=1).sum()), MPI.SUM)
+    if stay:
+        log_of(comm).info(
+            "%d vertices of curved sides stay on the true surface, as cells would be crushed: the "
+            "facets there do not keep the volume.",
+            stay,
+        )
+
+
+def _balanced(
+    mesh: dmesh.Mesh, marks: dmesh.MeshTags, x: np.ndarray, shape: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the moves that keep the volume; collective.
+
+    Args:
+        mesh: The mesh.
+        marks: Marks of facets.
+        x: Positions of the nodes of this rank [length], shape (n, d).
+        shape: The true shape.
+
+    Returns:
+        Owned nodes, shape (m,), and their vectors [length], shape (m, d).
+    """
+    comm = lasting(mesh.comm)
+    d = mesh.topology.dim
+    here = marks.indices < mesh.topology.index_map(d - 1).size_local
+    facets, of_facets_here = marks.indices[here], marks.values[here]
+    cell, local = boundary_sides(mesh, facets)
+    nodes = of_facets(cell_nodes(mesh.geometry)[cell], local)
+    index_map = mesh.geometry.index_map()
+    rows = gather_rows(
+        comm,
+        nodes=global_numbers(index_map, nodes),
+        x=x[nodes],
+        marks=of_facets_here.astype(np.int64),
+    )
+    numbers = np.empty(0, dtype=np.int64)
+    surface = MarkedSurface(np.empty((0, d)), np.empty((0, d), dtype=int), numbers)
+    if rows:
+        numbers, first, vertices = np.unique(rows["nodes"], return_index=True, return_inverse=True)
+        places = rows["x"].reshape(-1, d)[first]
+        surface = MarkedSurface(places, vertices.reshape(-1, d), rows["marks"])
+    moves = balanced(comm, surface, shape)
+    numbers, moves = from_first(comm, (numbers, moves))
+    first_owned, end = index_map.local_range
+    owned = (numbers >= first_owned) & (numbers < end)
+    return numbers[owned] - first_owned, moves[owned]
+
+
+def _held_back(
+    mesh: dmesh.Mesh, before: np.ndarray, x: np.ndarray, moved_nodes: np.ndarray, moves: np.ndarray
+) -> np.ndarray:
+    """Return moves of all nodes that crush no cell [length], shape (n, d); collective.
+
+    Args:
+        mesh: The mesh.
+        before: Positions of the nodes of the new mesh [length], shape (n, d).
+        x: Positions from which the nodes move [length], shape (n, d).
+        moved_nodes: Owned nodes that are to move, shape (m,).
+        moves: Their vectors [length], shape (m, d).
+    """
+    geometry = mesh.geometry
+    cells = cell_nodes(geometry)
+    vector = la.vector(geometry.index_map(), x.shape[1])
+    move = vector.array.reshape(x.shape)
     move[moved_nodes] = moves
     vector.scatter_forward()
-    before = determinants(x[cells])
+    volume = determinants(before[cells])
     # Each round holds back at least one vertex more.
     while True:
         after = determinants((x + move)[cells])
-        crushed = np.unique(cells[after / before < LEAST_VOLUME])
+        crushed = np.unique(cells[after / volume < LEAST_VOLUME])
         back = crushed[move[crushed].any(axis=1)]
         if not lasting(mesh.comm).allreduce(len(back), MPI.SUM):
-            break
+            return move
         # A vertex that one rank holds back stays on all of them.
         stays = la.vector(geometry.index_map(), 1)
         stays.array[back] = 1.0
         stays.scatter_reverse(la.InsertMode.add)
         stays.scatter_forward()
         move[stays.array > 0] = 0.0
-    geometry.x[:, :d] += move
 
 
-def swept(offset: fem.Function, sides: np.ndarray, areas: np.ndarray) -> np.ndarray:
-    """Compute the volume between each facet and the true surface [length^d].
+@dataclass(frozen=True, eq=False)
+class Slivers:
+    """Hold moments of the height of the true surface over facets.
 
-    It is ``int_F |offset|``.
+    The height is ``o.n``, with the offset o and the normal n out of a cell: it is
+    positive where the facet cuts a sliver off.
+
+    Attributes:
+        sides: Facets as (cell, local facet), shape (n, 2).
+        volumes: ``int_F o.n`` [length^d], shape (n,).
+        squares: ``int_F (o.n)^2`` [length^(d+1)], shape (n,).
+        depths: Greatest difference of two heights of nodes [length], shape (n,). On a
+            circle of radius R it is ``h^2/(8 R)``.
+    """
+
+    sides: np.ndarray
+    volumes: np.ndarray
+    squares: np.ndarray
+    depths: np.ndarray
+
+
+def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
+    """Measure what lies between facets and the true surface.
 
     Args:
         offset: The offset from :func:`offset` [length].
         sides: Facets as (cell, local facet), shape (n, 2).
-        areas: Their areas [length^(d-1)], shape (n,).
+    """
+    W = offset.function_space
+    geometry = W.mesh.geometry
+    d = W.mesh.topology.dim
+    corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
+    normals = outward_normals(corners, sides[:, 1])
+    areas = measures(of_facets(corners, sides[:, 1]))
+    points, weights = rule(d - 1, 4)
+    nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
+    nodal = np.einsum("nmi,ni->nm", offset.x.array.reshape(-1, d)[nodes], normals)
+    height = nodal @ lagrange(d - 1, 2, points).T
+    weighted = areas[:, None] * weights * height
+    return Slivers(
+        sides=sides,
+        volumes=weighted.sum(axis=1),
+        squares=(weighted * height).sum(axis=1),
+        depths=np.ptp(nodal, axis=1),
+    )
 
-    Returns:
-        Shape (n,).
+
+def true_areas(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
+    """Compute the areas of the true surface over facets [length^(d-1)], shape (n,).
+
+    The surface is taken as a polynomial of degree 2 over each facet.
+
+    Args:
+        offset: The offset from :func:`offset` [length].
+        sides: Facets as (cell, local facet), shape (n, 2).
     """
     W = offset.function_space
     d = W.mesh.topology.dim
-    points, weights = rule(d - 1, OFFSET_DEGREE)
     nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
-    nodal = offset.x.array.reshape(-1, d)[nodes]
-    length = np.linalg.norm(np.matmul(lagrange(d - 1, 2, points), nodal), axis=2)
-    return areas * (length @ weights)
+    geometry = W.mesh.geometry
+    corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
+    at_nodes = lagrange(d - 1, 1, reference_nodes(d - 1, 2))
+    flat = np.matmul(at_nodes, of_facets(corners, sides[:, 1]))
+    surface = flat + offset.x.array.reshape(-1, d)[nodes]
+    points, weights = rule(d - 1, 4)
+    tangents = []
+    for step in np.eye(d - 1) / 2:
+        # The difference over 1 is the derivative of a polynomial of degree 2.
+        slope = lagrange(d - 1, 2, points + step) - lagrange(d - 1, 2, points - step)
+        tangents.append(np.matmul(slope, surface))
+    along = np.stack(tangents, axis=-1)
+    gram = np.linalg.det(along.swapaxes(-1, -2) @ along)
+    return np.sqrt(gram) @ weights / factorial(d - 1)
 
 
 def _moves(
@@ -161,9 +331,10 @@ def _moves(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the vectors from nodes of marked facets to the true surface; collective.
 
-    A node of one mark goes to its surface. In 3D, a node where two marks meet goes to
-    their common edge; so does a node of three or more marks where bodies meet along one
-    edge, as a pin, its sleeve and the plate below both do. Corners of the drawing stay.
+    A node of one mark goes to its surface. A node where two marks meet goes to their
+    common edge in 3D, and corner in 2D; a node of three or more marks to their corner,
+    or to the edge where bodies meet along one, as a pin, its sleeve and the plate below
+    both do.
 
     Args:
         mesh: The mesh.
@@ -180,19 +351,12 @@ def _moves(
     """
     facet = facets_of_cells(mesh)[cell, local]
     mark = marks.values[np.searchsorted(marks.indices, facet)]
-    # All different pairs (node, mark), sorted by node.
-    node_marks = np.column_stack([nodes.ravel(), np.repeat(mark, nodes.shape[1])])
-    node_marks = np.unique(node_marks, axis=0)
-    node_marks = node_marks[node_marks[:, 0] < owned]
-    chosen, first, count = np.unique(node_marks[:, 0], return_index=True, return_counts=True)
-    most = lasting(mesh.comm).allreduce(int(count.max(initial=1)), MPI.MAX)
-    marks_of_node = np.full((len(chosen), most), -1)
-    row = np.repeat(np.arange(len(chosen)), count)
-    marks_of_node[row, np.arange(len(row)) - first[row]] = node_marks[:, 1]
-    # In 2D two curves meet at a corner.
-    may_move = (count == 1) | (mesh.topology.dim == 3)
-    chosen = chosen[may_move]
-    move = nearest(lasting(mesh.comm), x[chosen], marks_of_node[may_move]) - x[chosen]
+    chosen, marks_of_node = marks_table(nodes.ravel(), np.repeat(mark, nodes.shape[1]))
+    chosen, marks_of_node = chosen[chosen < owned], marks_of_node[chosen < owned]
+    most = lasting(mesh.comm).allreduce(marks_of_node.shape[1], MPI.MAX)
+    missing = most - marks_of_node.shape[1]
+    marks_of_node = np.pad(marks_of_node, ((0, 0), (0, missing)), constant_values=-1)
+    move = nearest(lasting(mesh.comm), x[chosen], marks_of_node) - x[chosen]
     size = lasting(mesh.comm).allreduce(float(abs(x).max(initial=0.0)), MPI.MAX)
     move[abs(move).max(axis=1, initial=0.0) <= OFFSET_ROUND_OFF * size] = 0.0
     return chosen, move

@@ -17,12 +17,11 @@ from namedmesh.base.html import in_columns, table
 from namedmesh.base.logs import log_of
 from namedmesh.base.names import listed
 from namedmesh.base.ranks import from_first
-from namedmesh.base.releases import cell_nodes
 from namedmesh.bodies import Bodies
 from namedmesh.closest import closest
 from namedmesh.plain import PlainMesh
 from namedmesh.rows import in_space
-from namedmesh.simplex import measures, of_facets, outward_normals
+from namedmesh.simplex import measures, outward_normals
 from namedmesh.transfer import gather_mesh
 
 OPPOSED = -0.7
@@ -157,17 +156,11 @@ def _pairs(domain: Bodies) -> list[Touching]:
             tags = np.atleast_1d(side).tolist()
             sides.append(" and ".join(name_of[tag] for tag in tags))
         here, _ = domain.facing(*interface.names)
-        area = float(_areas(domain, here[here[:, 0] < domain.owned_cells]).sum())
+        area = float(domain.side_areas(here[here[:, 0] < domain.owned_cells]).sum())
         area = domain.comm.allreduce(area, MPI.SUM)
         distance = domain.distance(*interface.names)
         rows.append(Touching(*interface.names, (sides[0], sides[1]), area, distance))
     return rows
-
-
-def _areas(domain: Bodies, sides: np.ndarray) -> np.ndarray:
-    """Return the areas of sides (cell, local facet) [length^(d-1)], shape (n,)."""
-    cells = cell_nodes(domain.mesh.geometry)[sides[:, 0]]
-    return measures(domain.mesh.geometry.x[of_facets(cells, sides[:, 1])])
 
 
 def _near(domain: Bodies, within: float) -> list[Touching]:

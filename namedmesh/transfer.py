@@ -25,11 +25,15 @@ from namedmesh.sides import connect_facets, facets_of_cells
 from namedmesh.tags import tag_table, tags_of
 
 
-def gather_mesh(mesh: NamedMesh) -> PlainMesh:
+def gather_mesh(mesh: NamedMesh, *, drawn: bool = False) -> PlainMesh:
     """Return a mesh on rank 0, and a mesh without cells on other ranks; collective.
 
     The order of points and cells does not depend on the number of ranks. Bodies that
     keep their shapes in a glued mesh are at their own places.
+
+    Args:
+        mesh: The mesh.
+        drawn: Whether vertices of curved sides are put on the true surface.
     """
     comm = mesh.comm
     geometry = mesh.mesh.geometry
@@ -39,9 +43,11 @@ def gather_mesh(mesh: NamedMesh) -> PlainMesh:
     numbers = global_numbers(geometry.index_map(), nodes)
     regions = mesh.region_tags[:count]
     tags = tag_table(mesh.facet_tags)[facets_of_cells(mesh.mesh)[:count]]
-    x = geometry.x[: geometry.index_map().size_local, :d]
+    points, cells = mesh.drawn_points if drawn else mesh.points
+    x = geometry.x if mesh.places is not None else points
+    x = x[: geometry.index_map().size_local, :d]
     parts = comm.gather((x, numbers, regions, tags))
-    places = None if mesh.places is None else comm.gather(mesh.places[:count])
+    places = None if mesh.places is None else comm.gather(points[cells[:count], :d])
     marks = mesh.marks_of_sides
     all_marks = None if marks is None else comm.gather(marks[:count])
     if parts is None:

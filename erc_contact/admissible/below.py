@@ -23,7 +23,7 @@ from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.jumps import jumps, kinks_on_facets
 from erc_contact.model.contact.trace import Trace, split
-from erc_contact.model.data.peaks import upper_bounds
+from erc_contact.model.data.peaks import pieces_of_each, upper_bounds
 from erc_contact.model.data.quadrature import facet_pieces, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.model import Model
@@ -107,8 +107,16 @@ def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> n
     corners = trace.here.corners
     round_off = _round_off(of_w, corners)
     kinks = kinks_on_facets(space, [contact.gap], contact.facets)
-    highest = upper_bounds(above, corners, facet_pieces(space.d - 1), round_off, kinks)
+    pieces = facet_pieces(space.d - 1)
+    most = _most_pieces(space, contact)
+    highest = upper_bounds(above, corners, pieces, round_off, kinks, most)
     return np.where(highest > 2 * round_off, highest, 0.0)
+
+
+def _most_pieces(space: Space, contact: ContactOnMesh) -> int:
+    """Return the limit of a search on each facet of a contact; collective."""
+    facets = space.comm.allreduce(int(contact.trace.here.owned.sum()), MPI.SUM)
+    return pieces_of_each(facets)
 
 
 def _round_off(coefficients: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -235,5 +243,7 @@ def _excess(
     corners = contact.trace.here.corners[chosen]
     round_off = _round_off(coefficients, corners)
     kinks = kinks_on_facets(space, [contact.gap], facets)
-    highest = upper_bounds(above, corners, facet_pieces(space.d - 1), round_off, kinks)
+    pieces = facet_pieces(space.d - 1)
+    most = _most_pieces(space, contact)
+    highest = upper_bounds(above, corners, pieces, round_off, kinks, most)
     return np.where(distance > round_off, highest, 0.0), distance

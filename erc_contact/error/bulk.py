@@ -1,6 +1,6 @@
-"""The bulk part of the error, and the error by the flat facets of a curved body.
+"""The bulk part of the error.
 
-Source: Coorevits, Hild, Hjiaj, equations (16)-(18); the error of the geometry is ours.
+Source: Coorevits, Hild, Hjiaj, equations (16)-(18).
 """
 
 from __future__ import annotations
@@ -17,16 +17,7 @@ from erc_contact.error.laws import LawError
 from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
 from erc_contact.error.rings import is_rational, squares_of_rings
 from erc_contact.model.data.quadrature import cell_pieces, integrate
-from namedmesh.for_solvers import sides_of_facets, swept
 from namedmesh.simplex import bernstein
-
-GEOMETRY_MARGIN = 1.4
-"""Factor of the estimate of what flat facets cost [-].
-
-Densities of whole cells are taken in place of the densities at the surface, where they
-are mostly greater: of rings and spherical shells under pressure the energy changes by
-1.04 to 1.25 times what they tell. The estimate is to err to the safe side.
-"""
 
 
 def body_error(admissible: Admissible) -> LawError:
@@ -101,39 +92,3 @@ def _adapted_squares(admissible: Admissible) -> LawError:
     value += total.value
     bound += total.bound
     return LawError(value[:, 0] + bound[:, 0], value[:, 1], unknown)
-
-
-def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
-    """Compute the share of each owned cell in the square of the geometry error.
-
-    The unit is [force length]. A facet on the boundary of the body counts for its cell.
-    A facet between two cells counts half for each.
-
-    Args:
-        admissible: The pair.
-        of_sum: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
-            length].
-    """
-    space = admissible.model.space
-    domain = space.domain
-    cells = admissible.cell_geometry
-    result = np.zeros(len(of_sum))
-    if domain.offset is None or domain.curved_facets is None:
-        return result
-    density = domain.function("DG", 0)
-    density.x.array[: len(of_sum)] = of_sum / (4 * cells.volume[: len(of_sum)])
-    # A facet between two ranks needs the density of the other one.
-    density.x.scatter_forward()
-    values = density.x.array
-
-    # The cell beyond a facet is the cell itself on the boundary of the body.
-    sides = sides_of_facets(space.mesh, domain.curved_facets.indices)
-    sides = sides[space.owned(sides)]
-    cell = sides[:, 0]
-    both_cells = cells.side[:, space.facet_numbers(sides)] // (space.d + 1)
-    beyond = np.where(both_cells[0] == cell, both_cells[1], both_cells[0])
-    inside = beyond != cell
-    jump = values[cell] - np.where(inside, values[beyond], 0.0)
-    square = GEOMETRY_MARGIN * abs(jump) * swept(domain.offset, sides, space.facet_areas(sides))
-    np.add.at(result, cell, np.where(inside, 0.5, 1.0) * square)
-    return result

@@ -43,9 +43,10 @@ from erc_contact.admissible.fields import FIELD_DEGREE, integral
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.bulk import body_error, geometry_squares, spring_error
+from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.contact import contact_law_error
 from erc_contact.error.fenchel import fenchel_error
+from erc_contact.error.geometry import geometry_squares
 from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.oscillation import (
     UNKNOWN_SHARE,
@@ -86,13 +87,10 @@ class ConstitutiveError:
         bulk_error: Bulk part of e.
         contact_error: Contact part of e; ``bulk_error^2 + contact_error^2 = e^2``.
         geometry_error: Estimate of the error by the flat facets of a curved body
-            [sqrt(force length)], not part of e. It is the energy norm of the stress
-            between the facets and the true surface: its square is
-            ``int |offset| |sigma|^2``, at an interface with the difference of
-            ``|sigma|^2``. Half of its square is about the change of the potential
-            energy by the facets (0.78 to 0.94 of it on a pressed ring of 5 to 30
-            facets). It is zero if all facets are exact, and if only a mesh is known:
-            the body is then the mesh.
+            [sqrt(force length)], not part of e. Half of its square is about the change
+            of the potential energy by the facets, mostly 1 to 3 times, see
+            :mod:`erc_contact.error.geometry`. It is zero if all facets are exact, and
+            if only a mesh is known: the body is then the mesh.
         round_off: Bound of the round-off of ``C eps(u^)`` [sqrt(force length)], which e
             contains. It matters where u^ is 1e12 times its differences.
         oscillations: Parts of the data that the mesh cannot represent, estimates

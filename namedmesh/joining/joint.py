@@ -123,15 +123,22 @@ def joint(
             not tied.
     """
     comm = glued.comm
+    keep = apart > 0 and not tied
     plain = gather_mesh(glued)
+    # Distances are those of the drawing; vertices that keep their volume move later.
+    as_drawn = gather_mesh(glued, drawn=True) if keep else plain
     tags = (glued.names[here], glued.names[there])
     error: Exception | None = None
     about = None
     if comm.rank == 0:
         try:
-            drawn = plain
-            keep = apart > 0 and not tied
+            drawn = as_drawn
+            of_volume = plain
             plain, regions = glue_sides(drawn, tags, on, apart, keep=keep)
+            if keep and plain.glued is None:
+                # The true shape is lost then, and with it the way back.
+                drawn = of_volume
+                plain, regions = glue_sides(drawn, tags, on, apart, keep=keep)
             if keep and plain.glued is None:
                 log_of(comm).warning(_moved_side_words(here, there, apart))
             if not keep or plain.glued is None:

@@ -71,9 +71,13 @@ def assert_facing(domain, here, there):
 
 
 def assert_on_circle(domain, part, radius):
-    """The vertices of a part are at a distance from the axis z."""
-    r = np.linalg.norm(facet_corners(domain, domain.facets(part))[..., :2], axis=2)
-    assert abs(r - radius).max(initial=0.0) < 1e-9
+    """The vertices of a part lie beside a circle of its own, where facets keep the area."""
+    x = facet_corners(domain, domain.facets(part))[..., :2]
+    height = np.linalg.norm(x, axis=2) - radius
+    sagitta = (np.linalg.norm(x[:, 1] - x[:, 0], axis=1) ** 2 / (8 * radius)).max(initial=0.0)
+    sagitta = COMM.allreduce(sagitta, MPI.MAX)
+    assert -0.2 * sagitta < height.min(initial=0.0)
+    assert height.max(initial=0.0) < 1.1 * sagitta
 
 
 NOSE_RADIUS = 4.0
@@ -406,9 +410,10 @@ def test_matching_sides_keep_all_vertices(d, measures):
         here, there = domain.facing("pin side", "ring side")
         x, y = facet_corners(domain, here), facet_corners(domain, there)
         scaled = x * np.array([hole / 0.5] * 2 + [1.0] * (d - 2))
-        assert abs(y - scaled).max(initial=0.0) < 1e-6
+        assert abs(y - scaled).max(initial=0.0) < 1e-5
         (row,) = domain.touching()
-        assert row.distance == pytest.approx(abs(hole - 0.5), rel=1e-6)
+        # Vertices are farther apart than the circles, and middles of chords are nearer.
+        assert row.distance == pytest.approx(abs(hole - 0.5), rel=0.02)
         for again in (domain, domain.refined(near(domain, np.zeros(d), 0.3))):
             for side, radius in (("pin side", 0.5), ("ring side", hole)):
                 assert_on_circle(again, side, radius)

@@ -3,7 +3,7 @@
 Names, measures, curved boundaries, counts, sessions, on any number of ranks.
 
 Properties: names, tags and the measures of straight parts survive ten remeshings and
-refinements in between; what a curved boundary loses of the area falls like h^2; the
+refinements in between; what a curved boundary changes of the area falls like h^4; the
 sizes give the number of cells; a session of the user's survives; without a geometry,
 the error says what to do.
 """
@@ -90,7 +90,7 @@ def test_two_regions_an_interface_and_a_hole(gmsh_session, measures):
         assert close(measures.region(domain, "strip"), 0.6)
         assert close(measures.part(domain, "left"), 1.0)
         missing.append(measures.region(domain, "body") - (1.4 - np.pi / 16))
-    assert np.all(np.abs(np.log2(np.array(missing[:-1]) / missing[1:]) - 2) < 0.3), missing
+    assert np.all(np.abs(np.log2(np.array(missing[:-1]) / missing[1:]) - 4) < 0.3), missing
     if gmsh_session:
         assert gmsh_session.model.getCurrent() == "user"
         assert len(gmsh_session.view.getTags()) == 0
@@ -111,17 +111,17 @@ CURVED = {
 @pytest.mark.on_ranks("half_disc.geo")
 @pytest.mark.parametrize("name", CURVED)
 def test_curved_boundaries_are_sampled_anew(name, measures):
-    """The area of the mesh tends to the area of the true shape like h^2, whether it is made anew or refined."""
+    """The area of the mesh tends to the area of the true shape like h^4, whether it is made anew or refined."""
     area, sides, size = CURVED[name]
     domain = nm.read_mesh(MESHES / name, scripts=True)
     polygon = measures.region(domain)
-    assert measures.region(domain.refined()) - area == pytest.approx((polygon - area) / 4, rel=0.03)
+    assert abs(measures.region(domain.refined()) - area) < abs(polygon - area) / 8
     errors = []
     for step in range(4):
         domain = domain.remeshed(size / 2**step)
         errors.append(abs(measures.region(domain) - area))
     print(f"\n{name}: area errors {errors}")
-    assert np.polyfit(np.arange(4), np.log2(errors), 1)[0] == pytest.approx(-2, abs=0.25)
+    assert np.polyfit(np.arange(4), np.log2(errors), 1)[0] == pytest.approx(-4, abs=0.6)
     for part, length in sides.items():
         assert measures.part(domain, part) == pytest.approx(length, rel=2e-3)
 
@@ -142,7 +142,7 @@ def test_ball_in_space(shared_tmp_path, measures):
         domain = domain.remeshed(size)
         errors.append(2 * np.pi / 3 - measures.region(domain))
     assert set(domain.names) == {"sphere", "7"}  # a group without a name is called by its number
-    assert np.all(np.abs(np.log2(np.array(errors[:-1]) / errors[1:]) - 2) < 0.35), errors
+    assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 4), errors
 
 
 @pytest.mark.broad

@@ -1,8 +1,9 @@
 """Curved bodies, whose true surface is known.
 
-Refinement puts new vertices of curved boundaries, edges and interfaces on the true
-surface, on any number of ranks, and turns no cell over. What flat facets cost is in
-tests/error/test_curved_bodies.py.
+Vertices of curved boundaries, edges and interfaces lie where facets enclose the true
+volume, the areas of plane faces and the lengths of their edges, on any number of ranks;
+corners stay, plane faces stay plane, no cell is turned over, and what is in its place
+already stays there. What flat facets cost is in tests/error/test_curved_bodies.py.
 """
 
 from pathlib import Path
@@ -58,21 +59,29 @@ PIN_IN_SLEEVE = (
 )
 
 
-def off_surface(domain, part, centre):
-    """Greatest distance of the vertices of a part from the circle or sphere of radius 1, over all ranks."""
+def radii(domain, part, centre):
+    """Distances of the vertices of a part from a point, on this rank."""
     sides = domain.facets(part)
     nodes = np.unique(
         cell_nodes(domain.mesh.geometry)[sides[:, :1], facet_vertices(domain.dim)[sides[:, 1]]]
     )
-    distance = np.linalg.norm(domain.mesh.geometry.x[nodes] - centre, axis=1) - 1
-    return COMM.allreduce(float(abs(distance).max(initial=0.0)), MPI.MAX)
+    return np.linalg.norm(domain.mesh.geometry.x[nodes] - centre, axis=1)
 
 
-def test_refined_half_disc_is_on_the_circle(measures):
-    domain, missing = nm.read_mesh(MESHES / "half_disc.geo", scripts=True), []
+def test_half_disc_has_its_area(measures):
+    """Chords lose 0.6% of the area at first; corners are on the circle."""
+    domain, off = nm.read_mesh(MESHES / "half_disc.geo", scripts=True), []
     for step in range(4):
-        assert off_surface(domain, "arc", (0.0, 1.0, 0.0)) < 1e-12
-        missing.append(np.pi / 2 - measures.region(domain))
+        radius = radii(domain, "arc", (0.0, 1.0, 0.0))
+        height = COMM.allreduce(float(radius.max(initial=1.0)), MPI.MAX) - 1
+        assert COMM.allreduce(float(radius.min(initial=1.0)), MPI.MIN) > 1 - 1e-9
+        # A vertex beside a corner makes up for the corner.
+        assert 0 < height < 0.01 / 4 ** min(step, 2)
+        assert measures.part(domain, "top") == pytest.approx(2.0, rel=1e-12)
+        off.append(abs(measures.region(domain) - np.pi / 2))
+        # The length that is told is the length of the arc; chords are 4e-3 off at first.
+        told = dict(zip(domain.parts().name, domain.parts().area, strict=True))
+        assert told["arc"] == pytest.approx(np.pi, rel=2e-6 / 15 ** min(step, 2))
         low = (
             domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[: domain.owned_cells], 1].min(
                 axis=1
@@ -80,27 +89,96 @@ def test_refined_half_disc_is_on_the_circle(measures):
             < 0.5
         )
         domain = domain.refined(np.flatnonzero(low) if step == 2 else None)
-    assert missing[1] / missing[0] == pytest.approx(0.25, rel=0.02)
-    assert missing[2] / missing[1] == pytest.approx(0.25, rel=0.01)
+    assert off[0] < 1e-4
+    assert off[1] < off[0] / 10
+    assert off[2] < off[1] / 10
 
 
-@pytest.mark.broad
-def test_refined_ball_is_on_sphere_and_rim(shared_tmp_path, measures):
-    """The rim lies on sphere and plane: its new vertices go to the common circle."""
+def test_ball_has_its_volume_and_rim_its_area(shared_tmp_path, measures):
+    """The rim lies on sphere and plane: it keeps the area of the plane face."""
     domain = from_script(BALL, shared_tmp_path, "ball")
-    missing = []
+    off = []
     for _ in range(3 if COMM.size == 1 else 2):  # one rank tells the rate
-        assert off_surface(domain, "sphere", (0.0, 0.0, 0.0)) < 1e-12
         assert COMM.allreduce(float(domain.mesh.geometry.x[:, 2].max()), MPI.MAX) <= 1e-12
-        missing.append(2 * np.pi / 3 - measures.region(domain))
+        volume = abs(measures.region(domain) - 2 * np.pi / 3)
+        off.append((volume, abs(measures.part(domain, "top") - np.pi)))
         domain = domain.refined()
+    assert max(off[0]) < 4e-3
+    assert max(off[1]) < max(off[0]) / 4
     if COMM.size == 1:
-        assert missing[2] / missing[1] == pytest.approx(0.25, rel=0.15)
+        assert max(off[2]) < max(off[1]) / 8
+
+
+ARCS = (
+    "r = {r}; h = {h}; Point(1) = {{0, 0, 0}}; Point(2) = {{r, 0, 0}}; Point(3) = {{2, 0, 0}}; "
+    "Point(4) = {{2, 1, 0}}; Point(5) = {{0, 2, 0}}; Point(6) = {{0, r, 0}}; Line(1) = {{2, 3}}; "
+    "Line(2) = {{3, 4}}; Line(3) = {{4, 5}}; Line(4) = {{5, 6}}; Circle(5) = {{6, 1, 2}}; "
+    "Curve Loop(1) = {{1 : 5}}; Plane Surface(1) = {{1}}; "
+    'Physical Curve("arc") = {{5}}; Physical Curve("sides") = {{1 : 4}}; '
+    "Mesh.MeshSizeMax = h; Mesh.MeshSizeMin = h;\n"
+)
+
+
+@pytest.mark.serial
+def test_random_arcs_keep_area_and_moments(shared_tmp_path, measures):
+    """Of a quarter of a hole: its area, and its first moments, to a higher order.
+
+    Chords are off by h^2 in all three, which is the scale.
+    """
+    random = np.random.default_rng(5)
+    for case in range(10):
+        r, h = random.uniform(0.3, 0.9), random.uniform(0.05, 0.25)
+        domain = from_script(ARCS.format(r=r, h=h), shared_tmp_path, f"arcs{case}")
+        sides = domain.facets("arc")
+        nodes = cell_nodes(domain.mesh.geometry)[sides[:, :1], facet_vertices(2)[sides[:, 1]]]
+        ends = domain.mesh.geometry.x[nodes, :2]
+        double = abs(np.linalg.det(ends))
+        hole = [double.sum() / 2, *(double[:, None] * ends.sum(axis=1)).sum(axis=0) / 6]
+        true = np.array([np.pi * r**2 / 4, r**3 / 3, r**3 / 3])
+        angle = np.pi / 2 / len(sides)
+        assert len(sides) > 1
+        assert (abs(hole - true) < np.array([0.01, 0.1, 0.1]) * angle**4 * true).all()
+        assert measures.part(domain, "sides") == pytest.approx(5 - 2 * r + 5**0.5, rel=1e-9)
+
+
+@pytest.mark.serial
+def test_what_is_in_its_place_stays_there(shared_tmp_path):
+    """To the last bit: a mesh that is read again is the same."""
+    for domain in (
+        nm.read_mesh(MESHES / "half_disc.geo", scripts=True).refined(),
+        from_script(BALL, shared_tmp_path, "ball").refined(),
+    ):
+        before = domain.mesh.geometry.x.copy()
+        domain.snapped()
+        assert np.array_equal(domain.mesh.geometry.x, before)
+
+
+@pytest.mark.serial
+def test_rules_find_what_was_drawn(shared_tmp_path):
+    """Where vertices would be if they had not moved."""
+    domain = from_script(BALL, shared_tmp_path, "ball").refined()
+    named = domain.named({"skin": nm.where(lambda x: abs(np.linalg.norm(x, axis=0) - 1) < 1e-9)})
+    assert len(named.facets("skin")) == len(domain.facets("sphere"))
+
+
+@pytest.mark.ranks
+def test_ranks_put_vertices_in_the_same_places(shared_tmp_path):
+    path = shared_tmp_path / "ball.geo"
+    if COMM.rank == 0:
+        path.write_text(BALL)
+    COMM.barrier()
+    places = []
+    for comm in (MPI.COMM_SELF, COMM):
+        domain = nm.read_mesh(path, comm, scripts=True).refined()
+        owned = domain.mesh.geometry.index_map().size_local
+        x = np.concatenate(comm.allgather(domain.mesh.geometry.x[:owned]))
+        places.append(x[np.lexsort(np.round(x, 6).T)])
+    assert np.allclose(*places, rtol=0, atol=1e-12)
 
 
 @pytest.mark.broad
 def test_rim_where_three_surfaces_meet_is_round(shared_tmp_path):
-    """New vertices of the foot of a pin go to the circle, as all vertices above them do."""
+    """Vertices of the foot of a pin lie around the circle, as all vertices above them do."""
     bodies = from_script(PIN_IN_SLEEVE, shared_tmp_path, "pin").split(
         {"foot": "pin", "seat": "plate"}
     )
@@ -113,7 +191,8 @@ def test_rim_where_three_surfaces_meet_is_round(shared_tmp_path):
             nodes = np.unique(cell_nodes(bodies.mesh.geometry)[sides[:, :1], local])
             x = bodies.mesh.geometry.x[nodes]
             radius = np.linalg.norm(x[:, :2], axis=1)
-            assert np.allclose(radius, 1.0, rtol=1e-9)
+            assert np.allclose(radius, 1.0, rtol=0.03)
+            assert (radius > 1 - 3e-3).all()
         at_foot = COMM.allreduce(int((abs(x[:, 2]) < 1e-9).sum()))
         assert at_foot > 0
 
@@ -121,16 +200,16 @@ def test_rim_where_three_surfaces_meet_is_round(shared_tmp_path):
 def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):
     """The ball in a box has 60 facets.
 
-    Some new vertices of the interface must wait, no cell may be crushed.
+    Some new vertices of the interface must wait, no cell may be crushed. With vertices on
+    the sphere 14, 6 and 2% of the volume are missing.
     """
     domain = from_script(INCLUSION, shared_tmp_path, "inclusion")
-    before = abs(measures.region(domain, "ball") - np.pi / 6)
     for _ in range(2):
         domain = domain.refined()
         assert measures.region(domain) == pytest.approx(
             8.0, rel=1e-12
         )  # cells of negative volume would add to it
-    assert abs(measures.region(domain, "ball") - np.pi / 6) < 0.4 * before
+        assert measures.region(domain, "ball") == pytest.approx(np.pi / 6, rel=0.01)
 
 
 PUNCH = (

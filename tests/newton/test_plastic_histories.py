@@ -394,7 +394,8 @@ def test_a_thick_sphere_under_pressure_that_is_unloaded(law):
         load = ec.Traction("inside", pressure=loads[time])
         return ec.Scene(law, ec.Symmetry("bottom"), load)
 
-    evolution = ec.evolve(scene_at, quarter_tube(0.4), sorted(loads), 0.01, degree=2)
+    # A stress at a corner needs a finer mesh than the energy: with 0.01 it is 1.6% off.
+    evolution = ec.evolve(scene_at, quarter_tube(0.4), sorted(loads), 0.003, degree=2)
     assert evolution.reached
     bore = [[INNER, 0.0]]
     moved = [error.solution.at(bore).displacement[0, 0] for error in evolution.errors]

@@ -41,7 +41,8 @@ LENGTH_DEGREE = 8
 def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Find the unit normals of a side at the vertices of its facets; collective.
 
-    They are normals of the true surface where that is known.
+    They are normals of the true surface where that is known; they are a little shorter
+    where vertices lie beside it, see :func:`_of_moved_vertices`.
 
     Args:
         space: The mesh.
@@ -59,7 +60,50 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
         estimated = vertex_normals(space.comm, corners, vertices, flat)
     true = space.domain.true_normals(facets, corners)
     outward = np.where(np.einsum("fid,fd->fi", true, flat) < 0, -1.0, 1.0)[..., None] * true
-    return np.where(np.isnan(outward), estimated, outward)
+    is_known = ~np.isnan(outward)
+    result = np.where(is_known, outward, estimated)
+    if not space.comm.allreduce(bool(is_known.any()), MPI.LOR):
+        return result
+    return _of_moved_vertices(space, facets, corners, result)
+
+
+def _of_moved_vertices(
+    space: Space, facets: np.ndarray, corners: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
+    """Scale normals as vertices lie beside the true surface; collective.
+
+    On a circle, a cylinder or a sphere vertices at the distance rho from the axis or
+    the middle have the normal N = rho n, over the greatest rho. Then the field N is
+    parallel to the radius on each facet, and a pressure along it has no moment: what
+    slides does not catch. Elsewhere rho is ``1 + kappa a``, with the height a of the
+    vertex over the surface, and the curvature kappa by which normals of the vertices of
+    its facets turn.
+
+    Args:
+        space: The mesh.
+        facets: Facets (cell, local facet), ghosts included, shape (f, 2).
+        corners: Their vertices [length], shape (f, d, d).
+        normals: Unit normals there, shape (f, d, d).
+
+    Returns:
+        Normals of at most the length 1, shape (f, d, d).
+    """
+    d = space.d
+    places = space.true_places(facets)[:, :d]
+    height = ((corners - places) * normals).sum(axis=-1)
+    first, second = np.triu_indices(d, 1)
+    turn = normals[:, second] - normals[:, first]
+    along = ((places[:, second] - places[:, first]) * turn).sum(axis=-1)
+    sums = np.zeros((2, space.node_count))
+    vertices = space.facet_nodes(facets)[:, :d]
+    for total, values in zip(sums, ((turn**2).sum(axis=-1), along), strict=True):
+        for ends in (first, second):
+            np.add.at(total, vertices[:, ends], values)
+    curvature = np.divide(sums[0], sums[1], out=np.zeros_like(sums[0]), where=sums[0] > 0)
+    rho = 1 + curvature[vertices] * height
+    owned = rho[space.owned(facets)]
+    most = space.comm.allreduce(float(owned.max(initial=1.0)), MPI.MAX)
+    return normals * (rho / most)[..., None]
 
 
 def turns(comm: MPI.Comm, of_corners: np.ndarray) -> bool:

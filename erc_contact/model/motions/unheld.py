@@ -36,7 +36,7 @@ from erc_contact.model.motions.rigid_motions import (
 )
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import greatest
-from namedmesh.for_solvers import components, swept
+from namedmesh.for_solvers import components, slivers
 from namedmesh.simplex import measures
 
 AT_REST = 1e-6
@@ -49,11 +49,12 @@ ROUND_OFF = 1e-13
 """Resultant over the sum of the loads that is round-off [-]."""
 DIGITS = 1e-6
 """Resultant over the sum of the loads that files with seven digits may leave [-]."""
-FACETS = 10.0
-"""Such a resultant over the square of offset over size of the facets of a load [-].
+FACETS = 4.5
+"""Such a resultant over the square of depth over size of the facets of a load [-].
 
-On a circle of radius R a chord of length h loses ``h^2/(24 R^2)`` of its arc, and its
-mean offset is ``h^2/(12 R)``: this is six times its square over h. More is a margin.
+On a circle of radius R a chord of length h loses ``h^2/(24 R^2)`` of its arc, and the
+arc is ``h^2/(8 R)`` deep: this is 2.7 times the square of its depth over h. More is a
+margin.
 """
 PART = 1e-6
 """Part of a resultant that is told as zero [-]."""
@@ -320,9 +321,9 @@ def _lost_by_facets(space: Space, loaded: Sequence[str]) -> float:
         for name in loaded:
             facets = space.domain.owned_facets(name)
             areas = space.facet_areas(facets)
-            distance = swept(offset, facets, areas) / areas
             sizes = areas ** (1 / (space.d - 1))
-            worst = max(worst, float(((distance / sizes) ** 2).max(initial=0.0)))
+            depths = slivers(offset, facets).depths
+            worst = max(worst, float(((depths / sizes) ** 2).max(initial=0.0)))
     return FACETS * space.comm.allreduce(worst, MPI.MAX)
 
 
