@@ -2,9 +2,9 @@
 
 Algebraic multigrid and its smoothers see single entries: :class:`ChangedEntries` is a
 copy of K to which C is added. The elements of degree 2 above it only multiply:
-:class:`ChangedBlocks` leaves K as it is, half of its dense blocks of nodes, and adds
-the product with C. That takes a third of the time of a product with single entries, and
-nothing is copied when C changes.
+:class:`ChangedBlocks` leaves K as it is, in dense blocks of nodes, and adds the product
+with C. That takes half of the time of single entries or less, and nothing is copied
+when C changes.
 
 Both are scaled, so that their entries are near one. The owner of K frees it.
 """

@@ -20,7 +20,7 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
-from erc_contact.base.sparse import as_entries, half_of
+from erc_contact.base.sparse import as_entries, for_products
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
@@ -123,7 +123,7 @@ class Multigrid(ElasticEquations):
 
     @property
     def operator(self) -> PETSc.Mat:
-        """Return K as it is multiplied, at degree 2 half of it in blocks of nodes."""
+        """Return K as it is multiplied, at degree 2 in dense blocks of nodes."""
         if self._operator is None:
             self._assemble()
         return self._operator
@@ -469,8 +469,7 @@ class Multigrid(ElasticEquations):
         else:
             blocks = self.stiffness_in_blocks()
             self._matrix = self._with_places(as_entries(blocks))
-            self._operator = half_of(blocks)
-            blocks.destroy()
+            self._operator = for_products(blocks)
 
     def _with_places(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """Add places for all that contacts add to K, and return it.
