@@ -5,6 +5,8 @@
 The test suite of CalculiX is such a folder (Debian: calculix-ccx-test). ``--solve`` has
 the error of each deck that is taken; ``--ccx`` runs ``ccx`` on it, too, and has the
 greatest difference of the displacements at vertices, and of the forces on supports.
+At the end stand the decks of statics of isotropic solids: how many are taken, and which
+are not.
 """
 
 import logging
@@ -21,6 +23,9 @@ from typing import Any
 import numpy as np
 
 import erc_contact as ec
+from erc_contact.decks.keywords import BY_NAME, REFUSED, squeezed
+from namedmesh.files.abaqus_cards import Card, cards_of
+from namedmesh.files.abaqus_tables import shape_of
 from namedmesh.files.displacements import FileField, displacement_of
 from namedmesh.files.reading import read
 
@@ -32,6 +37,32 @@ UP_TO_A_MOTION = "displacements are up to such a motion"
 """What a deck tells whose displacements have rigid motions that nothing holds."""
 LONGEST = 300
 """Longest run of CalculiX [s]."""
+OF_SUBROUTINES = re.compile(r"[A-Z]+\d?N[UP]")
+"""Loads whose values a subroutine computes."""
+
+
+def is_of_solids(path: Path) -> bool:
+    """Tell whether a deck is statics of isotropic solids, without a subroutine.
+
+    All its keywords are taken in some way then; refused is how they are used.
+    """
+    cards = list(cards_of(path))
+    words = {squeezed(card.keyword) for card in cards}
+    has_other_words = any(w not in BY_NAME or BY_NAME[w].fate == REFUSED for w in words)
+    if has_other_words or not {"STATIC", "SOLIDSECTION"} <= words:
+        return False
+    kinds = [shape_of(c.get("TYPE").upper()) for c in cards if c.keyword == "ELEMENT"]
+    has_solids_alone = any(solid for *_, solid in kinds) and all(shape for shape, *_ in kinds)
+    return has_solids_alone and not any(map(_is_of_others, cards))
+
+
+def _is_of_others(card: Card) -> bool:
+    """Tell whether a card has values of a subroutine, or moduli of a direction."""
+    if squeezed(card.keyword) == "ELASTIC":
+        return card.get("TYPE").upper() not in ("", "ISO")
+    if card.keyword == "DLOAD" and any(OF_SUBROUTINES.fullmatch(row[1]) for row in card.rows):
+        return True
+    return card.has("USER") or card.get("DEFINITION").upper() == "USER"
 
 
 def fate(path: Path, *, solve: bool, with_ccx: bool) -> tuple[str, ec.Deck | None, list[str], str]:
@@ -164,6 +195,8 @@ def main() -> None:
     logging.disable(logging.WARNING)
     with_ccx = "--ccx" in sys.argv
     counts: Counter[str] = Counter()
+    of_solids: Counter[str] = Counter()
+    not_taken = []
     cards: Counter[str] = Counter()
     alone: Counter[str] = Counter()
     taken: Counter[str] = Counter()
@@ -178,6 +211,9 @@ def main() -> None:
         except Exception as reason:  # a fault of the package is counted
             word, sentence = "FAULT", repr(reason)
         counts[word] += 1
+        if is_of_solids(path):
+            of_solids["refused" if word == "refused" else "taken"] += 1
+            not_taken += [path.stem] if word == "refused" else []
         cards.update(set(refused))
         if len(set(refused)) == 1:
             alone[refused[0]] += 1
@@ -188,6 +224,7 @@ def main() -> None:
         shown = ", ".join(sorted(set(refused))) or sentence.replace("\n", " ")[:300]
         print(f"{path.name:28s} {word:10s} {seconds:6.1f}  {shown}", flush=True)
     print(dict(counts))
+    print("statics of isotropic solids:", dict(of_solids), "not taken:", ", ".join(not_taken))
     for name, of_cards in (
         ("taken cards, in decks:", taken),
         ("assumed cards, in decks:", assumed),
@@ -197,4 +234,5 @@ def main() -> None:
         print(name, of_cards.most_common(40))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -22,6 +22,7 @@ import erc_contact as ec
 ENDINGS = (
     *(".msh", ".unv", ".med", ".cgns", ".mesh", ".meshb", ".bdf", ".nas", ".inp", ".frd"),
     *(".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf", ".xdmf", ".xmf", ".su2"),
+    *(".cdb", ".mail", ".mmed", ".rmed", ".k", ".key", ".dyn"),
     *(".e", ".exo", ".ex2", ".g", ".gen", ".mdpa", ".elements", ".node", ".ele", ".fem", ".dat"),
     *(".step", ".stp", ".iges", ".igs", ".brep", ".geo", ".stl", ".avs", ".vol", ".ugrid"),
 )

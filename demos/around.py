@@ -25,6 +25,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/around")
 MU, RADIUS = 0.3, 0.2
 ANGLES = 2 * np.pi * np.arange(17) / 16
@@ -47,6 +49,7 @@ ec.log_to_console()
 box = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 0.5), cells=(3, 3, 2))
 evolution = ec.evolve(scene_at, box, ANGLES, accuracy=0.3)
 root = evolution.error.domain.comm.rank == 0
+ec.output.draw_deformed(evolution.error, FOLDER / "deformed.png")
 
 # %%
 # The direction of each step, the friction along it, and the energy that friction takes.

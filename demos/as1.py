@@ -48,6 +48,7 @@ scene = ec.Scene(
     ),
     ties=[ec.Tied(*pair) for pair in assembly.touching("nut *", "[br]o*")],
     contacts=[ec.Contact(*pair, friction=0.15) for pair in faces],
+    units="mm, N, MPa",
 )
 error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, assembly)))
 

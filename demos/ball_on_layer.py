@@ -30,6 +30,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/ball_on_layer")
 THICK, RADIUS, R, DOWN = 10.0, 100.0, 500.0, 0.1
 FORCE, A, ENERGY = 2255.374380, 8.646255987, 79.38378369
@@ -53,7 +55,7 @@ def pressed(friction):
     plate = ec.Displacement("top", (0.0, -DOWN))  # u_r, u_z
     ball = ec.Contact("bottom", gap=gap, friction=friction)
     domain = ec.rectangle((0.0, 0.0), (RADIUS, THICK), size=3.0)
-    scene = ec.Scene(layer, plate, contacts=ball)
+    scene = ec.Scene(layer, plate, contacts=ball, units="mm, N, MPa")
     return ec.adapt(scene, domain, accuracy=0.003, degree=2)
 
 

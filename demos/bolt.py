@@ -32,6 +32,8 @@ from erc_contact import output
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/bolt")
 SHANK, HOLE, HEAD, HEIGHT, PLATE = 5.0, 5.5, 9.0, 6.0, 24.0
 UPPER, LOWER, CUT = 16.0, -8.0, 4.0
@@ -113,7 +115,9 @@ def scene_at(t):
         bolt = ec.Preload("upper end", against="lower end", force=FORCE / 4)
     else:
         bolt = ec.Preload("upper end", against="lower end", locked=True)
-    return ec.Scene(ec.Elastic(E, NU), supports, pull, contacts, ties=bolt)
+    return ec.Scene(
+        ec.Elastic(E, NU), supports, pull, contacts, ties=bolt, units="mm, N, MPa"
+    )
 
 
 ec.log_to_console()

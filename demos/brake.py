@@ -26,6 +26,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/brake")
 MU, P0, TURN = 0.35, 2.0, 0.01  # friction, pressure [MPa], turn [rad]
 RADIUS, LENGTH, WIDTH, HEIGHT = 110.0, 60.0, 40.0, 12.0  # [mm]
@@ -54,6 +56,7 @@ scene = ec.Scene(
         moment=(0.0, 0.0, None),
     ),
     contacts=disc,
+    units="mm, N, MPa",
 )
 history = ec.adapt(scene, pad, accuracy=0.1, degree=2)
 
@@ -65,6 +68,7 @@ profile = history.profile("bottom")
 pressed = profile["weight"] * profile["pressure"]
 moment = MU * pressed @ np.hypot(profile["x"], profile["y"])
 tilting = pressed @ profile["y"]
+ec.output.draw_deformed(history.error, FOLDER / "deformed.png")
 if pad.comm.rank == 0:
     FOLDER.mkdir(parents=True, exist_ok=True)
     print(f"normal force {force.force[2]:.1f} N for {P0 * LENGTH * WIDTH:.1f} N")

@@ -43,6 +43,8 @@ import erc_contact as ec
 
 from dolfinx.mesh import compute_midpoints  # isort: skip - MPI first
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/cattaneo_mindlin")
 E, NU, MU, R = 1.0, 0.4999, 0.3, 10.0
 
@@ -124,6 +126,7 @@ evolution = ec.evolve(
     scene_at, body, [0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0], accuracy=0.02, degree=2
 )
 root = evolution.error.domain.comm.rank == 0
+ec.output.draw_deformed(evolution.error, FOLDER / "deformed.png")
 
 # %%
 # Each step against the closed form for its forces. The bending of the square moves the

@@ -45,6 +45,7 @@ scene = ec.Scene(
     loads=ec.Traction("13", pressure=PRESSURE),
     ties=ec.Tied(*thread),
     contacts=[ec.Contact(*pair, friction=0.15) for pair in faces],
+    units="mm, N, MPa",
 )
 history = ec.adapt(scene, clamp, accuracy=0.15, degree=2, strategy=ec.Mark())
 force = history.force("screw on block").force

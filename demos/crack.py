@@ -26,6 +26,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/crack")
 E, NU, MU, P, LEAN = 1000.0, 0.3, 0.3, 1.0, np.pi / 4
 WIDTH = 40.0  # half the width of the plate, in half lengths of the crack

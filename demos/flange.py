@@ -33,6 +33,8 @@ from erc_contact import output
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/flange")
 LENGTH, WIDTH, PLATE, BASE = 60.0, 20.0, 15.0, 20.0
 WALL, TOP = 8.0, 50.0
@@ -95,7 +97,9 @@ def scene_at(t):
     joint = ec.Contact("foot", friction=MU, against="seat")
     bolt = ec.Contact("upper end", gap=TIGHTENED, bilateral=True, against="lower end")
     pull = ec.Traction("top", (0.0, 0.0, t * PULL))
-    return ec.Scene(ec.Elastic(E, NU), supports, pull, contacts=[joint, bolt])
+    return ec.Scene(
+        ec.Elastic(E, NU), supports, pull, contacts=[joint, bolt], units="mm, N, MPa"
+    )
 
 
 ec.log_to_console()

@@ -39,6 +39,7 @@ scene = ec.Scene(
     strains=ec.Eigenstrain({f"bolt {i}": shortened for i in (1, 2, 3, 4)}),
     ties=[ec.Tied(*pair) for pair in threads],
     contacts=[ec.Contact(*pair, friction=0.15) for pair in faces],
+    units="mm, N, MPa",
 )
 error = ec.constitutive_error(ec.equilibrate(ec.solve(scene, flange)))
 

@@ -30,6 +30,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/force_bounds")
 LIMIT = 0.002  # of the shear [force/area]
 

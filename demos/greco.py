@@ -33,6 +33,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/greco")
 X = np.array([0.0, 1.25, 5.0, 7.5, 11.25])  # mm from the left corner, on the contact
 PUBLISHED = np.array(
@@ -57,6 +59,7 @@ scene = ec.Scene(
     supports=ec.Displacement("right", (0.0, None)),
     loads=[ec.Traction("top", pressure=50.0), ec.Traction("left", pressure=150.0)],
     contacts=ec.Contact("bottom", friction=1.0),
+    units="mm, N/mm, MPa",
 )
 history = ec.adapt(scene, square, accuracy=0.001, degree=2, strategy=ec.SizeMap())
 history.save(FOLDER, pictures=True)

@@ -33,6 +33,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/hertz")
 E, NU, R = 1.0, 0.3, 1.0
 

@@ -41,6 +41,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/hertz_cylinders")
 SIZE, FORCE = 40.0, 3200.0
 RADIUS = 1 / (1 / 10 + 1 / 13)
@@ -83,6 +85,7 @@ scene = ec.Scene(
     contacts=ec.Contact(
         "roller", gap=lambda x: x[0] ** 2 / (2 * RADIUS), against="track"
     ),
+    units="mm, N/mm, MPa",
 )
 domain = blocks()
 history = ec.adapt(scene, domain, accuracy=0.005, degree=2, strategy=ec.SizeMap())
@@ -112,6 +115,7 @@ for name, sign in (("upper", 1.0), ("lower", -1.0)):
 shear = (across - along) / 2
 found = {name: (s[:, 0, 0] - s[:, 1, 1]) / 2 for name, s in stresses.items()}
 
+ec.output.draw_near(history.error, "roller", FOLDER / "near.png")
 if domain.comm.rank == 0:
     print(f"half-width {half_width:.5f} for {a:.5f}: {half_width / a - 1:+.2%}")
     print(f"peak {peak:.2f} for {p_0:.2f}: {peak / p_0 - 1:+.2%}")

@@ -26,6 +26,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/hysteresis")
 MU = 0.3
 TURNS = [1.0, 1.5, 2.5, 3.5, 4.5]

@@ -25,6 +25,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/imprint")
 THICK, WIDTH, R = 10.0, 20.0, 100.0
 DEPTH, FREE = 0.06, 0.04
@@ -50,6 +52,7 @@ def scene_at(t):
         ec.Plastic(210e3, 0.3, YIELD, hardening=2100.0, hypothesis="axisymmetric"),
         ec.Displacement("top", (0.0, -depth(t))),
         contacts=ec.Contact("bottom", gap=lambda x: x[0] ** 2 / (2 * R)),
+        units="mm, N, MPa",
     )
 
 

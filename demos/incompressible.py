@@ -31,6 +31,8 @@ import matplotlib.pyplot as plt
 import erc_contact as ec
 from erc_contact.output import draw_deformed
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/incompressible")
 E, WIDTH, THICKNESS, DOWN = 1.0, 4.0, 1.0, 0.01
 APPARENT = 4 / 3 * E * (1 + (WIDTH / (2 * THICKNESS)) ** 2)

@@ -27,6 +27,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/lug")
 R, CLEARANCE = 10.0, 0.05
 BACK, END, HALF_WIDTH = 60.0, 25.0, 22.0
@@ -80,7 +82,9 @@ def pulled(domain, material):
     supports = [ec.Symmetry("symmetry"), ec.Displacement("held", (0.0, None))]
     contact = ec.Contact("rim", gap=gap, against="hole")
     load = ec.BodyForce(through_pin)
-    scene = ec.Scene(material, supports, loads=load, contacts=contact)
+    scene = ec.Scene(
+        material, supports, loads=load, contacts=contact, units="mm, N/mm, MPa"
+    )
     return ec.adapt(scene, domain, accuracy=0.05, degree=2, strategy=ec.SizeMap())
 
 

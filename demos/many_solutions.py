@@ -36,6 +36,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/many_solutions")
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.3]])
 

@@ -37,6 +37,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/masonry")
 WIDTH, HEIGHT = 3.0, 4.0
 SPAN, DOOR = 1.2, 2.2
@@ -120,6 +122,7 @@ def loaded(material):
         ec.Symmetry("middle"),
         loads=[ec.Traction("top", (0.0, -FLOOR)), ec.BodyForce((0.0, -WEIGHT))],
         contacts=ec.Contact("foot", friction=MU),
+        units="m, MN/m, MPa",
     )
     return ec.adapt(scene, domain, accuracy=0.04, degree=2, strategy=ec.Mark())
 

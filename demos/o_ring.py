@@ -35,6 +35,8 @@ from erc_contact.output import draw_revolved
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/o_ring")
 MIDDLE, CORD, E, NU = 10.0, 1.0, 5.0, 0.49
 SQUEEZES = np.array([0.025, 0.05, 0.1])
@@ -64,7 +66,7 @@ def pressed(squeeze, friction):
     bottom = ec.Contact("foot", gap=below, normal=(0.0, -1.0), friction=friction)
     lid = ec.Contact("head", gap=above, normal=(0.0, 1.0), friction=friction)
     rubber = ec.Elastic(E, NU, hypothesis="axisymmetric")
-    scene = ec.Scene(rubber, [], contacts=[bottom, lid])
+    scene = ec.Scene(rubber, [], contacts=[bottom, lid], units="mm, N, MPa")
     return ec.adapt(scene, cord(), accuracy=0.02, degree=2)
 
 

@@ -24,6 +24,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/other_code")
 FOLDER.mkdir(parents=True, exist_ok=True)
 FILES = Path(__file__).resolve().parents[1] / "meshes" / "calculix"
@@ -58,6 +60,7 @@ forces = [c.error.force("bottom").force[1] for c in certificates]
 # out of the foundation it is not in equilibrium with its contact forces. The error of
 # the stiff penalty is mostly what the mesh costs, for any code.
 
+ec.output.draw_deformed(certificates[-1].error, FOLDER / "deformed.png")
 if block.comm.rank == 0:
     for stiffness, certificate, value in zip(
         STIFFNESSES, certificates, forces, strict=True

@@ -32,6 +32,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/parabolic_layers")
 LENGTH, UPPER, LOWER = 160.0, 10.0, 20.0
 R, DOWN = 500.0, 0.1
@@ -87,7 +89,7 @@ def pressed(domain, contact):
         ec.Displacement("base", (0.0, 0.0)),
         ec.Displacement("middle", (0.0, None)),
     ]
-    scene = ec.Scene(material, supports, contacts=contact)
+    scene = ec.Scene(material, supports, contacts=contact, units="mm, N/mm, MPa")
     return ec.adapt(scene, domain, accuracy=0.01, strategy=ec.SizeMap())
 
 

@@ -65,6 +65,7 @@ scene = ec.Scene(
         ec.Traction("eye", tuple(PULL / EYE)),
     ],
     contacts=ec.Contact("foot", friction=MU),
+    units="mm, N, MPa",
 )
 history = ec.adapt(scene, bracket, accuracy=0.15, degree=2)
 history.save(FOLDER, pictures=True)

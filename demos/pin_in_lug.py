@@ -37,6 +37,8 @@ from erc_contact import output
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/pin_in_lug")
 R, CORE = 10.0, 2.0
 BACK, END, HALF_WIDTH = 400.0, 200.0, 200.0
@@ -96,7 +98,9 @@ def pulled(domain, clearance):
         ec.Displacement("pulled", (-MOVED, None)),
     ]
     contact = ec.Contact("rim", gap=gap, against="hole")
-    scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=contact)
+    scene = ec.Scene(
+        ec.Elastic(E, NU), supports, contacts=contact, units="mm, N/mm, MPa"
+    )
     return ec.adapt(scene, domain, accuracy=0.01, degree=2, strategy=ec.SizeMap())
 
 

@@ -25,6 +25,8 @@ import erc_contact as ec
 
 from dolfinx.mesh import compute_midpoints  # isort: skip - MPI first
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/plastic_layer")
 THICK, WIDTH, R, DOWN = 10.0, 30.0, 100.0, 0.05
 YIELD = 235.0
@@ -39,6 +41,7 @@ def pressed(material):
         material,
         [ec.Symmetry("left"), ec.Displacement("top", (0.0, -DOWN))],
         contacts=ec.Contact("bottom", gap=lambda x: x[0] ** 2 / (2 * R)),
+        units="mm, N/mm, MPa",
     )
     layer = ec.rectangle((0.0, 0.0), (WIDTH, THICK), size=2.5)
     return ec.adapt(scene, layer, accuracy=0.05, degree=2)

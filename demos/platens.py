@@ -33,6 +33,8 @@ import numpy as np
 import erc_contact as ec
 from erc_contact.output import draw_revolved
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/platens")
 DOWN = 0.01
 FRICTIONS = [0.0, 0.1, 0.3, "bonded"]

@@ -39,6 +39,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/press_fit")
 R, OUTER, CORE = 40.0, 80.0, 20.0
 E, NU, DELTA, MU = 210e3, 0.3, 0.04, 0.2
@@ -93,7 +95,7 @@ rollers = [
 ]
 pressed = ec.Contact("rim", against="bore", gap=-DELTA)
 quarter = fit(10.0, quarter=True)
-scene = ec.Scene(steel, rollers, contacts=pressed)
+scene = ec.Scene(steel, rollers, contacts=pressed, units="mm, N/mm, MPa")
 history = ec.adapt(scene, quarter, accuracy=0.01, strategy=ec.SizeMap())
 history.save(FOLDER, pictures=True)
 
@@ -166,7 +168,7 @@ def scene_at(t):
         "rim", friction=MU if t > 0 else 0.0, gap=-DELTA, against="bore"
     )
     supports = [ec.Displacement("core", turned), ec.Displacement("outside", held)]
-    return ec.Scene(steel, supports, contacts=contact)
+    return ec.Scene(steel, supports, contacts=contact, units="mm, N/mm, MPa")
 
 
 times = [0.0, 0.6, 1.01]

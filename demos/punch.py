@@ -32,6 +32,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/punch")
 HEIGHT, FLAT, P, Q = 15.0, 7.0, 10.0 * 20.0, 2.0 * 20.0  # mm, mm, N/mm, N/mm
 
@@ -70,6 +72,7 @@ scene = ec.Scene(
     material=ec.Elastic(E={"lining": 1000.0, "back": 210e3}, nu=0.3),
     loads=ec.Traction("top", (Q / 20.0, -P / 20.0)),
     contacts=ec.Contact("foot", friction=0.4, gap=lambda x: x[1], normal=(0.0, -1.0)),
+    units="mm, N/mm, MPa",
 )
 history = ec.adapt(scene, pad, accuracy=0.02, degree=2, strategy=ec.SizeMap())
 history.save(FOLDER, pictures=True)

@@ -31,6 +31,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
 FOLDER = Path("results/receding")

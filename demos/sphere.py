@@ -32,6 +32,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/sphere")
 E, NU, R, MU = 1.0, 0.3, 1.0, 0.3
 

@@ -38,6 +38,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/sphere_in_shell")
 R, OUTER = 40.0, 80.0
 E, NU, DELTA = 210e3, 0.3, 0.04
@@ -80,7 +82,7 @@ rollers = [
     ec.Displacement("z", (None, None, 0.0)),
 ]
 pressed = ec.Contact("skin", against="hollow", gap=-DELTA)
-scene = ec.Scene(ec.Elastic(E, NU), rollers, contacts=pressed)
+scene = ec.Scene(ec.Elastic(E, NU), rollers, contacts=pressed, units="mm, N, MPa")
 domain = octant(15.0)
 history = ec.adapt(scene, domain, accuracy=0.08, degree=2, strategy=ec.SizeMap())
 history.save(FOLDER, pictures=True)

@@ -33,6 +33,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/thermostat")
 LENGTH, BRASS, STEEL, TIP = 40.0, 1.0, 1.5, 4.0
 GAP, RADIUS = 0.25, 20.0
@@ -87,6 +89,7 @@ def heated(T):
         supports=[ec.Displacement("clamp", (0.0, 0.0))],
         contacts=[ec.Contact("tip", friction=0.2, gap=gap)],
         strains=[ec.ThermalStrain(alpha, T)],
+        units="mm, N/mm, MPa",
     )
 
 

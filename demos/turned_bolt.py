@@ -31,6 +31,8 @@ from erc_contact.output import draw_revolved
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/turned_bolt")
 SHANK, HOLE, HEAD, WASHER, PLATE = 5.0, 5.5, 9.0, 11.0, 24.0
 LOWER, CUT, UPPER, SEAT, TOP = -8.0, 4.0, 16.0, 18.0, 24.0
@@ -95,7 +97,7 @@ def scene_at(t):
         bolt = ec.Preload("upper end", against="lower end", locked=True)
     steel = ec.Elastic(E, NU, hypothesis="axisymmetric")
     held = ec.Displacement("bottom", (None, 0.0))
-    return ec.Scene(steel, held, pull, contacts, ties=bolt)
+    return ec.Scene(steel, held, pull, contacts, ties=bolt, units="mm, N, MPa")
 
 
 ec.log_to_console()

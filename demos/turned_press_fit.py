@@ -27,6 +27,8 @@ import erc_contact as ec
 
 import gmsh  # isort: skip - after erc_contact, as all that is compiled
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/turned_press_fit")
 BORE, R, OUTER, LENGTH, DELTA = 20.0, 40.0, 70.0, 20.0, 0.05
 PRESSURE, FORCE, ENERGY = 31.75752465, 159630.7298, 3990.768246
@@ -60,7 +62,9 @@ def pressed(friction, accuracy):
     aluminium = ec.Elastic(70e3, 0.33, hypothesis="axisymmetric")
     rollers = ec.Displacement("middle", (None, 0.0))
     joint = ec.Contact("rim", against="bore", gap=-DELTA, friction=friction)
-    scene = ec.Scene({"shaft": steel, "hub": aluminium}, rollers, contacts=joint)
+    scene = ec.Scene(
+        {"shaft": steel, "hub": aluminium}, rollers, contacts=joint, units="mm, N, MPa"
+    )
     return ec.adapt(scene, fit(), accuracy=accuracy, degree=2)
 
 

@@ -91,7 +91,7 @@ supports = [
     ec.Displacement("lug pulled", (-MOVED, None)),
 ]
 contact = ec.Contact("pin rim", against="lug hole")
-scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=contact)
+scene = ec.Scene(ec.Elastic(E, NU), supports, contacts=contact, units="mm, N/mm, MPa")
 ec.log_to_console()
 run = ec.adapt(scene, domain, accuracy=0.01, degree=2)
 

@@ -9,6 +9,9 @@ from importlib import metadata, util
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
+from sphinx_gallery.sorting import ExplicitOrder
+from subjects import DEMOS, FIRST_CELL
+
 # A style that furo needs makes the root logger repeat all rows.
 logging.getLogger("erc_contact").propagate = False
 
@@ -30,6 +33,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "downloads",
     "rendered",
+    "subjects",
 ]
 nitpicky = True
 nitpick_ignore = [
@@ -85,6 +89,15 @@ mathjax = str(
 mathjax_path = Path(mathjax).name  # formulas without a foreign server and without fonts
 
 html_theme = "furo"
+addresses = dict(
+    entry.split(", ", 1) for entry in metadata.metadata("erc-contact").get_all("Project-URL") or ()
+)
+if "Source" in addresses:  # each page then links to its file
+    html_theme_options = {
+        "source_repository": addresses["Source"],
+        "source_branch": "main",
+        "source_directory": "docs/",
+    }
 html_title = "erc_contact"
 html_static_path = ["_static", mathjax]
 html_css_files = ["site.css"]
@@ -112,7 +125,8 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "capture_repr": (),
     "download_all_examples": False,
-    "notebook_extensions": set(),
+    "within_subsection_order": ExplicitOrder([*(f"{demo}.py" for demo in DEMOS), "*"]),
+    "first_notebook_cell": FIRST_CELL,
     "show_signature": False,
     "write_computation_times": False,
 }

@@ -8,7 +8,7 @@ from typing import Any
 from sphinx_gallery.scrapers import figure_rst
 
 DEMOS = Path(__file__).parents[1] / "demos"
-FIRST = ("deformed", "error_map")
+FIRST = ("deformed", "tightened", "near", "error_map")
 """Pictures that tell what a demo is about.
 
 The first picture of a page is its thumbnail in the gallery.

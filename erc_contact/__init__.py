@@ -35,6 +35,7 @@ from erc_contact.base.exceptions import (
 )
 from erc_contact.base.keywords import name_nearest
 from erc_contact.base.logs import log_to_console
+from erc_contact.base.versions import versions
 from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
 from erc_contact.error.certify import Certificate, certify
 from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
@@ -56,6 +57,7 @@ from erc_contact.run.history import History
 from erc_contact.run.saved import read_history
 from erc_contact.run.step import Step
 from erc_contact.run.time_row import TimeStep
+from erc_contact.scene import goal as goals  # noqa: F401 - ec.goals has the names of goals
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.goal import (
     BoltForce,
@@ -193,7 +195,9 @@ name_nearest(__name__, set(__all__) - set(_LATE))
 
 
 def __getattr__(name: str) -> Any:
-    """Import what few scenes need."""
+    """Import what few scenes need, and look the version up when it is asked for."""
+    if name == "__version__":
+        return versions()["erc_contact"]
     if name not in _LATE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = importlib.import_module(_LATE[name])
@@ -204,4 +208,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """List the public names alone, which users complete and see in ``dir``."""
-    return sorted([*__all__, "output", "results"])
+    return sorted([*__all__, "goals", "output", "results"])

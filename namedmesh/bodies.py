@@ -18,7 +18,7 @@ from namedmesh.base.names import first_names
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
 from namedmesh.sides import facets_of_cells
-from namedmesh.surface import offset, on_surface, true_areas
+from namedmesh.surface import area_ratio, offset, on_surface
 from namedmesh.tags import tag_table
 
 
@@ -130,7 +130,7 @@ class Bodies(NamedMesh):
             Areas [length^(d-1)], shape (n,).
         """
         ratio = self.area_ratio(sides)
-        flat = super().side_areas(sides)
+        flat = self.flat_areas(sides)
         return flat if ratio is None else ratio * flat
 
     def area_ratio(self, sides: np.ndarray) -> np.ndarray | None:
@@ -149,8 +149,7 @@ class Bodies(NamedMesh):
         if not self.comm.allreduce(bool(is_curved.any()), MPI.LOR):
             return None
         ratio = np.ones(len(sides))
-        curved = sides[is_curved]
-        ratio[is_curved] = true_areas(self.offset, curved) / super().side_areas(curved)
+        ratio[is_curved] = area_ratio(self.offset, sides[is_curved])
         return ratio
 
     def true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -128,7 +128,11 @@ class NamedMesh:
         return self.points
 
     def side_areas(self, sides: np.ndarray) -> np.ndarray:
-        """Return areas of sides [length^(d-1)], shape (n,); collective.
+        """Return areas of sides, see :meth:`flat_areas`; collective."""
+        return self.flat_areas(sides)
+
+    def flat_areas(self, sides: np.ndarray) -> np.ndarray:
+        """Return areas of the facets of sides [length^(d-1)], shape (n,).
 
         Args:
             sides: Sides (cell, local facet), shape (n, 2).

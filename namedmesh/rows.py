@@ -53,6 +53,24 @@ def places_of(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.where(ordered[at] == wanted, order[at], -1)
 
 
+def rows_within(known: np.ndarray, ranges: np.ndarray) -> np.ndarray:
+    """Return where known numbers lie in ranges, in order.
+
+    Args:
+        known: Numbers, shape (n,).
+        ranges: First and last number of each range, shape (m, 2). They may be much
+            longer than there are numbers.
+    """
+    order = np.argsort(known, kind="stable")
+    ordered = known[order]
+    begins = np.searchsorted(ordered, ranges[:, 0], side="left")
+    ends = np.searchsorted(ordered, ranges[:, 1], side="right")
+    # A range of k numbers adds 1 where it begins and takes it away where it ends.
+    depth = np.bincount(begins, minlength=len(known) + 1)
+    depth = depth - np.bincount(np.maximum(begins, ends), minlength=len(known) + 1)
+    return np.sort(order[np.cumsum(depth)[:-1] > 0])
+
+
 def look_up(
     rows: np.ndarray, values: np.ndarray, wanted: np.ndarray, missing: int = -1
 ) -> np.ndarray:

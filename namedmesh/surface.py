@@ -291,10 +291,12 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
     )
 
 
-def true_areas(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
-    """Compute the areas of the true surface over facets [length^(d-1)], shape (n,).
+def area_ratio(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
+    """Compute the area of the true surface over the area of facets [-], shape (n,).
 
-    The surface is taken as a polynomial of degree 2 over each facet.
+    The surface is taken as a polynomial of degree 2 over each facet. The ratio of a
+    facet of a plane face is 1: at a curved rim its vertices move in the plane, until
+    the face has its area.
 
     Args:
         offset: The offset from :func:`offset` [length].
@@ -305,9 +307,9 @@ def true_areas(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
     nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
     geometry = W.mesh.geometry
     corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
+    ends = of_facets(corners, sides[:, 1])
     at_nodes = lagrange(d - 1, 1, reference_nodes(d - 1, 2))
-    flat = np.matmul(at_nodes, of_facets(corners, sides[:, 1]))
-    surface = flat + offset.x.array.reshape(-1, d)[nodes]
+    surface = np.matmul(at_nodes, ends) + offset.x.array.reshape(-1, d)[nodes]
     points, weights = rule(d - 1, 4)
     tangents = []
     for step in np.eye(d - 1) / 2:
@@ -316,7 +318,10 @@ def true_areas(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
         tangents.append(np.matmul(slope, surface))
     along = np.stack(tangents, axis=-1)
     gram = np.linalg.det(along.swapaxes(-1, -2) @ along)
-    return np.sqrt(gram) @ weights / factorial(d - 1)
+    areas = measures(ends)
+    ratio = np.sqrt(gram) @ weights / factorial(d - 1) / areas
+    is_plane = slivers(offset, sides).depths <= SETTLED * areas ** (1 / (d - 1))
+    return np.where(is_plane, 1.0, ratio)
 
 
 def _moves(

@@ -551,6 +551,20 @@ def cases_by_hand():
         yield Case(name, by_mfem("hexahedron", curved=True, by_node=by_node), **numbers)
     yield Case("GiD, hexahedra with names", by_gid("hexahedron", named=True))
     yield Case("med of version 2.3", by_old_med)
+    for kind, order in product(
+        ("triangle", "quad", "tetra", "hexahedron", "wedge", "pyramid"), (1, 2)
+    ):
+        dim = 2 if kind in ("triangle", "quad") else 3
+        name = f"{kind} of order {order}"
+        yield Case(f"ANSYS, {name}", by_ansys(kind, order), dim=dim)
+        yield Case(f"FrontISTR, {name}", by_hecmw(kind, order), dim=dim)
+        yield Case(f"code_aster, {name}", by_aster(kind, order), dim=dim)
+        if order == 1 or kind == "tetra":
+            yield Case(f"LS-DYNA, {name}", by_dyna(kind, order), dim=dim)
+    yield Case("ANSYS, tetra of SOLID187", by_ansys("tetra", 2, of_ten=True))
+    yield Case("ANSYS, hexahedra as Workbench writes them", by_ansys("hexahedron", workbench=True))
+    yield Case("LS-DYNA, long fields", by_dyna("hexahedron", form="long"))
+    yield Case("LS-DYNA, commas and a file included", by_dyna("wedge", form="commas"))
 
 
 def inp_of_all(change, *, before="", after=""):
@@ -676,6 +690,230 @@ def by_gid(kind, *, named=False):
                 lines += ["End Elements"]
         path = folder / "body.msh"
         path.write_text("\n".join(lines) + "\n")
+        return path
+
+    return make
+
+
+ANSYS_SLOTS = {  # corners of a shape in the slots of a hexahedron or a quadrilateral
+    "triangle": [0, 1, 2, 2],
+    "quad": [0, 1, 2, 3],
+    "tetra": [0, 1, 2, 2, 3, 3, 3, 3],
+    "pyramid": [0, 1, 2, 3, 4, 4, 4, 4],
+    "wedge": [0, 1, 2, 2, 3, 4, 5, 5],
+    "hexahedron": [0, 1, 2, 3, 4, 5, 6, 7],
+}
+
+
+def in_slots(kind, row, order):
+    """Nodes of a cell in the slots of ANSYS: a node amid a collapsed edge is its corner."""
+    slots = ANSYS_SLOTS[kind]
+    corners = max(slots) + 1
+    nodes = [row[i] for i in slots]
+    if order == 1:
+        return nodes
+    of_edge = {
+        frozenset(ends): node for ends, node in zip(MIDDLES[kind], row[corners:], strict=True)
+    }
+    for a, b in MIDDLES["quad" if len(slots) == 4 else "hexahedron"]:
+        ends = frozenset((slots[a], slots[b]))
+        nodes.append(of_edge[ends] if len(ends) == 2 else row[slots[a]])
+    return nodes
+
+
+def body_of(kind, order):
+    """Points, cells, sides of the foot, and tags of the halves, of an order."""
+    x, cells = arrays(kind)
+    if order == 2:
+        x, cells = second_order(x, cells)
+    name = SECOND[kind] if order == 2 else kind
+    sides = [(shape, rows[tags == 1]) for shape, (rows, tags) in cells.items() if shape != name]
+    return x, *cells[name], [(shape, rows) for shape, rows in sides if len(rows)]
+
+
+def by_ansys(kind, order=1, *, of_ten=False, workbench=False):
+    """An archive of ANSYS whose sides are components of nodes, as CDWRITE writes it."""
+
+    def make(folder):
+        x, rows, half, _ = body_of(kind, order)
+        up = 1 if kind in ("triangle", "quad") else 2
+        number = 182 + (order == 2) if up == 1 else 185 + (order == 2) + of_ten
+        lines = [
+            "/COM,ANSYS RELEASE 2023",
+            "/PREP7",
+            f"et,7,{'' if workbench else 'SOLID'}{number}",
+        ]
+        if workbench:
+            lines += [f"nblock,3,,{len(x)}", "(1i9,3e20.9e3)"]
+            lines += [f"{i:9d}{a:20.9e}{b:20.9e}{c:20.9e}" for i, (a, b, c) in enumerate(x, 1)]
+        else:
+            lines += [f"NBLOCK,6,SOLID,{len(x):10d},{len(x):10d}", "(3i8,6e20.13)"]
+            for i, place in enumerate(x, 1):
+                # Zeros at the end of a line are left out.
+                shown = place[: 1 + max(np.flatnonzero(place), default=-1)]
+                lines.append(f"{i:8d}{0:8d}{0:8d}" + "".join(f"{a:20.13E}" for a in shown))
+        lines += ["-1" if workbench else "N,R5.3,LOC,       -1,"]
+        lines += [f"eblock,19,solid,,{len(rows)}", "(19i8)"]
+        for i, row in enumerate(rows, 1):
+            nodes = list(row) if of_ten else in_slots(kind, row, order)
+            fields = [1, 7, 1, 1, 0, 0, 0, 0, len(nodes), 0, i, *(n + 1 for n in nodes)]
+            text = [f"{n:8d}" for n in fields]
+            lines += ["".join(text[:19]), *(["".join(text[19:])] if len(text) > 19 else [])]
+        lines += ["      -1"]
+        for name, tag in (("left", 7), ("right", 8)):
+            lines += component(name, "ELEM", np.flatnonzero(half == tag) + 1)
+        for name, height in SIDES_AT.items():
+            lines += component(name, "NODE", np.flatnonzero(abs(x[:, up] - height) < 1e-9) + 1)
+        lines += component("_INNER", "NODE", [1, 2])
+        path = folder / "body.cdb"
+        path.write_text("\n".join([*lines, "/GO", "FINISH"]))
+        return path
+
+    return make
+
+
+def component(name, kind, numbers):
+    """A component, in which a negative number ends a range."""
+    fields = []
+    for number in map(int, numbers):
+        if fields and abs(fields[-1]) == number - 1:
+            fields = [*(fields[:-1] if fields[-1] < 0 else fields), -number]
+        else:
+            fields.append(number)
+    rows = [fields[i : i + 8] for i in range(0, len(fields), 8)]
+    lines = ["".join(f"{number:10d}" for number in row) for row in rows]
+    return [f"CMBLOCK,{name:8s},{kind},{len(fields):8d}  ! users component", "(8i10)", *lines]
+
+
+HECMW_TYPES = {
+    **{"triangle": (231, 232), "quad": (241, 242), "tetra": (341, 342)},
+    **{"wedge": (351, 352), "hexahedron": (361, 362), "pyramid": (371, 372)},
+}
+
+
+def by_hecmw(kind, order):
+    """A mesh of FrontISTR, whose foot is a group of sides and whose roof one of nodes."""
+
+    def make(folder):
+        x, rows, half, _ = body_of(kind, order)
+        up = 1 if kind in ("triangle", "quad") else 2
+        lines = ["# a comment", "!HEADER", " made by hand", "!NODE, NGRP=ALL"]
+        lines += [f"{i}, {a}, {b}, {c}" for i, (a, b, c) in enumerate(x, 1)]
+        lines += [f"!ELEMENT, TYPE={HECMW_TYPES[kind][order - 1]}"]
+        for i, row in enumerate(rows, 1):
+            words = list(map(str, [i, *(row + 1)]))
+            lines += [", ".join(words[:12]) + ","] * (len(words) > 12)
+            lines += [", ".join(words[12 if len(words) > 12 else 0 :])]
+        for name, tag in (("left", 7), ("right", 8)):
+            lines += [f"!EGROUP, EGRP={name}", *rows_of(np.flatnonzero(half == tag) + 1)]
+        pairs = []
+        for number, face in enumerate(FACE_NUMBERS[kind], start=1):
+            on = np.all(abs(x[rows[:, face]][..., up]) < 1e-9, axis=1)
+            pairs += [f"{element}, {number}" for element in np.flatnonzero(on) + 1]
+        lines += ["!SGROUP, SGRP=foot", *rows_of(pairs, 3)]
+        roof = np.flatnonzero(abs(x[:, up] - 1.0) < 1e-9) + 1
+        lines += ["!NGROUP, NGRP=roof, GENERATE", *(f"{node}, {node}, 1" for node in roof)]
+        lines += ["!SECTION, TYPE=SOLID, EGRP=ALL, MATERIAL=M", "!END"]
+        path = folder / "body.msh"
+        path.write_text("\n".join(lines))
+        return path
+
+    return make
+
+
+ASTER_WORDS = {
+    **{"line": "SEG", "triangle": "TRIA", "quad": "QUAD", "tetra": "TETRA"},
+    **{"pyramid": "PYRAM", "wedge": "PENTA", "hexahedron": "HEXA"},
+}
+
+
+def by_aster(kind, order):
+    """A mesh of code_aster, whose foot is a group of cells and whose roof one of nodes."""
+
+    def make(folder):
+        x, rows, half, sides = body_of(kind, order)
+        d = 2 if kind in ("triangle", "quad") else 3
+        lines = ["TITRE", "A BODY = TWO HALVES % BY HAND", "FINSF", "%", f"COOR_{d}D  NOM=N"]
+        for i, place in enumerate(x):
+            lines.append(f" N{i}  " + " ".join(f"{a:.15E}".replace("E", "D") for a in place[:d]))
+        lines += ["FINSF"]
+        lines += aster_cells(kind, rows, "M")
+        for number, (shape, side_rows) in enumerate(sides):
+            first = next(name for name in MIDDLES if shape.startswith(name))
+            lines += aster_cells(first, side_rows, f"S{number}_")
+        names = [f"S{number}_{i}" for number, (_, r) in enumerate(sides) for i in range(len(r))]
+        lines += ["GROUP_MA", " foot", " ".join(names), "FINSF"]
+        for name, tag in (("left", 7), ("right", 8)):
+            members = " ".join(f"M{i}" for i in np.flatnonzero(half == tag))
+            lines += [
+                f"GROUP_MA  NOM = {name}  NBOBJ=9",
+                "  NUMIN=1  AUTEUR=BY/HAND",
+                members,
+                "FINSF",
+            ]
+        roof = np.flatnonzero(abs(x[:, d - 1] - 1.0) < 1e-9)
+        lines += ["GROUP_NO NOM=roof", " ".join(f"N{i}" for i in roof), "FINSF", "FIN"]
+        path = folder / "body.mail"
+        path.write_text("\n".join(lines))
+        return path
+
+    return make
+
+
+def aster_cells(kind, rows, letter):
+    lines = [f"{ASTER_WORDS[kind]}{rows.shape[1]}"]
+    for i, row in enumerate(rows):
+        words = [f"{letter}{i}", *(f"N{node}" for node in row)]
+        lines += [" ".join(words[:8]), *([" ".join(words[8:])] if len(words) > 8 else [])]
+    return [*lines, "FINSF"]
+
+
+DYNA_SLOTS = ANSYS_SLOTS | {
+    "tetra": [0, 1, 2, 3, 3, 3, 3, 3],
+    "wedge": [0, 1, 4, 3, 2, 2, 5, 5],
+}
+
+
+def by_dyna(kind, order=1, form="fixed"):
+    """A deck of LS-DYNA, whose foot is a set of segments and whose roof one of nodes."""
+
+    def make(folder):
+        x, rows, half, sides = body_of(kind, order)
+        d = 2 if kind in ("triangle", "quad") else 3
+
+        def line(*numbers, width=8):
+            if form == "commas":
+                return ",".join(map(str, numbers))
+            wide = 20 if form == "long" else width
+            return "".join(
+                f"{n:{max(wide, 16)}.8f}" if isinstance(n, float) else f"{n:{wide}d}"
+                for n in numbers
+            )
+
+        keyword = "*KEYWORD LONG=Y" if form == "long" else "*KEYWORD"
+        mesh = ["*NODE", "$#   nid               x               y               z"]
+        mesh += [line(i, *map(float, place)) for i, place in enumerate(x, 1)]
+        mesh += ["*ELEMENT_SHELL" if d == 2 else "*ELEMENT_SOLID"]
+        for i, (row, tag) in enumerate(zip(rows, half, strict=True), 1):
+            if order == 2:
+                mesh += [line(i, tag), line(*(row + 1))]
+            else:
+                mesh += [line(i, tag, *(row[DYNA_SLOTS[kind]] + 1))]
+        lines = ["$ by hand", keyword, "*TITLE", "two halves"]
+        lines += ["*PART", "left", line(7, 1, 1, width=10), "right", line(8, 1, 1, width=10)]
+        lines += ["*SET_SEGMENT_TITLE", "foot", line(1, width=10)]
+        for shape, side_rows in sides:
+            corners = 2 if d == 2 else 4 if shape.startswith("quad") else 3
+            for row in side_rows[:, :corners] + 1:
+                lines += [line(*row, *[row[-1]] * (4 - corners), width=10)]
+        roof = np.flatnonzero(abs(x[:, d - 1] - 1.0) < 1e-9) + 1
+        lines += ["*SET_NODE_LIST_TITLE", "roof", line(1, width=10)]
+        lines += [line(*roof[i : i + 8], width=10) for i in range(0, len(roof), 8)]
+        if form == "commas":
+            (folder / "mesh.k").write_text("\n".join(["*KEYWORD", *mesh, "*END"]))
+            mesh = ["*INCLUDE", "mesh.k"]
+        path = folder / "body.k"
+        path.write_text("\n".join([*lines, *mesh, "*END", "what follows is not read"]))
         return path
 
     return make

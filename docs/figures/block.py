@@ -14,6 +14,8 @@ from PIL import Image
 import erc_contact as ec
 from namedmesh.base.releases import cell_nodes
 
+plt.style.use("namedmesh.pictures.style")
+
 block = ec.rectangle((0.0, 0.0), (2.0, 7.0), size=0.5)
 scene = ec.Scene(
     material=ec.Elastic(E=1.0, nu=0.3),

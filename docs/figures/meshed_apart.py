@@ -13,6 +13,8 @@ from PIL import Image
 import erc_contact as ec
 from namedmesh.base.releases import cell_nodes
 
+plt.style.use("namedmesh.pictures.style")
+
 HERE = Path(__file__).parent
 COLOURS = {"upper": "#1f5a9c", "lower": "#b05a14"}
 

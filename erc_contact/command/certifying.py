@@ -52,7 +52,7 @@ def certify_file(arguments: Namespace) -> int:
     error = certificate.error
     forces = narrowly_bounded(error)
     if certificate.interpolated:  # the simplices have other nodal forces than the cells
-        forces = with_forces_of(forces, error, certified.field)
+        forces = with_forces_of(forces, error, certified.field, deck.plan.thickness)
     bolts = bolt_forces(error, deck.scene_at(time))
     sentences = [
         _how_wrong(certificate, name, time),

@@ -16,6 +16,7 @@ from erc_contact.error.numbers import Bounds
 from erc_contact.output.bounded_forces import (
     ROUND_OFF,
     BoundedForce,
+    axes_of,
     bounded_forces,
     contact_names,
 )
@@ -67,27 +68,41 @@ def bolt_forces(error: ConstitutiveError, scene: Scene) -> list[BoundedForce]:
 
 
 def with_forces_of(
-    rows: Sequence[BoundedForce], error: ConstitutiveError, field: FileField
+    rows: Sequence[BoundedForce],
+    error: ConstitutiveError,
+    field: FileField,
+    thickness: float,
 ) -> list[BoundedForce]:
     """Return forces with the components that a file has; collective.
 
     A file lists reactions and loads of nodes together. Where a node of a support has a
-    load, too, or any other node has a force, the force of a part is not known.
+    load, too, or any other node has a force, the force of a part is not known. Of a
+    body of revolution they are forces on the whole circle, of which the axial ones are
+    reactions; radial ones have the hoop stress of its section, too.
+
+    Args:
+        rows: The forces.
+        error: The error of the result.
+        field: The result.
+        thickness: Thickness of the plane body of the file [length], else 1.
     """
     known = _forces_in_file(error, field)
+    letters = axes_of(error)
     result = []
     for row in rows:
-        force = known.get(row.part)
-        computed = None if force is None else float(force["xyz".index(row.axis)])
+        force = None if row.axis == "r" else known.get(row.part)
+        computed = None if force is None else float(force[letters.index(row.axis)]) / thickness
         result.append(replace(row, computed=computed))
     return result
 
 
 def _forces_in_file(error: ConstitutiveError, field: FileField) -> dict[str, np.ndarray]:
-    """Sum the forces on the nodes of supports that a file in 3D has; collective."""
+    """Sum the forces on the nodes of supports that a file has; collective."""
     scene = error.solution.scene
     has_body_force = any(isinstance(load, BodyForce) for load in scene.loads)
-    if field.forces is None or error.domain.dim < 3 or has_body_force:
+    # CalculiX may write a plane body as a layer in 3D, whose forces are of other cells.
+    is_layer = field.x.shape[1] != error.domain.dim
+    if field.forces is None or is_layer or has_body_force:
         return {}
     supports = {support.facets for support in scene.supports}
     loads = {load.facets for load in scene.loads if load.facets is not None}
@@ -96,7 +111,8 @@ def _forces_in_file(error: ConstitutiveError, field: FileField) -> dict[str, np.
     count = np.zeros(len(x), dtype=np.int64)
     for is_on in on.values():
         count += is_on
-    size = abs(field.forces).max(axis=1)
+    of_reactions = slice(1, None) if error.model.space.axisymmetric else slice(None)
+    size = abs(field.forces[:, of_reactions]).max(axis=1)
     has_force = size > ROUND_OFF * size.max(initial=0.0)
     if (has_force & (count == 0)).any():
         return {}

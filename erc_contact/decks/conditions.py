@@ -12,7 +12,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.decks.histories import Amplitude, Entry, Key
-from erc_contact.decks.reading import Axes, DeckReading
+from erc_contact.decks.reading import PLASTIC_STRAIN, Axes, DeckReading
 from erc_contact.decks.told import number_of, numbers_in
 from namedmesh.for_solvers import Card, DeckSpace
 
@@ -417,22 +417,24 @@ def _warm_anew(reading: DeckReading, earlier: Entry, nodes: np.ndarray) -> None:
 
 
 def read_initial(reading: DeckReading, card: Card, space: DeckSpace) -> None:
-    """Read temperatures of nodes, or stresses of elements, at the beginning."""
+    """Read temperatures of nodes, or tensors of elements, at the beginning."""
     kind = card.get("TYPE").upper()
-    if card.has("USER") or kind not in ("TEMPERATURE", "STRESS"):
+    if card.has("USER") or kind not in ("TEMPERATURE", "STRESS", PLASTIC_STRAIN):
         said = ", ".join(filter(None, [kind, "USER" if card.has("USER") else ""]))
-        reading.told.refuse(card, f"TYPE={said}: TEMPERATURE and STRESS in lines are read.")
-    elif kind == "STRESS":
-        _read_stresses(reading, card, space)
+        reading.told.refuse(
+            card, f"TYPE={said}: TEMPERATURE, STRESS and PLASTIC STRAIN in lines are read."
+        )
+    elif kind != "TEMPERATURE":
+        _read_tensors(reading, card, space)
     else:
         for nodes, values in _nodal_values(reading, card, space):
             reading.initial.update(zip(nodes.tolist(), values.tolist(), strict=True))
 
 
-def _read_stresses(reading: DeckReading, card: Card, space: DeckSpace) -> None:
-    """Read stresses of elements: six components, in CalculiX behind a point of each."""
+def _read_tensors(reading: DeckReading, card: Card, space: DeckSpace) -> None:
+    """Read tensors of elements: six components, in CalculiX behind a point of each."""
     if reading.mesh.d != 3:
-        reading.told.refuse(card, "stresses of bodies in space alone are read.")
+        reading.told.refuse(card, "stresses and strains of bodies in space alone are read.")
         return
     for row in card.rows:
         numbers = [number_of(card, word) for word in row[1:]][-6:]
@@ -440,10 +442,13 @@ def _read_stresses(reading: DeckReading, card: Card, space: DeckSpace) -> None:
             reading.told.refuse(card, f"a line has {len(row)} words; give the six components.")
             return
         xx, yy, zz, xy, xz, yz = numbers
-        stress = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+        tensor = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
         for cell in reading.mesh.cells(row[0], space):
-            known = reading.stresses.setdefault(int(cell), (stress, card))[0]
-            if not np.allclose(known, stress, rtol=EQUAL):
+            known, first = reading.at_rest.setdefault(int(cell), (tensor, card))
+            if first.get("TYPE").upper() != card.get("TYPE").upper():
+                reading.told.refuse(card, f"{first.place} has a tensor of element {row[0]}, too.")
+                return
+            if not np.allclose(known, tensor, rtol=EQUAL):
                 reading.told.refuse(card, f"it varies inside element {row[0]}; give one value.")
                 return
 

@@ -106,7 +106,7 @@ KEYWORDS = (
     _taken("TEMPERATURE", "temperatures of nodes", "`ec.ThermalStrain(alpha, T)`"),
     _taken(
         "INITIAL CONDITIONS",
-        "TYPE=TEMPERATURE, STRESS",
+        "TYPE=TEMPERATURE, STRESS, PLASTIC STRAIN",
         "T of `ec.ThermalStrain` is the difference; `ec.Eigenstrain`",
     ),
     _taken("CONTACT PAIR", "two surfaces in contact", "`ec.Contact(slave, against=master)`"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from erc_contact.decks.affine import Affine, constant, fitted, linear_traction, 
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Pressure, Spin
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.plan import Volume
-from erc_contact.decks.reading import DeckReading, MaterialCards
+from erc_contact.decks.reading import Axes, DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
 from namedmesh.for_solvers import components
 
@@ -107,7 +107,8 @@ def forces_on_faces(
     """
     mesh = reading.mesh
     load: NodalForces = entry.what
-    every = _in_coordinates(reading, load)
+    x = reading.mesh.mesh.points[load.nodes, : reading.mesh.d]
+    every = in_coordinates(reading.transforms, load.nodes, x, load.forces)
     acting = abs(every).max(axis=1) > 0
     nodes = load.nodes[acting]
     forces = every[acting]
@@ -162,15 +163,22 @@ def forces_on_faces(
     return loads
 
 
-def _in_coordinates(reading: DeckReading, load: NodalForces) -> np.ndarray:
-    """Return forces on nodes by components of the coordinates, shape (n, d)."""
-    d = reading.mesh.d
-    forces = load.forces[:, :d].copy()
-    for axes in reading.transforms:
-        rows = np.isin(load.nodes, axes.nodes)
-        local = axes.at(reading.mesh.mesh.points[load.nodes[rows], :d])
-        forces[rows] = np.einsum("nk,nki->ni", load.forces[rows], local)
-    return forces
+def in_coordinates(
+    transforms: Sequence[Axes], nodes: np.ndarray, x: np.ndarray, forces: np.ndarray
+) -> np.ndarray:
+    """Return forces on nodes by components of the coordinates, shape (n, d).
+
+    Args:
+        transforms: Local axes of some nodes.
+        nodes: The nodes, shape (n,).
+        x: Their places [length], shape (n, d).
+        forces: Components along their axes [force], shape (n, 3).
+    """
+    result = forces[:, : x.shape[1]].copy()
+    for axes in transforms:
+        rows = np.isin(nodes, axes.nodes)
+        result[rows] = np.einsum("nk,nki->ni", forces[rows], axes.at(x[rows]))
+    return result
 
 
 def _with_middles(reading: DeckReading, nodes: np.ndarray) -> np.ndarray:

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from erc_contact.decks.heat import at_temperatures
-from erc_contact.decks.reading import DeckReading, MaterialCards, SolidSection, Tensor
+from erc_contact.decks.reading import (
+    PLASTIC_STRAIN,
+    DeckReading,
+    MaterialCards,
+    SolidSection,
+    Tensor,
+)
 from erc_contact.decks.told import number_of, numbers_in
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic
@@ -204,20 +210,24 @@ def _plastic_of(
 def eigenstrains_of(
     reading: DeckReading, regions: Mapping[str, np.ndarray], materials: Mapping[str, Any]
 ) -> dict[str, Tensor]:
-    """Return the strain ``-C^-1 s`` of the stress s that regions have before all steps.
+    """Return the strains that regions have before all steps.
 
-    The stress of a body with this given strain is s where it is not strained.
+    They are plastic strains of the deck, or ``-C^-1 s`` of a stress s of the deck: the
+    stress of a body with this given strain is s where it is not strained.
     """
     result = {}
     for region, cells in regions.items():
-        if int(cells[0]) not in reading.stresses:
+        if int(cells[0]) not in reading.at_rest:
             continue
-        stress, card = reading.stresses[int(cells[0])]
+        tensor, card = reading.at_rest[int(cells[0])]
+        if card.get("TYPE").upper() == PLASTIC_STRAIN:
+            result[region] = tensor
+            continue
         material = materials[region]
         if callable(material.E) or callable(material.nu):
             reading.told.refuse(card, "its material has moduli that vary in the body.")
             continue
-        s = np.array(stress)
+        s = np.array(tensor)
         strain = (material.nu * np.trace(s) * np.eye(3) - (1.0 + material.nu) * s) / material.E
         result[region] = tuple(map(tuple, strain.tolist()))
     return result

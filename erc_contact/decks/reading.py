@@ -17,6 +17,8 @@ Parent = TypeVar("Parent")
 """Type of what cards belong to."""
 Tensor = tuple[tuple[float, ...], ...]
 """Components of a tensor, rows of rows."""
+PLASTIC_STRAIN = "PLASTIC STRAIN"
+"""Type of initial conditions that are given strains."""
 
 
 @dataclass
@@ -194,7 +196,8 @@ class DeckReading:
         penalty: "hard" or "kept": what a pressure over an overclosure is.
         steps: Its steps, with what they prescribe.
         is_ring: Whether the body is axisymmetric.
-        stresses: The stress [force/area] of a cell at the beginning, and its card.
+        at_rest: The stress [force/area] or the plastic strain [-] of a cell at the
+            beginning, and its card, which says what of both it is.
         shares: Thickness of each cell over the thickness of the body, else 1 [-].
         current: What the cards belong to that come next: a material, an interaction, a
             coupling.
@@ -217,7 +220,7 @@ class DeckReading:
     pretensions: list[Pretension] = field(default_factory=list)
     transforms: list[Axes] = field(default_factory=list)
     initial: dict[int, float] = field(default_factory=dict)
-    stresses: dict[int, tuple[Tensor, Card]] = field(default_factory=dict)
+    at_rest: dict[int, tuple[Tensor, Card]] = field(default_factory=dict)
 
     def below(self, card: Card, kind: type[Parent], keyword: str) -> Parent | None:
         """Return what a card belongs to; refuse a card that stands below no keyword."""

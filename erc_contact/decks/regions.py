@@ -32,8 +32,8 @@ def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, M
         )
         return {}, {}
     pieces = _pieces(reading)
-    stresses = _numbers_of_stresses(reading)
-    keys = np.column_stack([section_of_cell[cells], pieces[cells], stresses[cells]])
+    tensors = _numbers_of_tensors(reading)
+    keys = np.column_stack([section_of_cell[cells], pieces[cells], tensors[cells]])
     found, region_of_cell = np.unique(keys, axis=0, return_inverse=True)
     members = [np.sort(cells[region_of_cell.ravel() == i]) for i in range(len(found))]
     names = _names(reading, [int(section) for section in found[:, 0]], members)
@@ -52,12 +52,12 @@ def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, M
     return regions, materials
 
 
-def _numbers_of_stresses(reading: DeckReading) -> np.ndarray:
-    """Return a number of the stress that each cell has at the beginning, 0 without."""
+def _numbers_of_tensors(reading: DeckReading) -> np.ndarray:
+    """Return a number of the tensor that each cell has at the beginning, 0 without."""
     numbers = np.zeros(reading.mesh.body.count, dtype=np.int64)
     known: dict[Tensor, int] = {}
-    for cell, (stress, _) in reading.stresses.items():
-        numbers[cell] = known.setdefault(stress, len(known) + 1)
+    for cell, (tensor, _) in reading.at_rest.items():
+        numbers[cell] = known.setdefault(tensor, len(known) + 1)
     return numbers
 
 

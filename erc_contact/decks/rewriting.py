@@ -11,12 +11,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from io import StringIO
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.decks.affine import linear_traction, moment_of
+from erc_contact.decks.conditions import read_transform
+from erc_contact.decks.loads import in_coordinates
+from erc_contact.decks.reading import Axes, DeckReading
+from erc_contact.decks.told import Told
 from namedmesh.for_solvers import Card, FinerDeckMesh, components, shape_of
 from namedmesh.simplex import lagrange, measures, node_between, rule
 
@@ -34,8 +39,8 @@ def written_anew(finer: FinerDeckMesh) -> str:
     """Return the text of a deck on a finer mesh.
 
     Raises:
-        InputError: If a card cannot follow, as parts of Abaqus and forces on nodes with
-            local axes.
+        InputError: If a card cannot follow, as parts of Abaqus and forces on nodes of
+            rings.
     """
     return "\n".join(_Rewriting(finer).lines()) + "\n"
 
@@ -222,31 +227,48 @@ class _Rewriting:
                 yield ", ".join(row)
                 continue
             for node in nodes.tolist():
-                forces.setdefault(node, np.zeros(d))[int(row[1]) - 1] += float(row[2])
+                forces.setdefault(node, np.zeros(3))[int(row[1]) - 1] += float(row[2])
         if not forces:
             return
         self._refuse_forces(card)
         nodes = np.array(list(forces))
-        given = np.array(list(forces.values()))
+        x = self.deck.mesh.points[nodes, :d]
+        given = in_coordinates(self._axes, nodes, x, np.array(list(forces.values())))
         total = np.zeros(self.finer.x.shape)
         for faces, here in self._faces_at(nodes):
             total += self._nodal_forces(faces, nodes[here], given[here])
-        for node, axis in np.argwhere(total != 0.0):
-            yield f"{self.finer.node_numbers[node]}, {axis + 1}, {total[node, axis]:.12g}"
+        along_axes = self._in_local_axes(total)
+        for node, axis in np.argwhere(along_axes != 0.0):
+            yield f"{self.finer.node_numbers[node]}, {axis + 1}, {along_axes[node, axis]:.12g}"
+
+    @cached_property
+    def _axes(self) -> list[Axes]:
+        """Return the local axes that nodes of the deck have."""
+        reading = DeckReading(self.deck, Told(), "hard")
+        for card in self.deck.cards:
+            if card.keyword == "TRANSFORM":
+                read_transform(reading, card, self.space)
+        return reading.transforms
+
+    def _in_local_axes(self, forces: np.ndarray) -> np.ndarray:
+        """Return forces (n, d) on new nodes by components of their local axes."""
+        result = forces.copy()
+        for axes in self._axes:
+            inside = self.finer.nodes_within(axes.nodes)
+            local = axes.at(self.finer.x[inside])
+            result[inside] = np.einsum("nki,ni->nk", local, forces[inside])[:, : self.deck.d]
+        return result
 
     def _refuse_forces(self, card: Card) -> None:
         """Refuse forces on nodes that cannot follow.
 
         Raises:
-            InputError: If nodes have local axes, or a body is axisymmetric.
+            InputError: If a body is axisymmetric.
         """
-        has_axes = any(known.keyword == "TRANSFORM" for known in self.deck.cards)
-        is_ring = any("AX" in part.kind for part in self.deck.blocks)
-        if has_axes or is_ring:
-            why = "local axes (*TRANSFORM)" if has_axes else "an axisymmetric body"
+        if any("AX" in part.kind for part in self.deck.blocks):
             raise InputError(
-                f"refine: *CLOAD ({card.place}) in a deck with {why} is not carried to another "
-                "mesh; give a pressure (*DLOAD, *DSLOAD)."
+                f"refine: *CLOAD ({card.place}) in a deck with an axisymmetric body is not carried "
+                "to another mesh; give a pressure (*DLOAD, *DSLOAD)."
             )
 
     def _faces_at(self, nodes: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:

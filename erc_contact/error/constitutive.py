@@ -43,6 +43,7 @@ from erc_contact.admissible.fields import FIELD_DEGREE, integral
 from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.views import view_of
 from erc_contact.error.bulk import body_error, spring_error
 from erc_contact.error.contact import contact_law_error
 from erc_contact.error.fenchel import fenchel_error
@@ -89,7 +90,7 @@ class ConstitutiveError:
         geometry_error: Estimate of the error by the flat facets of a curved body
             [sqrt(force length)], not part of e. Half of its square is about the change
             of the potential energy by the facets, mostly 1 to 3 times, see
-            :mod:`erc_contact.error.geometry`. It is zero if all facets are exact, and
+            ``erc_contact.error.geometry``. It is zero if all facets are exact, and
             if only a mesh is known: the body is then the mesh.
         round_off: Bound of the round-off of ``C eps(u^)`` [sqrt(force length)], which e
             contains. It matters where u^ is 1e12 times its differences.
@@ -221,6 +222,14 @@ class ConstitutiveError:
     def at(self, points: Any) -> Values:
         """Return values at points, see :func:`erc_contact.results.at`; collective."""
         return at(self.admissible, points)
+
+    def show(self) -> Any:
+        """Show the deformed body with stress, error and pressure in 3D; collective.
+
+        A notebook shows the view by itself, ``show().save(path)`` writes its page. See
+        :func:`erc_contact.output.show_error`.
+        """
+        return view_of(self)
 
     def integrate(self, density: Callable[[Ufl, Ufl], Ufl], degree: int = FIELD_DEGREE) -> float:
         """Integrate a density, UFL of u^ and sigma^, over the body; collective.

@@ -131,6 +131,7 @@ def area_factor(space: Space, part: str) -> fem.Function | None:
     np.add.at(sums[0], sides[:, 0], flat)
     np.add.at(sums[1], sides[:, 0], ratio * flat)
     factor.x.array[:] = np.divide(sums[1], sums[0], out=np.ones_like(sums[0]), where=sums[0] > 0)
+    factor.x.scatter_forward()
     return factor
 
 

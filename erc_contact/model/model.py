@@ -183,7 +183,7 @@ class Model:
         def __getattr__(self, name: str) -> Any:
             """Return what a method of users reads of the space, as in version 0.1.
 
-            It is to go with version 0.3.
+            It is to go with version 0.4.
             """
             if name not in OF_SPACE:
                 raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")

@@ -12,6 +12,7 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.base.views import view_of
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
@@ -297,7 +298,7 @@ class Solution:
         Mises" the elastic stress at the middle of each cell, and quantities of contacts
         read :meth:`profile`.
         """
-        return find_maximum(self.model, quantity, self.u, self._von_mises, self.profile)
+        return find_maximum(self.model, quantity, self.u, self.mises_at_middles, self.profile)
 
     def at(self, points: Any) -> ElasticValues:
         """Return displacement and elastic stress at points; collective.
@@ -325,6 +326,14 @@ class Solution:
 
         u, stress = np.split(at_points(model.space, points, values), [d], axis=1)
         return ElasticValues(u, tensors_of_points(model, stress))
+
+    def show(self) -> Any:
+        """Show the deformed body with its elastic stress in 3D; collective.
+
+        A notebook shows the view by itself, ``show().save(path)`` writes its page. See
+        :func:`erc_contact.output.show_solution`.
+        """
+        return view_of(self)
 
     def traction(self, contact: str | ContactOnMesh) -> Ufl:
         """Return the traction of the method on a contact [force/area], UFL, shape (d,).
@@ -364,7 +373,7 @@ class Solution:
         options = {"in_layer": method.in_layer, "at_nodes": method.multiplier}
         return nodal_reactions(self.model, self.u, self.traction, **options)
 
-    def _von_mises(self) -> np.ndarray:
+    def mises_at_middles(self) -> np.ndarray:
         """Return the von Mises stress in the middle of owned cells [force/area]."""
         cells = self.model.space.owned_cells
         middles = self.model.space.cell_corners()[cells].mean(axis=1)

@@ -12,6 +12,7 @@ and svg files, bodies in the plane are lines and polygons, and bodies in 3D are
 images.
 """
 
+from erc_contact.output.comparison import compare
 from erc_contact.output.contact_plots import plot_contact
 from erc_contact.output.curves import plot_history
 from erc_contact.output.deformed import draw_deformed, draw_near
@@ -21,9 +22,13 @@ from erc_contact.output.pictures import draw_error, draw_state
 from erc_contact.output.revolved import draw_revolved
 from erc_contact.output.series import write_meshes
 from erc_contact.output.size_pictures import draw_sizes
+from erc_contact.output.view_page import View
+from erc_contact.output.views import show_error, show_history, show_solution
 from namedmesh import draw_parts
 
 __all__ = [
+    "View",
+    "compare",
     "draw_deformed",
     "draw_error",
     "draw_meshes",
@@ -34,6 +39,9 @@ __all__ = [
     "draw_state",
     "plot_contact",
     "plot_history",
+    "show_error",
+    "show_history",
+    "show_solution",
     "write_fields",
     "write_meshes",
 ]

@@ -61,6 +61,11 @@ def contact_names(error: ConstitutiveError) -> list[str]:
     return [contact.sides[0] for contact in error.solution.scene.contacts]
 
 
+def axes_of(error: ConstitutiveError) -> str:
+    """Return a letter for each axis of a body."""
+    return "rz" if error.model.space.axisymmetric else "xyz"
+
+
 def bounded_forces(
     error: ConstitutiveError, names: Sequence[str], bounds_of: BoundsOf
 ) -> list[BoundedForce]:
@@ -74,7 +79,7 @@ def bounded_forces(
     """
     forces = {name: error.solution.force(name).force for name in dict.fromkeys(names)}
     greatest = max((abs(force).max() for force in forces.values()), default=0.0)
-    letters = "rz" if error.model.space.axisymmetric else "xyz"
+    letters = axes_of(error)
     rows = []
     for name, force in forces.items():
         for axis in np.flatnonzero(abs(force) > NEGLIGIBLE * greatest):
@@ -102,5 +107,5 @@ def forces_in_columns(rows: Sequence[BoundedForce]) -> str:
 
 def forces_in_html(rows: Sequence[BoundedForce]) -> str:
     """Return a table of forces for a report; empty if there are none."""
-    header = ("part", "axis", "computed", "exact solution")
+    header = ("part", "axis", "computed [force]", "exact solution [force]")
     return table([row.row for row in rows], header) if rows else ""

@@ -38,6 +38,13 @@ IN_ONE_LINE = 4
 """Greatest number of entries of a legend in one line."""
 LABEL_DISTANCE = 0.05
 """Least distance of two labels of an axis, as a share of its length [-]."""
+BESIDE: dict[str, Any] = {
+    "xycoords": ("axes fraction", "data"),
+    "textcoords": "offset points",
+    "fontsize": 8,
+    "color": "0.35",
+}
+"""Where words stand at the left end of a level, and their look."""
 PEAK = 8.0
 """Factor from the 90% level of a traction to its peak [-].
 
@@ -100,7 +107,7 @@ def plot_contact(result: Any, name: str, path: str | Path | None = None, *, ax: 
         assert surface is not None
         return contact_curves(surface, ax) if model.space.d == 2 else contact_maps(surface, ax)
 
-    return draw_figure(model.space.comm, path, ax, draw)
+    return draw_figure(model.space.comm, path, ax, draw, model.scene.label)
 
 
 def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
@@ -253,6 +260,7 @@ def _keep_peaks(axes: Any, level: float, peak: float) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
     axes.axhline(level, color="0.4", lw=0.8, ls=":")
+    axes.annotate("log scale above", (0.01, level), (0, 2), **BESIDE)
 
 
 def _legible(axes: Any, ticks: np.ndarray) -> np.ndarray:

@@ -140,6 +140,9 @@ def _log_scale(axis: Any, low: float, high: float) -> None:
     margin = 1.08 * (high / low) ** 0.04
     low, high = low / margin, high * margin
     axis.axes.set(**{f"{axis.axis_name}scale": "log", f"{axis.axis_name}lim": (low, high)})
+    # The inner axes of a row have no words at the left.
+    if axis.get_label_text():
+        axis.set_label_text(f"{axis.get_label_text()}, log scale")
     ticks = log_ticks(low, high)
     axis.set_minor_locator(NullLocator())
     axis.set_major_locator(FixedLocator(ticks))

@@ -147,7 +147,7 @@ def draw_deformed(
     d = space.d
     body, gathered_contacts = whole_body(admissible)
     cells = gather_mises(admissible, stress)
-    up = upward(admissible)
+    up = upward(admissible.model)
     letters = letters_of(space)
     # A rigid motion has stresses of round-off.
     strain = greatest(space.comm, admissible.displacement.x.array) / size
@@ -185,7 +185,7 @@ def draw_deformed(
         drawn = (skin, x, colours, scale, views, lines, grounds, title, letters)
         return draw_map(ax, *drawn, mirrored=mirrored)
 
-    return draw_figure(space.comm, path, ax, draw)
+    return draw_figure(space.comm, path, ax, draw, model.scene.label)
 
 
 def draw_near(
@@ -251,7 +251,7 @@ def draw_near(
         where = (skin, drawn, colours, scale, views_of(2, np.eye(3)[1]), lines, grounds, title)
         return draw_map(ax, *where, letters, window=_with_room(window, n))
 
-    return draw_figure(error.model.space.comm, path, ax, draw)
+    return draw_figure(error.model.space.comm, path, ax, draw, error.model.scene.label)
 
 
 def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:

@@ -87,7 +87,7 @@ def plot_energies(
                 panel.grid(color="0.9", lw=0.6)
         return row
 
-    return draw_figure(comm, path, ax, draw)
+    return draw_figure(comm, path, ax, draw, history.error.solution.scene.label)
 
 
 def plot_loop(
@@ -146,7 +146,7 @@ def plot_loop(
             axes.grid(color="0.9", lw=0.6)
         return axes
 
-    return draw_figure(model.space.comm, path, ax, draw)
+    return draw_figure(model.space.comm, path, ax, draw, model.scene.label)
 
 
 def plot_zones(
@@ -206,7 +206,7 @@ def plot_zones(
             axes.legend(handles=patches, ncols=len(patches), frameon=False, **where)
         return axes
 
-    return draw_figure(comm, path, ax, draw)
+    return draw_figure(comm, path, ax, draw, history.error.solution.scene.label)
 
 
 def animate(history: LoadingHistory, path: str | Path, seconds: float = 0.15) -> None:

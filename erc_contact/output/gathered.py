@@ -16,6 +16,7 @@ from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.model.contact.contact_values import gap_at_nodes, slip_at
 from erc_contact.model.contact.trace import split
+from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import gather_rows
 from namedmesh.for_solvers import in_space
@@ -108,21 +109,18 @@ def mean_normal(surface: WholeContact) -> np.ndarray:
     return np.sign(n) * axis if abs(n).max() > 1 - AXIS else n
 
 
-def upward(admissible: Admissible) -> np.ndarray:
+def upward(model: Model) -> np.ndarray:
     """Find the upward direction of a picture, shape (3,); collective.
 
     It is the coordinate axis, with its sign, that points away from the first
     foundation. Between two bodies neither is the lower one: without a foundation it is
     the axis across the first contact.
     """
-    model = admissible.model
     total = np.zeros(3)
-    on_foundations = [
-        traction for traction in admissible.tractions if traction.contact.against is None
-    ]
-    for traction in (on_foundations or admissible.tractions)[:1]:
-        owned = traction.contact.trace.here.owned
-        total[: model.space.d] = traction.area[owned] @ traction.contact.direction[owned]
+    on_foundations = [contact for contact in model.contacts if contact.against is None]
+    for contact in (on_foundations or model.contacts)[:1]:
+        side = contact.trace.here
+        total[: model.space.d] = side.owned_areas @ contact.direction
     total = np.array(model.space.comm.allgather(total)).sum(axis=0)
     # Without a contact, y is upward.
     axis = int(abs(total).argmax()) if total.any() else 1

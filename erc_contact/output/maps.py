@@ -166,7 +166,7 @@ def _colour_bar(
     if is_below:
         bar.set_label(scale.label)
     else:
-        label = scale.label.replace(" [", "\n[")
+        label = scale.label.replace(" [", "\n[").replace(", ", ",\n")
         bar.ax.set_title(label, fontsize=11, loc="left")
     return bar
 

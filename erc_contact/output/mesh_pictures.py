@@ -55,8 +55,10 @@ def draw_meshes(
         InputError: If there is no mesh, or axes are given in 3D.
     """
     letters = "xyz"
+    label = None
     if not isinstance(meshes, Sequence):
         letters = letters_of(meshes.error.model.space)
+        label = meshes.error.model.scene.label
         meshes = meshes.meshes
     if not meshes:
         raise InputError("draw_meshes: no mesh is given; give a history, or pairs (domain, eps_E).")
@@ -69,7 +71,7 @@ def draw_meshes(
     for domain, eps in chosen:
         bodies.append(gather_rows(comm, **body_mesh(domain)))
         square = comm.allreduce(float(np.sum(eps**2)), MPI.SUM)
-        titles.append((f"{domain.cells} cells", f"eps = {percent(float(np.sqrt(square)), 3)}"))
+        titles.append((f"{domain.cells} cells", f"error {percent(float(np.sqrt(square)), 3)}"))
 
     def draw(ax: Any) -> np.ndarray:
         only_in_2d("draw_meshes", ax, dim)
@@ -95,7 +97,7 @@ def draw_meshes(
             panel.set_axis_off()
         return panels
 
-    return draw_figure(comm, path, ax, draw)
+    return draw_figure(comm, path, ax, draw, label)
 
 
 def _choose_meshes(meshes: MeshErrors, greatest: int) -> list[tuple[Domain, np.ndarray]]:

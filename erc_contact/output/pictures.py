@@ -32,7 +32,9 @@ def draw_error(
     mirrored: bool = False,
     ax: Any = None,
 ) -> Any:
-    """Draw eps_E of each element on a logarithmic colour scale; collective.
+    """Draw the error of each element on a logarithmic colour scale; collective.
+
+    It is eps_E in percent; the squares of all elements sum to the square of eps.
 
     Args:
         error: The error, whose ``indicators`` are drawn.
@@ -58,9 +60,9 @@ def draw_error(
         low = max(float(np.percentile(eps, 1)), 1e-4 * top)
         low = min(low, 0.5 * top)
         norm = LogNorm(low, top) if top > 0 else Normalize(0, 1)
-        return Scale(norm, "min", "eps_E [-]")
+        return Scale(norm, "min", "error of elements [%], log scale")
 
-    return draw_cells(error.admissible, error.indicators, scale, path, ax, mirrored=mirrored)
+    return draw_cells(error.admissible, 100 * error.indicators, scale, path, ax, mirrored=mirrored)
 
 
 def draw_state(
@@ -149,7 +151,7 @@ def draw_cells(
     """
     domain = admissible.domain
     comm = domain.comm
-    up = upward(admissible)
+    up = upward(admissible.model)
     letters = letters_of(admissible.model.space)
     body = gather_rows(comm, **body_mesh(domain))
     cells = gather_rows(comm, values=values)
@@ -167,4 +169,4 @@ def draw_cells(
             window = window_around(corners, body["points"], body["points"])
         return draw_map(ax, *values, letters=letters, mirrored=mirrored, window=window)
 
-    return draw_figure(comm, path, ax, draw)
+    return draw_figure(comm, path, ax, draw, admissible.solution.scene.label)

@@ -25,6 +25,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
 from erc_contact.model.forces import Force
 from erc_contact.output.gallery import Gallery
+from erc_contact.output.view_page import in_frame
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
 from namedmesh import Domain
@@ -35,22 +36,34 @@ from namedmesh.keeping import rules_of, write_domain
 from namedmesh.pictures import on_root
 
 PAGE_STYLE = """
-body { font: 16px/1.5 Georgia, serif; color: #1a1a1a; background: white;
+:root { color-scheme: light dark; --ink: #1a1a1a; --paper: white; --soft: #555; --line: #ddd;
+  --code: #f5f5f5; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e4e4e4; --paper: #16181b; --soft: #aaa; --line: #3a3d42; --code: #22252a; }
+  img { filter: brightness(0.88); } }
+body { font: 16px/1.5 Georgia, serif; color: var(--ink); background: var(--paper);
   max-width: 62rem; margin: auto; padding: 0 1rem 3rem; overflow-wrap: break-word; }
 h1 { font-size: 1.7rem; line-height: 1.2; margin: 1.5rem 0 0.3rem; }
 h2 { font-size: 1.25rem; margin: 2.2rem 0 0.5rem; }
 img { max-width: 100%; max-height: 42rem; display: block; margin: 0.5rem auto; }
+iframe { width: 100%; height: 34rem; max-height: 85vh; border: 1px solid var(--line);
+  box-sizing: border-box; }
 figure { margin: 1rem 0; }
 .broad img { max-width: none; width: 100%; min-width: 34rem; }
-figcaption { font-size: 0.9rem; color: #444; } .wide { overflow-x: auto; }
+figcaption { font-size: 0.9rem; color: var(--soft); } .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: left; vertical-align: top;
-  border-bottom: 1px solid #ddd; }
-th { font-weight: normal; } thead th { color: #555; }
+  border-bottom: 1px solid var(--line); }
+th { font-weight: normal; } thead th { color: var(--soft); }
 .numbers td, .numbers thead th + th { text-align: right; }
 .numbers td { white-space: nowrap; } .verdict th { font-weight: bold; min-width: 5rem; }
-pre { background: #f5f5f5; padding: 0.8rem; overflow-x: auto; font-size: 0.85rem;
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 1rem; }
+pre { background: var(--code); padding: 0.8rem; overflow-x: auto; font-size: 0.85rem;
   line-height: 1.35; }
+@media print {
+  body { max-width: none; padding: 0; font-size: 10.5pt; color: black; background: white; }
+  h2 { break-after: avoid; } figure, tr { break-inside: avoid; } pre { white-space: pre-wrap; }
+  .wide { overflow: visible; } .broad img { min-width: 0; } img { filter: none; } }
 """
 DOMAIN_FILE = "domain.vtkhdf"
 """Name of the file of the first mesh beside a report."""
@@ -116,37 +129,38 @@ def write_report(
     """
     file = Path(path)
     comm = run.error.domain.comm
+    # An error that is read from a folder has no scene.
+    scene = run.error.solution.scene if isinstance(run.error, ConstitutiveError) else None
 
     def write() -> None:
+        label = scene.label if scene is not None else str
         name = file.resolve().parent.name
         introduction = [f"{name}, {date.today()}", without_paths(run.outcome), note]
-        sections = {"": "".join(_paragraph(text) for text in introduction if text)}
+        sections = {"": "".join(paragraph(text) for text in introduction if text)}
         if results:
-            sections["Forces and their intervals"] = _wide(results)
+            sections["Forces and their intervals"] = wide(label(results))
         if claims:
-            sections["What the number means"] = _wide(table(claims), "verdict")
-        # An error that is read from a folder has no scene.
-        if isinstance(run.error, ConstitutiveError):
-            words = in_words(run.error.solution.scene)
-            sections["Scene"] = _wide(table(words, ("part", "what holds there")))
+            sections["What the number means"] = wide(label(table(claims)), "verdict")
+        if scene is not None:
+            words = in_words(scene)
+            sections["Scene"] = wide(table(words, ("part", "what holds there")))
         for heading, rows in tables.items():
-            sections[heading] = _wide(rows, "numbers")
+            sections[heading] = wide(rows, "numbers")
         if gallery is not None and (gallery.drawn or gallery.missing):
             sections["Pictures"] = _pictures(gallery)
         if forces:
-            sections["Forces on the body"] = _forces(
-                forces, _facing(run.error), on_rings=_is_of_rings(run.error)
-            )
+            rows = _forces(forces, _facing(run.error), on_rings=_is_of_rings(run.error))
+            sections["Forces on the body"] = label(rows)
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}
-        sections["Software and machine"] = _wide(table(software.items()))
-        file.write_text(_page(title, sections))
+        sections["Software and machine"] = wide(table(software.items()))
+        file.write_text(page_of_sections(title, sections))
 
     on_root(comm, path, write)
 
 
-def _page(title: str, sections: Mapping[str, str]) -> str:
+def page_of_sections(title: str, sections: Mapping[str, str]) -> str:
     """Return the page; sections are HTML by their headings."""
     body = ""
     for name, text in sections.items():
@@ -159,22 +173,23 @@ def _page(title: str, sections: Mapping[str, str]) -> str:
     )
 
 
-def _paragraph(text: str) -> str:
+def paragraph(text: str) -> str:
     """Return text as a paragraph of HTML."""
     return f"<p>{escape(text)}</p>"
 
 
-def _wide(text: str, kind: str = "") -> str:
+def wide(text: str, kind: str = "") -> str:
     """Return HTML that scrolls by itself where the screen is narrow."""
     return f'<div class="wide {kind}">{text}</div>'
 
 
 def _pictures(gallery: Gallery) -> str:
     """Return pictures, and the code of pictures for which there was no time."""
-    figures = [_figure(gallery.folder / name, words) for name, words in gallery.drawn.items()]
-    text = "".join(figures)
+    text = ""
+    for name, words in gallery.drawn.items():
+        text += _of_file(gallery.folder / name, words)
     if gallery.missing:
-        text += _paragraph(
+        text += paragraph(
             f"Not drawn are {', '.join(gallery.missing)}: saving takes at most "
             f"{gallery.allowed:.1f} s, a second and a fifth of the run. "
             "save(folder, pictures=True) draws all, and each of these lines draws one:"
@@ -184,18 +199,29 @@ def _pictures(gallery: Gallery) -> str:
     return text
 
 
-def _figure(file: Path, words: str) -> str:
-    """Return a picture inside the page.
+def _of_file(file: Path, words: str) -> str:
+    """Return a picture or a view that a file has, inside the page."""
+    if file.suffix == ".html":
+        return view_figure(file.read_text(), words)
+    return figure_of(file.read_bytes(), words)
 
-    One that is broad scrolls where the screen is narrow.
+
+def figure_of(content: bytes, words: str) -> str:
+    """Return a picture inside the page, of the content of its png file.
+
+    A picture that is broad scrolls where the screen is narrow.
     """
-    content = file.read_bytes()
     # The header of a png file has the size at a fixed place.
     width, height = struct.unpack(">II", content[16:24])
     data = b64encode(content).decode()
     image = f'<img src="data:image/png;base64,{data}" alt="{escape(words)}">'
-    frame = _wide(image, "broad" if width > BROAD * height else "")
+    frame = wide(image, "broad" if width > BROAD * height else "")
     return f"<figure>{frame}<figcaption>{escape(words)}</figcaption></figure>"
+
+
+def view_figure(page: str, words: str) -> str:
+    """Return a view inside the page, which is a page of its own."""
+    return f"<figure>{in_frame(page, words)}<figcaption>{escape(words)}</figcaption></figure>"
 
 
 def _facing(error: Any) -> dict[str, str]:
@@ -229,8 +255,8 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
     if on_rings:
         header = ["cause", "Fr", "Fz"]
         words = (
-            "Axial resultants Fz of the admissible stress on full rings, and sums Fr of radial "
-            "forces around them. The balance is zero up to round-off."
+            "Axial resultants Fz [force] of the admissible stress on full rings, and sums Fr "
+            "[force] of radial forces around them. The balance is zero up to round-off."
         )
     else:
         first = next(iter(forces.values()))
@@ -239,8 +265,8 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
         # In the plane the moment is that about z.
         header += [f"M{axis}" for axis in "xyz"[-len(first.moment) :]]
         words = (
-            "Resultants and moments about the origin of the admissible stress. The balance is "
-            "zero up to round-off."
+            "Resultants [force] and moments [force length] about the origin of the admissible "
+            "stress. The balance is zero up to round-off."
         )
     rows = []
     for cause, force in forces.items():
@@ -249,7 +275,7 @@ def _forces(forces: Mapping[str, Force], facing: Mapping[str, str], *, on_rings:
         rows.append([name, *(f"{component:.6g}" for component in components)])
     if facing:
         words += " Two bodies exert internal forces on each other, which are opposite."
-    return _paragraph(words) + _wide(table(rows, header), "numbers")
+    return paragraph(words) + wide(table(rows, header), "numbers")
 
 
 def write_record(run: Run, path: str | Path, forces: Mapping[str, Force]) -> None:
@@ -320,6 +346,8 @@ def run_as_code(
         entries = [f"        {code_of(entry)}," for entry in getattr(scene, name)]
         if entries:
             lines += [f"    {name}=[", *entries, "    ],"]
+    if scene.units:
+        lines.append(f"    units={scene.units!r},")
     scene_lines = ["scene = ec.Scene(", *lines, ")", *_domain_lines(domain, domain_code)]
     return _script(definitions(scene), scene_lines, "history = ec.adapt(\n    scene", arguments)
 

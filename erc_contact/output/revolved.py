@@ -104,7 +104,7 @@ def draw_revolved(
 
     if path is not None and Path(path).suffix == FILE:
         return on_root(space.comm, path, write)
-    return draw_figure(space.comm, path, None, draw)
+    return draw_figure(space.comm, path, None, draw, error.model.scene.label)
 
 
 def _around(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:

@@ -32,6 +32,6 @@ def draw_sizes(sizes: Sizes, path: str | Path | None = None, *, ax: Any = None) 
         # A range of no width would have no colours.
         low = float(ratio.min()) / 1.05
         high = float(ratio.max()) * 1.05
-        return Scale(LogNorm(low, high), "neither", "r_E [-]")
+        return Scale(LogNorm(low, high), "neither", "new over old size [-], log scale")
 
     return draw_cells(sizes.error.admissible, sizes.ratio, scale, path, ax)

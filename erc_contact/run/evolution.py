@@ -22,6 +22,8 @@ from erc_contact.output.pictures import add_states
 from erc_contact.output.report import evolution_as_code, keep_domain, write_record, write_report
 from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
+from erc_contact.output.view_page import VIEW_FILE, VIEW_WORDS, View
+from erc_contact.output.views import show_history
 from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
 from erc_contact.run.columns import header, line, page_rows
 from erc_contact.run.result import RunResult
@@ -51,7 +53,8 @@ class Evolution(RunResult):
     :meth:`save` writes ``report.html`` (one page that holds all it shows, as for
     :class:`History`, with error, scene and forces at the end of the last step),
     ``evolution.csv``, ``evolution.json``, ``energies.png`` (work, strain energy,
-    dissipation and their balance), ``deformed.png``, ``body.vtkhdf`` with all times,
+    dissipation and their balance), ``view.html`` (the body at all steps in 3D, to turn;
+    in the report, too), ``deformed.png``, ``body.vtkhdf`` with all times,
     which opens in ParaView as it is, ``loop_<name>.png`` (force against displacement)
     of each contact that slides with friction, and, in 2D, ``zones_<name>.png`` (open,
     slip and stick along the contact in time) of each that is ever closed. By default
@@ -214,6 +217,13 @@ class Evolution(RunResult):
                 row += [getattr(step, name) for name in (*ENERGIES, *SECONDS)]
                 writer.writerow(row)
 
+    def show(self) -> View:
+        """Show the body at all steps in 3D, with a slider; collective.
+
+        See :func:`erc_contact.output.show_history`.
+        """
+        return show_history(self)
+
     def _draw(self, gallery: Gallery) -> None:
         """Draw the pictures that show something; collective.
 
@@ -243,9 +253,15 @@ class Evolution(RunResult):
         for contact in self.error.model.contacts:
             add_near(gallery, self.error, contact.name, "evolution.error")
         add_states(gallery, self.error, "evolution.error")
+        words = f"{VIEW_WORDS} At all steps."
+        gallery.add(VIEW_FILE, words, f'evolution.show().save("{VIEW_FILE}")', self._write_view)
         words = "The deformed body at the end."
         code = 'erc_contact.output.draw_deformed(evolution.error, "deformed.png")'
         gallery.add("deformed.png", words, code, partial(draw_deformed, self.error), is_body=True)
+
+    def _write_view(self, path: Path) -> None:
+        """Write the page that shows all steps; collective."""
+        self.show().save(path)
 
     def _save(self, folder: Path, gallery: Gallery | None) -> None:
         """Write the files to a folder that exists; collective."""

@@ -1,4 +1,4 @@
-"""Foresee how many cells a run needs, and warn before the time for them is spent.
+"""Foresee time and number of cells of a run, and warn before the time is spent.
 
 Symbols: eps relative error, d dimension, k degree.
 """
@@ -18,6 +18,39 @@ FORESEEN_FALL = 2.0
 
 Where more is missing a mesh does not see yet where its elements have to be.
 """
+
+
+def mesh_under_way(steps: Sequence[Step], cells: int, accuracy: float | None) -> str:
+    """Say which mesh is under way, from which error to which, and how long it takes.
+
+    Its time is the time of the last mesh, in proportion to the cells.
+
+    Args:
+        steps: The rows of the meshes before it.
+        cells: Number of its cells.
+        accuracy: The relative error that is asked for; None in a run with a goal.
+
+    Example:
+        >>> mesh_under_way(steps, 23000, 0.05)
+        'mesh 4, 23 000 cells, 12% -> 5%, about 40 s'
+    """
+    number = f"{cells:,}".replace(",", " ")
+    words = f"mesh {len(steps) + 1}, {number} cells"
+    if not steps:
+        return words
+    last = steps[-1]
+    if accuracy is not None:
+        words += f", {percent(last.total, 2)} -> {percent(accuracy, 2)}"
+    of_last = last.solve_seconds + last.equilibrate_seconds + last.error_seconds
+    return words + duration(of_last * cells / last.cells)
+
+
+def duration(seconds: float) -> str:
+    """Return ", about 40 s" of a time that is foreseen; nothing of a short one [s]."""
+    for unit, name in ((3600.0, "h"), (60.0, "min"), (1.0, "s")):
+        if seconds >= 1.5 * unit:
+            return f", about {float(f'{seconds / unit:.1g}'):g} {name}"
+    return ""
 
 
 def foresee_cells(steps: Sequence[Step], accuracy: float, order: float) -> float | None:

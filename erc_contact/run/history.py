@@ -29,6 +29,7 @@ from erc_contact.output.pictures import add_states, draw_error
 from erc_contact.output.report import keep_domain, run_as_code, write_record, write_report
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
+from erc_contact.output.view_page import add_view
 from erc_contact.results import OPEN, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.columns import Column, header, line, page_rows
@@ -51,9 +52,10 @@ class History(RunResult):
     profile ``contact_<name>.csv`` and ``contact_<name>.vtkhdf``. Pictures are few,
     because they take longer than a small run, and drawn where they show something:
     ``deformed.png`` of a body that moves, ``contact_<name>.png`` of a contact that is
-    closed somewhere, ``error_map.png`` of an error, and ``error.png`` (error against
-    run time and degrees of freedom) of meshes that tell a slope. By default only those
-    are drawn, in this order, for which there is time. There are more in
+    closed somewhere, ``view.html`` (the body in 3D, to turn; in the report, too),
+    ``error_map.png`` of an error, and ``error.png`` (error against run time and degrees
+    of freedom) of meshes that tell a slope. By default only those are drawn, in this
+    order, for which there is time. There are more in
     :mod:`erc_contact.output`, for instance ``draw_meshes(history, path)``. Of a name
     letters, digits, dashes and underscores are in the name of a file; a name with
     others ends with a hash there, and ``history.json`` tells the part of each.
@@ -285,7 +287,8 @@ def add_error(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
         error: The error.
         code: The error as a user writes it.
     """
-    if error.maximum("displacement").value > STILL_SHARE * error.domain.extent:
+    moves = error.maximum("displacement").value > STILL_SHARE * error.domain.extent
+    if moves:
         words = "The deformed body."
         line = f'erc_contact.output.draw_deformed({code}, "deformed.png")'
         gallery.add("deformed.png", words, line, partial(draw_deformed, error), is_body=True)
@@ -298,6 +301,8 @@ def add_error(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
             file = f"contact_{file_stem(name)}.png"
             line = f"erc_contact.output.plot_contact({code}, {name!r}, {file!r})"
             gallery.add(file, words, line, partial(plot_contact, error.admissible, name))
+    if moves:
+        add_view(gallery, error, code)
     for contact in model.contacts:
         add_near(gallery, error, contact.name, code)
     add_states(gallery, error, code)

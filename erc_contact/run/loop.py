@@ -28,7 +28,7 @@ from erc_contact.newton.solve import solve_quietly
 from erc_contact.results.peaks import peaks
 from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.columns import header, line
-from erc_contact.run.foreseen import too_many_cells
+from erc_contact.run.foreseen import mesh_under_way, too_many_cells
 from erc_contact.run.history import History
 from erc_contact.run.plan import SETTINGS, Plan
 from erc_contact.run.step import Step, columns_of
@@ -225,7 +225,8 @@ class Loop:
     ) -> ConstitutiveError:
         """Solve on a mesh, measure, add the row, keep it; collective."""
         plan = self.plan
-        with stage(self.comm, f"mesh {len(self.steps) + 1}, {domain.cells} cells"):
+        target = None if self.aim else plan.accuracy
+        with stage(self.comm, mesh_under_way(self.steps, domain.cells, target)):
             error = self._measure(domain, last, interrupts)
         step = self._add(error, mesh_seconds)
         self._aim(error)

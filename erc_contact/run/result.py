@@ -13,6 +13,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.newton.solution import Solution
 from erc_contact.output.files import make_folder
 from erc_contact.output.gallery import Gallery
+from erc_contact.output.view_page import View
 
 
 class RunResult:
@@ -37,6 +38,11 @@ class RunResult:
     def column(self, name: str) -> np.ndarray:
         """Return one column of the rows as an array, e.g. "seconds" or "eps"."""
         return np.array([getattr(step, name) for step in self.steps])
+
+    def show(self) -> View:
+        """Show the body in 3D, as :func:`erc_contact.output.show_error`; collective."""
+        view: View = self.error.show()
+        return view
 
     def save(self, folder: str | Path, *, pictures: bool | None = None) -> None:
         """Write table, report, figures, pictures and ParaView files; collective.

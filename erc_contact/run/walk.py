@@ -30,6 +30,7 @@ from erc_contact.run.checkpoint import Checkpoint
 from erc_contact.run.columns import header, line
 from erc_contact.run.energy import energies
 from erc_contact.run.evolution import Evolution
+from erc_contact.run.foreseen import duration
 from erc_contact.run.history import History
 from erc_contact.run.loop import Loop, ending
 from erc_contact.run.plan import SETTINGS, Plan
@@ -208,8 +209,18 @@ class Walk:
         after = None if last is None else last.solution
         plan = replace(self.plan, scene=self._scene(to, after), after=after)
         domain = self.domain if last is None else last.domain
-        with stage(self.comm, f"step to t = {to:g}"):
+        with stage(self.comm, f"step to t = {to:g} of {self.times[-1]:g}{self._time_left()}"):
             return Loop(plan, self.comm, None, quiet=True).go(domain)
+
+    def _time_left(self) -> str:
+        """Say how long the rest takes if it is as slow as what is done."""
+        if len(self.rows) < 2:
+            return ""
+        first, *_, last = self.rows
+        done = last.time - first.time
+        seconds = (last.seconds - first.seconds) * (self.times[-1] - last.time) / done
+        words = duration(seconds)
+        return f"{words} left" if words else ""
 
     def _scene(self, time: float, after: Solution | None) -> Scene:
         """Make the scene of a time; collective."""

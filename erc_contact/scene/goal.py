@@ -11,6 +11,20 @@ from erc_contact.scene.checks import check_name, check_vector
 from erc_contact.scene.load import LOAD_MEMBERS, Load
 from namedmesh.base.checks import positive
 
+__all__ = [
+    "BoltForce",
+    "Energy",
+    "Functional",
+    "MeanDisplacement",
+    "Moment",
+    "Opening",
+    "Resultant",
+    "Rotation",
+    "Shortening",
+    "Slip",
+    "StressIntensity",
+]
+
 
 def _numbers(what: str, direction: Sequence[float]) -> tuple[float, ...]:
     """Return a direction as numbers.

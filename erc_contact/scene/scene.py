@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -37,6 +37,7 @@ from erc_contact.scene.potential import (
 from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.tied import Tied
+from erc_contact.scene.units import check_units, in_units
 from erc_contact.scene.words import in_words
 from namedmesh.base.html import in_columns, table
 
@@ -70,6 +71,9 @@ class Scene:
         strains: Strains of heat and others that no stress causes; they add up.
         springs: Springs on boundary parts.
         ties: Joints of bodies that are glued to each other, and preloads of bolts.
+        units: Units of length, force and stress, as in "mm, N, MPa", which pictures,
+            tables and reports write; nothing is computed with them. In the plane forces
+            act on a unit of thickness: "mm, N/mm, MPa".
 
     A single support, load, contact, strain, spring or tie needs no list around it.
 
@@ -93,6 +97,7 @@ class Scene:
     strains: Sequence[GivenStrain] = ()
     springs: Sequence[Spring] = ()
     ties: Sequence[Tied] = ()
+    units: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the entries and their names, and make tuples of them."""
@@ -109,6 +114,7 @@ class Scene:
                 f"Scene: material is {self.material!r}; give an Elastic(E, nu), a Plastic(E, nu,"
                 f" ...), or an object of a class of your own with {', '.join(needed)}."
             )
+        check_units(self.units)
         self._move_symmetries()
         for name in LISTS:
             self._check_entries(name)
@@ -126,6 +132,10 @@ class Scene:
                     f" for another force; rename it, and avoid {', '.join(map(repr, CAUSES))}."
                 )
         self._check_conflicts()
+
+    def label(self, text: str) -> str:
+        """Return a label with the units of the scene in place of dimensions."""
+        return in_units(text, self.units)
 
     def __str__(self) -> str:
         """List what the scene says of each part, a line each."""

@@ -41,6 +41,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     for tie in scene.ties:
         words = "tied" if type(tie).__name__ == "Tied" else _object(tie)
         rows.append((contact_in_words(tie.sides), words))
+    if scene.units:
+        rows.append(("units", scene.units))
     return rows
 
 

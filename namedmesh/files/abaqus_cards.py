@@ -1,4 +1,7 @@
-"""Take the text of Abaqus and CalculiX apart: keywords, parameters, lines of data."""
+"""Take the text of Abaqus and CalculiX apart: keywords, parameters, lines of data.
+
+Meshes of FrontISTR have the same cards, with other marks.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,10 @@ EMPTY_FIELD = re.compile(r",\s*(?:,|\n|$)")
 """Where a line has nothing between commas, or after the last comma."""
 MOST_FILES = 1000
 """Greatest number of files that are read for one."""
+COMMENTS = {"*": ("**",), "!": ("!!", "#")}
+"""Beginnings of lines of comment by the mark of a keyword."""
+WITH_FILE = ("NODE", "ELEMENT", "NSET", "ELSET", "NGROUP", "EGROUP", "SGROUP")
+"""Keywords whose lines of data may be in a file of their own."""
 
 
 @dataclass(frozen=True)
@@ -53,25 +60,31 @@ class Card:
         return [[word.strip() for word in line.split(",")] for line in self.lines]
 
 
-def cards_of(path: Path) -> Iterator[Card]:
+def cards_of(path: Path, mark: str = "*") -> Iterator[Card]:
     """Iterate over the cards of a file and of the files that it includes.
+
+    Args:
+        path: The file.
+        mark: What a line with a keyword begins with, "*" or "!".
 
     Raises:
         InputError: If an included file is missing or lies elsewhere, or files include
             each other.
     """
-    return _Included(path.resolve().parent).cards(path, ())
+    return Included(path.resolve().parent, mark).cards(path, ())
 
 
-class _Included:
+class Included:
     """Read a file with the files that it includes.
 
     Args:
         top: The folder in which all of them must be.
+        mark: What a line with a keyword begins with.
     """
 
-    def __init__(self, top: Path) -> None:
+    def __init__(self, top: Path, mark: str = "*") -> None:
         self.top = top
+        self.mark = mark
         self.count = 0
 
     def cards(self, path: Path, above: tuple[Path, ...]) -> Iterator[Card]:
@@ -86,9 +99,9 @@ class _Included:
         place = ""
         for number, line in enumerate(self.lines(path, above), start=1):
             stripped = line.strip()
-            if not stripped or stripped.startswith("**"):
+            if not stripped or stripped.startswith(COMMENTS[self.mark]):
                 continue
-            if stripped.startswith("*"):
+            if stripped.startswith(self.mark):
                 if card is not None:
                     yield from self.with_included(card, path, above)
                 keyword = stripped
@@ -115,7 +128,7 @@ class _Included:
             raise InputError(f"files include each other without end, last {path.name!r}.")
         if self.count > MOST_FILES:
             raise InputError(f"it includes more than {MOST_FILES} files, last {path.name!r}.")
-        return _decoded(path.read_bytes()).splitlines()
+        return text_of(path).splitlines()
 
     def with_included(self, card: Card, path: Path, above: tuple[Path, ...]) -> Iterator[Card]:
         """Return a card, or the cards of the file that it includes."""
@@ -124,15 +137,16 @@ class _Included:
             yield from self.cards(file, (*above, path))
             return
         name = card.get("INPUT") or card.get("FILE")
-        if card.keyword in ("NODE", "ELEMENT", "NSET", "ELSET") and name:
+        if card.keyword in WITH_FILE and name:
             for line in self.lines(beside(path, name, self.top), above):
-                if line.strip() and not line.lstrip().startswith("*"):
+                if line.strip() and not line.lstrip().startswith(self.mark):
                     card.lines.append(line.strip())
         yield card
 
 
-def _decoded(data: bytes) -> str:
+def text_of(path: Path) -> str:
     """Return the text of a file, which programs write in several encodings."""
+    data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return data.decode("utf-16", "replace")
     with suppress(UnicodeDecodeError):
@@ -142,7 +156,7 @@ def _decoded(data: bytes) -> str:
 
 def _card(line: str, place: str) -> Card:
     """Return the card of a line with a keyword."""
-    words = [word.strip() for word in line.lstrip("* ").split(",")]
+    words = [word.strip() for word in line.lstrip("*! ").split(",")]
     parameters = {}
     for word in words[1:]:
         name, _, value = word.partition("=")

@@ -19,6 +19,8 @@ from namedmesh.rows import row_numbers
 
 FLAT = 1e-9
 """Thickness of a plane mesh that is round-off, as a share of its extent [-]."""
+COLLAPSED = (0, 1, 2, 2, 3, 3, 3, 3)
+"""Corner of a tetrahedron at each corner of a hexahedron."""
 TOGETHER = 1e-12
 """Distance of corners of a cell that is none, by its longest edge [-]."""
 
@@ -80,7 +82,7 @@ def body_of(mesh: FileMesh) -> Body:
     doubled = 0
     collapsed = 0
     for block in blocks:
-        corners = same[block.corners]
+        corners = _tetrahedra_as_collapsed(same[block.corners])
         whole = np.flatnonzero(_different(corners) > dim)
         first = whole[_first_of_each(corners[whole])]
         collapsed += len(corners) - len(whole)
@@ -168,6 +170,22 @@ def edges_of(shape: str) -> np.ndarray:
         for a, b in zip(face, face[1:] + face[:1], strict=True):
             edges.add((min(a, b), max(a, b)))
     return np.array(sorted(edges))
+
+
+def _tetrahedra_as_collapsed(corners: np.ndarray) -> np.ndarray:
+    """Return corners of cells, of hexahedra with four different ones in one order.
+
+    LS-DYNA gives a tetrahedron as a hexahedron whose last five corners are one, and its
+    first side would have four corners that are not in a plane.
+    """
+    if corners.shape[1] != len(COLLAPSED):
+        return corners
+    of_four = np.flatnonzero(_different(corners) == 4)
+    result = corners.copy()
+    ordered = np.sort(corners[of_four], axis=1)
+    is_new = np.column_stack([np.full(len(of_four), True), np.diff(ordered, axis=1) > 0])
+    result[of_four] = ordered[is_new].reshape(-1, 4)[:, COLLAPSED]
+    return result
 
 
 def _different(rows: np.ndarray) -> np.ndarray:

@@ -31,8 +31,9 @@ def note_of_curves(mesh: FileMesh, body: Body) -> list[str]:
         if not middle.size:
             continue
         ends = edges_of(block.shape)
-        # Each node is measured in the first cell that has it.
+        # Each node is measured in the first cell that has it; some cells may have none.
         nodes, first = np.unique(middle, return_index=True)
+        nodes, first = nodes[nodes >= 0], first[nodes >= 0]
         cells = first // middle.shape[1]
         for begin in range(0, len(nodes), AT_ONCE):
             part = slice(begin, begin + AT_ONCE)

@@ -7,7 +7,7 @@ but the faces of a cell all turn the same way.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -197,6 +197,21 @@ def pad(corners: np.ndarray) -> np.ndarray:
     """
     missing = 1 if corners.shape[1] == 3 else 0
     return np.hstack([corners, np.repeat(corners[:, -1:], missing, axis=1)])
+
+
+def members_of(names: Sequence[np.ndarray], wanted: np.ndarray) -> dict[int, np.ndarray]:
+    """Return the members of a set of elements, numbers of a block -> numbers in it.
+
+    Args:
+        names: Number or name of each element of each block.
+        wanted: Numbers or names of the members; what no element has is left out.
+    """
+    members = {}
+    for block, of_block in enumerate(names):
+        found = np.flatnonzero(np.isin(of_block, wanted))
+        if len(found):
+            members[block] = found
+    return members
 
 
 def by_tags(

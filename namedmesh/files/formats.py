@@ -40,9 +40,13 @@ PATTERNS = {
     "unv": rb"-1[ \t]*\r?\n[ \t]*\d{2,6}\b",
     "frd": rb"1C[\w ]*\r?\n",
     "kratos": rb"(?:\s|//.*\n)*Begin (?:ModelPartData|Properties|Table|Nodes|Elements)",
-    "dyna": rb"(?:\$.*\n\s*)*\*KEYWORD",
-    "aster": rb"(?:%.*\n\s*)*(?:TITRE|COOR_[23]D)\b",
-    "hecmw": rb"!(?:!|HEADER|NODE)",
+    "dyna": rb"""(?xi)
+        (?: \$.*\n\s* )+ \*
+          | \* (?: KEYWORD | ELEMENT_(?:SOLID|SHELL|TSHELL) | SET_(?:NODE|SEGMENT|PART)
+              | NODE.* \n (?: \$.*\n )* [ ]* \d+ [ ]+ [-+.\d] [^,\n]* \n )""",
+    "aster": rb"(?i)(?:%.*\n\s*)*(?:TITRE|COOR_[23]D)\b",
+    "hecmw": rb"(?i)(?:(?:!!|\#).*\n\s*)*!\s*(?:HEADER|NODE|INCLUDE)\b",
+    "ansys": rb"(?is)(?:/COM,\s*ANSYS|/PREP7|(?:.{0,60000}?\n)?[ \t]*NBLOCK[ \t]*,[ \t]*\d)",
     "gid": rb"(?i)(?:#.*\n\s*)*mesh\s[^\n]*\belemtype\b",
     "nastran": rb"""(?x)
         (?: (?: \$.* | NASTRAN\ .* | ID[ ,].* | INIT\ .* | ASSIGN\ .* | )\r?\n )*
@@ -64,22 +68,18 @@ OF_HDF5 = {
     "connect1": "exodus",
 }
 """Format by a group at the root of a file of HDF5."""
+POINTER = b"version https://git-lfs"
+"""Beginning of what Git LFS leaves in the place of a file."""
 CARD = re.compile(r"\s*\*\s*(\*|[A-Za-z])")
 """Line of a card of Abaqus or CalculiX, or of their comments."""
-OTHERS = {
-    "dyna": "a deck of LS-DYNA; let LS-PrePost write it as .inp or .bdf",
-    "aster": "a mesh of code_aster as text; let code_aster or Salome write it as .med",
-    "hecmw": "a mesh of FrontISTR; let REVOCAP or hecmw write it as .inp or .vtk",
-}
-"""Formats that are known and not read, and what to do."""
 
 
 def format_of(path: Path) -> str:
     """Return the format of a file, "" if what it holds tells none.
 
     Raises:
-        InputError: If it is of a format that is not read, or has tables of HDF5 that do
-            not belong to it.
+        InputError: If it stands for a file that is not here, or has tables of HDF5 that
+            do not belong to it.
     """
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -89,6 +89,8 @@ def format_of(path: Path) -> str:
     if path.suffix.lower() in SCRIPTS:
         return "script"
     text = head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if text.startswith(POINTER):
+        raise InputError("it is a pointer of Git LFS; 'git lfs pull' brings the file itself.")
     for beginning, name in BEGINNINGS.items():
         if text.startswith(beginning):
             return name
@@ -97,8 +99,6 @@ def format_of(path: Path) -> str:
         return ROOTS.get(root[1].decode() if root else "", "")
     for name, pattern in PATTERNS.items():
         if re.match(pattern, text if name != "iges" else head):
-            if name in OTHERS:
-                raise InputError(f"it is {OTHERS[name]}.")
             return name
     return "abaqus" if _has_cards(text, path) else ""
 

@@ -1,4 +1,4 @@
-"""Read the text files of Abaqus and CalculiX, with their sets and surfaces.
+"""Read the text files of Abaqus, CalculiX and FrontISTR, with their sets and surfaces.
 
 Points, elements and sets are read, of parts and their instances, too. Elements that are
 no solids are left out and counted.
@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from namedmesh.files.abaqus_cards import cards_of
+from namedmesh.files.abaqus_cards import Card, cards_of
 from namedmesh.files.abaqus_tables import DeckSpace, Tables, tables_of
 from namedmesh.files.file_mesh import SHAPES, Block, ElementSet, FacetSet, FileMesh, NodeSet, pad
+from namedmesh.files.hecmw_cards import cards_of_hecmw
 from namedmesh.files.sets import list_names
 
 FACES = {
@@ -46,11 +47,22 @@ def mesh_of_abaqus(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes, or a card that computes them.
     """
-    return _file_mesh(tables_of(list(cards_of(path))))
+    return _mesh_of_cards(list(cards_of(path)))
 
 
-def _file_mesh(mesh: Tables) -> FileMesh:
-    """Return the mesh with all sets, whose rows are now numbers in blocks."""
+def mesh_of_hecmw(path: Path) -> FileMesh:
+    """Read a mesh of FrontISTR, whose cards are cards of Abaqus under other names.
+
+    Raises:
+        InputError: If it has no nodes, or a group of sides has no pairs.
+    """
+    return _mesh_of_cards(cards_of_hecmw(path))
+
+
+def _mesh_of_cards(cards: list[Card]) -> FileMesh:
+    """Return the mesh of cards, with its sets and surfaces."""
+    mesh = tables_of(cards)
+    # Sets and surfaces have rows of all elements, which become numbers in blocks.
     dim, blocks, left_out = blocks_of(mesh)
     begins = np.array([part.begin for part in mesh.blocks])
     lines: dict[tuple[str, bool, int], list[np.ndarray]] = {}

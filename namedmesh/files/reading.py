@@ -10,7 +10,10 @@ from namedmesh.base.exceptions import InputError
 from namedmesh.files.apart import read_apart
 from namedmesh.files.file_mesh import FileMesh
 from namedmesh.files.formats import DRAWINGS, format_of
-from namedmesh.files.of_abaqus import mesh_of_abaqus
+from namedmesh.files.of_abaqus import mesh_of_abaqus, mesh_of_hecmw
+from namedmesh.files.of_ansys import mesh_of_ansys
+from namedmesh.files.of_aster import mesh_of_aster
+from namedmesh.files.of_dyna import mesh_of_dyna
 from namedmesh.files.of_frd import mesh_of_frd
 from namedmesh.files.of_getfem import mesh_of_getfem
 from namedmesh.files.of_gid import mesh_of_gid
@@ -33,6 +36,10 @@ OF_VTK = ("vtk", "vtk xml", "vtkhdf")
 """Formats of VTK's."""
 OWN: dict[str, Callable[[Path], FileMesh]] = {
     "abaqus": mesh_of_abaqus,
+    "ansys": mesh_of_ansys,
+    "aster": mesh_of_aster,
+    "dyna": mesh_of_dyna,
+    "hecmw": mesh_of_hecmw,
     "getfem": mesh_of_getfem,
     "mfem": mesh_of_mfem,
     "gid": mesh_of_gid,
@@ -44,7 +51,8 @@ OWN: dict[str, Callable[[Path], FileMesh]] = {
 """Readers of this package."""
 TOLD = (
     *(".vtk", ".vtu", ".pvtu", ".vti", ".vts", ".vtr", ".vtkhdf", ".xdmf", ".xmf"),
-    *(".med", ".mdpa", ".frd", ".unv", ".cgns", ".mesh", ".bdf", ".nas", ".fem", ".inp"),
+    *(".med", ".mmed", ".rmed", ".mdpa", ".frd", ".unv", ".cgns", ".mesh", ".bdf", ".nas"),
+    *(".fem", ".inp", ".cdb", ".mail", ".k", ".key", ".dyn"),
 )
 """Endings of formats that their contents tell."""
 BY_ENDING = {

@@ -21,7 +21,7 @@ from namedmesh.base.exceptions import InputError
 from namedmesh.base.percent import counted, place_words
 from namedmesh.files.cleaning import Body
 from namedmesh.files.faces import Faces, cross
-from namedmesh.files.file_mesh import Block
+from namedmesh.files.file_mesh import SHAPES, Block
 from namedmesh.simplex import determinants
 
 FLAT_SHARE = 0.02
@@ -66,7 +66,8 @@ def split(body: Body, faces: Faces) -> Simplices:
         elif d == 2:
             pieces = _of_quadrilaterals(body.x, block)
         else:
-            triangles = faces.triangles(slice(begin, end)).reshape(len(block.nodes), -1, 3)
+            count = 2 * len(SHAPES[block.shape].faces)
+            triangles = faces.triangles(slice(begin, end)).reshape(-1, count, 3)
             pieces = _of_solids(body.x, block, triangles, added)
         simplices, cell, middles = pieces
         cells.append(simplices)

@@ -6,6 +6,7 @@ Who draws fields on these meshes takes figures, skins and views from here.
 
 from namedmesh.pictures.figures import (
     COLOUR_CYCLE,
+    DPI,
     draw_figure,
     new_figure,
     on_root,
@@ -35,6 +36,7 @@ from namedmesh.pictures.views import (
 __all__ = [
     "COLOUR_CYCLE",
     "DIVISIONS",
+    "DPI",
     "SPACE",
     "WORDS",
     "ShownPart",

@@ -12,15 +12,8 @@ from mpi4py import MPI
 
 from namedmesh.base.exceptions import InputError, on_rank
 
-STYLE = {
-    "font.family": "STIXGeneral",
-    "mathtext.fontset": "stix",
-    "font.size": 11.0,
-    "pdf.fonttype": 42,
-    "figure.autolayout": False,
-    "figure.constrained_layout.use": False,
-}
-"""matplotlib's settings for our figures; journals want fonts of type 42 in pdf."""
+STYLE = "namedmesh.pictures.style"
+"""Name of the style of our figures, as matplotlib takes it."""
 COLOUR_CYCLE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Colours of curves that the colour-blind can tell apart.
 
@@ -59,7 +52,11 @@ def on_root(comm: MPI.Comm, path: str | Path | None, draw: Callable[[], None]) -
 
 
 def draw_figure(
-    comm: MPI.Comm, path: str | Path | None, ax: Any, draw: Callable[[Any], Any]
+    comm: MPI.Comm,
+    path: str | Path | None,
+    ax: Any,
+    draw: Callable[[Any], Any],
+    label: Callable[[str], str] | None = None,
 ) -> Any:
     """Draw on axes of the user's or in a new figure, and save it; collective.
 
@@ -71,6 +68,7 @@ def draw_figure(
         ax: Axes of the user's on rank 0, whose style stays as it is; None makes a
             figure.
         draw: Gets ``ax``, draws, and returns the axes; it is called on rank 0.
+        label: Returns a label with units in place of dimensions; None leaves them.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -78,11 +76,17 @@ def draw_figure(
     drawn = []
 
     def make() -> None:
-        from matplotlib import rc_context  # noqa: PLC0415
+        from matplotlib import style  # noqa: PLC0415
+        from matplotlib.text import Text  # noqa: PLC0415
 
-        with rc_context(STYLE) if ax is None else nullcontext():
+        with style.context(STYLE) if ax is None else nullcontext():
             axes = draw(ax)
             figure = np.ravel(axes)[0].figure
+            if label is not None:
+                for text in figure.findobj(Text):
+                    words = text.get_text()
+                    if label(words) != words:
+                        text.set_text(label(words))
             if path is not None:
                 # Where all has its place nothing must be measured again.
                 is_placed = ax is None and figure.get_layout_engine() is None

@@ -206,4 +206,5 @@ def test_changes_end_where_a_call_fails(block):
 
 
 def test_names_of_the_package_are_public_ones():
-    assert set(dir(ec)) == {*ec.__all__, "output", "results"}
+    assert set(dir(ec)) == {*ec.__all__, "goals", "output", "results"}
+    assert all(getattr(ec, name) is getattr(ec.goals, name) for name in ec.goals.__all__)

@@ -14,6 +14,7 @@ import io
 import logging
 import re
 import sys
+from dataclasses import replace
 
 import pytest
 from mpi4py import MPI
@@ -21,6 +22,8 @@ from scenes import block, prototype_block
 
 import erc_contact as ec
 from erc_contact.base import progress
+from erc_contact.run.foreseen import duration, mesh_under_way
+from namedmesh.base.percent import percent
 
 COMM = MPI.COMM_WORLD
 CONTROL = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
@@ -82,7 +85,8 @@ def test_lines_of_a_long_mesh_in_a_file(console, monkeypatch, shared_tmp_path):
         str(history).splitlines() if COMM.rank == 0 else []
     )
     if COMM.rank == 0:
-        mesh = f"... mesh 2, {history.column('cells')[1]} cells: "
+        error = percent(history.column("eps")[0], 2)
+        mesh = f"... mesh 2, {history.column('cells')[1]} cells, {error} -> 1%: "
         assert f"{mesh}solving with the direct solver" in told
         assert f"{mesh}equilibrium, tightening 1 of at most 600" in told
         assert "... saving, fields" in told
@@ -97,7 +101,7 @@ def test_a_line_on_a_terminal(console):
         assert told == ""
         return
     for cells in history.column("cells"):
-        assert f", {cells} cells: solving with the direct solver" in told
+        assert re.search(f", {cells} cells[^:]*: solving with the direct solver", told)
     assert "mesh 2" in told
     assert "making mesh 3" in told
     assert "equilibrium" in told
@@ -128,3 +132,27 @@ def test_iterations_are_told(console, monkeypatch):
     told = text.getvalue()
     assert "solving with the direct solver, Newton step 1" in told
     assert "equilibrium, tightening 1 of at most 600" in told
+
+
+@pytest.mark.serial
+def test_time_of_a_mesh_follows_from_the_last_mesh():
+    """Its time grows with its cells; short times are not told."""
+    history = ec.adapt(prototype_block(), block(2), accuracy=0.9)
+    step = replace(
+        history.steps[0],
+        cells=1000,
+        eps=0.12,
+        solve_seconds=1.0,
+        equilibrate_seconds=0.5,
+        error_seconds=0.24,
+    )
+    said = "mesh 2, 23 000 cells, 12% -> 5%, about 40 s"
+    assert mesh_under_way([step], 23_000, 0.05) == said
+    assert mesh_under_way([step], 100, None) == "mesh 2, 100 cells"
+    assert mesh_under_way([], 148, 0.05) == "mesh 1, 148 cells"
+    assert [duration(seconds) for seconds in (1.0, 80.0, 130.0, 6000.0)] == [
+        "",
+        ", about 80 s",
+        ", about 2 min",
+        ", about 2 h",
+    ]

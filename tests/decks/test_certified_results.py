@@ -12,6 +12,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from calculix_boxes import two_boxes
 
@@ -78,6 +79,53 @@ def test_end_to_end(name, tmp_path, monkeypatch, capsys):
     after = certified("next")
     assert after.total < 0.7 * before.total
     assert after.total < 1.5 * accuracy
+
+
+PLATE = """*NODE
+1, 1, 0
+2, 2, 0
+3, 3, 0
+4, 1, 1
+5, 2, 1
+6, 3, 1
+*ELEMENT, TYPE=CPE4, ELSET=E
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+*NSET, NSET=FOOT
+1, 2, 3
+*MATERIAL, NAME=M
+*ELASTIC
+1000., 0.3
+*SOLID SECTION, ELSET=E, MATERIAL=M
+0.5
+*BOUNDARY
+FOOT, 1, 2
+*STEP
+*STATIC
+*DLOAD
+1, P3, 1.
+2, P3, 1.
+*NODE FILE
+U, RF
+*END STEP
+"""
+
+
+@pytest.mark.parametrize("kind", ["CPE4", "CAX4"])
+def test_forces_of_plane_cells_and_rings_are_in_their_intervals(
+    kind, tmp_path, monkeypatch, capsys
+):
+    """Of a thickness of 0.5, and of a whole circle: 2 and 8 pi."""
+    monkeypatch.chdir(tmp_path)
+    Path("plate.inp").write_text(PLATE.replace("CPE4", kind))
+    main(["certify", "plate.inp", computed("plate"), "--accuracy", "0.9"])
+    told = capsys.readouterr().out
+    letter, force = ("y", 2.0) if kind == "CPE4" else ("z", 8 * np.pi)
+    # CalculiX adds the hoop stress of the section to the radial forces of a ring.
+    assert f"Forces: 1 of {len(re.findall('^FOOT', told, re.MULTILINE))} are known" in told
+    assert "and it is in all of these" in told
+    computed_force = re.search(rf"FOOT +{letter} +(\S+)", told)[1]
+    assert float(computed_force) == pytest.approx(force, rel=1e-3)
 
 
 @pytest.mark.broad

@@ -217,6 +217,17 @@ def test_a_stress_before_all_steps(read):
         read(uneven + step(FIXED))
 
 
+def test_a_plastic_strain_before_all_steps(read):
+    """The upper half is longer by the strain, free of stress."""
+    before = "*INITIAL CONDITIONS, TYPE=PLASTIC STRAIN\n2, 1, 0., 0., 0.001, 0., 0., 0.\n"
+    deck = read(before + step(FIXED))
+    assert list(deck.domain.regions) == ["Lower", "Upper"]
+    assert np.isclose(risen(deck), 0.001 * 10)
+    stress = before.replace("PLASTIC STRAIN", "STRESS")
+    with pytest.raises(ec.InputError, match="has a tensor of element 2, too"):
+        read(before + stress + step(FIXED))
+
+
 def test_drawn_distances_have_a_sign_and_a_slope():
     """Of a plane z = 1 over a tilted plane below it, which overlaps it at x > 2."""
     square = np.array([(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)])

@@ -91,35 +91,73 @@ def test_the_new_deck_is_the_old_one(name, degree, tmp_path):
     assert [name for name, _ in in_words(new.scene)] == [name for name, _ in in_words(old.scene)]
 
 
+def force_and_moment(x, forces):
+    return np.array([forces.sum(axis=0), np.cross(x, forces).sum(axis=0)])
+
+
+def forces_of(finer):
+    """Places of nodes and the components of their forces in a deck that is written anew."""
+    lines = written_anew(finer).splitlines()
+    begin = lines.index("*CLOAD") + 1
+    rows = [line.split(", ") for line in lines[begin : lines.index("*NODE FILE")]]
+    place = dict(zip(finer.node_numbers.tolist(), finer.x, strict=True))
+    components = np.zeros((len(rows), 3))
+    components[np.arange(len(rows)), [int(row[1]) - 1 for row in rows]] = [
+        float(r[2]) for r in rows
+    ]
+    return np.array([place[int(row[0])] for row in rows]), components
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_forces_on_nodes_keep_their_moment(degree, tmp_path):
     path = tmp_path / "beam.inp"
     text = two_boxes("C3D20").replace("*NODE FILE", "*CLOAD\nROOF, 1, 2.\n61, 2, 5.\n*NODE FILE")
     path.write_text(text)
     finer = refined(path, degree)
-    lines = written_anew(finer).splitlines()
-    begin = lines.index("*CLOAD") + 1
-    rows = [line.split(", ") for line in lines[begin : lines.index("*NODE FILE")]]
-    place = dict(zip(finer.node_numbers.tolist(), finer.x, strict=True))
-    x = np.array([place[int(row[0])] for row in rows])
-    force = np.zeros((len(rows), 3))
-    force[np.arange(len(rows)), [int(row[1]) - 1 for row in rows]] = [float(r[2]) for r in rows]
     deck = finer.deck
     (space,) = deck.spaces
-    roof = deck.nodes("ROOF", space)
     known = np.zeros((len(deck.x), 3))
-    known[roof, 0] = 2.0
+    known[deck.nodes("ROOF", space), 0] = 2.0
     known[deck.nodes("61", space), 1] += 5.0
-    assert np.allclose(force.sum(axis=0), known.sum(axis=0), rtol=1e-9)
-    moment = np.cross(deck.x, known).sum(axis=0)
-    assert np.allclose(np.cross(x, force).sum(axis=0), moment, rtol=1e-9, atol=1e-9)
+    expected = force_and_moment(deck.x, known)
+    assert np.allclose(force_and_moment(*forces_of(finer)), expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["R", "C"])
+def test_forces_along_local_axes_keep_their_moment(kind, tmp_path):
+    """Axes that are turned about z, and radial ones about an axis beside the box."""
+    path = tmp_path / "axes.inp"
+    line = "0., 1., 0., -1., 0., 0." if kind == "R" else "-3., 0., 0., -3., 0., 1."
+    transform = f"*TRANSFORM, NSET=ROOF, TYPE={kind}\n{line}\n*STEP"
+    text = two_boxes("C3D8").replace("*STEP", transform)
+    path.write_text(text.replace("*NODE FILE", "*CLOAD\nROOF, 1, 2.\nROOF, 3, 1.\n*NODE FILE"))
+    finer = refined(path, 1)
+
+    def in_coordinates(x, components):
+        first = np.tile([0.0, 1.0, 0.0], (len(x), 1))
+        if kind == "C":
+            first = (x - np.array([-3.0, 0.0, 0.0])) * (1.0, 1.0, 0.0)
+            first /= np.linalg.norm(first, axis=1)[:, None]
+        second = np.cross((0.0, 0.0, 1.0), first)
+        third = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+        return np.einsum("nk,kni->ni", components, np.array([first, second, third]))
+
+    deck = finer.deck
+    roof = deck.nodes("ROOF", deck.spaces[0])
+    known = in_coordinates(deck.x[roof], np.tile([2.0, 0.0, 1.0], (len(roof), 1)))
+    x, components = forces_of(finer)
+    found = force_and_moment(x, in_coordinates(x, components))
+    assert np.allclose(found, force_and_moment(deck.x[roof], known), rtol=1e-9, atol=1e-9)
 
 
 def test_what_cannot_follow_is_refused(tmp_path):
     with pytest.raises(ec.InputError, match="parts and instances"):
         written_anew(refined(HERE / "abaqus_press.inp", 1))
-    path = tmp_path / "axes.inp"
-    text = two_boxes("C3D8").replace("*STEP", "*TRANSFORM, NSET=ROOF\n0,1,0,-1,0,0\n*STEP")
-    path.write_text(text.replace("*NODE FILE", "*CLOAD\nROOF, 1, 2.\n*NODE FILE"))
-    with pytest.raises(ec.InputError, match=r"\*CLOAD .*local axes"):
+    path = tmp_path / "ring.inp"
+    path.write_text(
+        "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n*ELEMENT, TYPE=CAX4, ELSET=E\n1, 1, 2, 3, 4\n"
+        "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*SOLID SECTION, ELSET=E, MATERIAL=M\n"
+        "*STEP\n*STATIC\n*CLOAD\n3, 2, 1.\n*END STEP\n"
+    )
+    with pytest.raises(ec.InputError, match=r"\*CLOAD .*axisymmetric"):
         written_anew(refined(path, 1))

@@ -413,3 +413,154 @@ def test_what_lies_off_the_body_does_not_end_the_program(kind, gmsh_session, sha
         gmsh_session.write(str(path))
     COMM.barrier()
     assert list(nm.read_mesh(path).names) == ["foot"]
+
+
+# -- formats of solvers
+# ---------------------------------------------------------------------------------
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", ["triangle", "quad", "tetra", "wedge", "pyramid", "hexahedron"])
+@pytest.mark.parametrize("maker", [files.by_ansys, files.by_hecmw, files.by_aster])
+def test_nodes_beyond_the_corners_are_amid_all_edges(maker, kind, tmp_path):
+    """Also where a cell has collapsed in the slots of a hexahedron."""
+    from namedmesh.files.cleaning import edges_of
+    from namedmesh.files.reading import kind_of, read
+
+    path = maker(kind, 2)(tmp_path)
+    mesh = read(path, kind_of(path), numbered=True)
+    blocks = [block for block in mesh.blocks if block.dim == mesh.dim]
+    assert len(blocks) == 1
+    for block in blocks:
+        amid = mesh.points[block.corners[:, edges_of(block.shape)]].mean(axis=2)
+        nodes = mesh.points[block.nodes[:, block.corners.shape[1] :]]
+        assert nodes.shape == amid.shape
+        gaps = np.linalg.norm(nodes[:, :, None] - amid[:, None], axis=3)
+        assert gaps.min(axis=1).max() < EXACT
+        assert gaps.min(axis=2).max() < EXACT
+
+
+@pytest.mark.serial
+def test_a_node_that_is_missing_amid_an_edge(tmp_path, measures, caplog):
+    """ANSYS writes 0 in its place."""
+    path = files.by_ansys("hexahedron", 2)(tmp_path)
+    text = path.read_text()
+    last = text[: text.index("      -1")].rstrip()[-8:]
+    path.write_text(text.replace(last, f"{0:8d}"))
+    with caplog.at_level(logging.WARNING, logger="namedmesh"):
+        domain = nm.read_mesh(path)
+    assert "curved" not in caplog.text
+    assert measures.region(domain) == pytest.approx(2.0, rel=1e-6)
+
+
+CONTACT = """/PREP7
+ET,1,185
+ET,2,170
+ET,3,174
+ET,4,188
+NBLOCK,3
+(1i3,3e4.1)
+  1
+  2 1.0
+  3 1.0 1.0
+  4 0.0 1.0
+  5 0.0 0.0 1.0
+  6 1.0 0.0 1.0
+  7 1.0 1.0 1.0
+  8 0.0 1.0 1.0
+N,R5.3,LOC,-1
+EBLOCK,19,SOLID
+(19i3)
+  1  1  1  1  0  0  0  0  8  0  1  1  2  3  4  5  6  7  8
+  3  2  5  1  0  0  0  0  4  0  2  1  2  3  4
+  3  3  5  1  0  0  0  0  3  0  3  5  6  7
+  3  3  5  1  0  0  0  0  3  0  4  5  7  8
+  3  2  5  1  0  0  0  0  1  0  5  1
+  1  4  1  1  0  0  0  0  2  0  6  1  2
+ -1
+"""
+
+
+@pytest.mark.serial
+def test_elements_on_the_sides_of_a_contact_of_ansys_are_parts(tmp_path, measures, caplog):
+    with caplog.at_level(logging.WARNING, logger="namedmesh"):
+        domain = read_text(tmp_path, "contact.cdb", CONTACT)
+    assert list(domain.regions) == ["1"]
+    assert measures.part(domain, "TARGE170 5") == pytest.approx(1.0, rel=EXACT)
+    assert "1 elements of type 188" in caplog.text
+    assert "1 elements of type 170" in caplog.text
+
+
+@pytest.mark.serial
+def test_med_is_read_under_any_ending(tmp_path, measures):
+    path = CASES["meshio hexahedron, .med"].make(tmp_path).rename(tmp_path / "body.mmed")
+    assert measures.part(nm.read_mesh(path), "foot") == pytest.approx(2.0, rel=EXACT)
+
+
+SETS_OF_DYNA = """$ sets of LS-DYNA
+*NODE
+       1             0.0             0.0             0.0
+       2             1.0             0.0             0.0
+       3             1.0             1.0             0.0
+       4             0.0             1.0             0.0
+       5             0.0             0.0             1.0
+       6             1.0             0.0             1.0
+       7             1.0             1.0             1.0
+       8             0.0             1.0             1.0
+       9             0.0             0.0             2.0
+      10             1.0             0.0             2.0
+      11             1.0             1.0             2.0
+      12             0.0             1.0             2.0
+*ELEMENT_SOLID
+       1       1
+       1       2       3       4       5       6       7       8       0       0
+       2       2       5       6       7       8       9      10      11      12
+*PART
+steel
+
+         1
+*PART_INERTIA
+steel
+         2
+         0         0
+*SET_NODE_LIST_GENERATE
+         1
+         1         4
+*SET_SEGMENT
+         1
+         9        10        11        12
+*SET_SEGMENT_GENERAL
+         3
+"""
+
+
+@pytest.mark.serial
+def test_sets_and_parts_of_dyna(tmp_path, measures, caplog):
+    text = SETS_OF_DYNA.replace("steel\n\n", "steel\n")
+    with caplog.at_level(logging.WARNING, logger="namedmesh"):
+        domain = read_text(tmp_path, "sets.k", text)
+    assert list(domain.regions) == ["steel 1", "steel 2"]
+    assert measures.region(domain, "steel 2") == pytest.approx(1.0, rel=EXACT)
+    assert measures.part(domain, "node set 1") == pytest.approx(1.0, rel=EXACT)
+    assert measures.part(domain, "segment set 1") == pytest.approx(1.0, rel=EXACT)
+    assert "*SET_SEGMENT_GENERAL, which is not read" in caplog.text
+
+
+@pytest.mark.serial
+def test_a_displacement_of_exodus_comes_with_its_nodes(tmp_path):
+    """VTK reads it, without netCDF4."""
+    import pyvista
+    from vtkmodules.vtkIOExodus import vtkExodusIIWriter
+
+    from namedmesh.for_solvers import from_file
+
+    x, cells = files.arrays("hexahedron")
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: cells["hexahedron"][0]}, x)
+    grid.point_data["disp"] = x @ np.diag([0.1, 0.2, 0.3])
+    writer = vtkExodusIIWriter()
+    writer.SetFileName(str(tmp_path / "result.e"))
+    writer.SetInputData(grid)
+    writer.WriteAllTimeStepsOn()
+    writer.Write()
+    field = from_file(MPI.COMM_SELF, tmp_path / "result.e")
+    assert np.allclose(field.values, field.x @ np.diag([0.1, 0.2, 0.3]), atol=EXACT)

@@ -87,6 +87,11 @@ def test_includes_without_end(folder):
         (folder / f"{number}.inp").write_text(twice)
     (folder / "15.inp").write_text("** a leaf of a tree\n")
     refused(folder / "0.inp", "more than 1000 files")
+    for number in range(15):
+        twice = f"*KEYWORD\n*INCLUDE\n{number + 1}.k\n{number + 1}.k\n"
+        (folder / f"{number}.k").write_text(twice)
+    (folder / "15.k").write_text("*KEYWORD\n")
+    refused(folder / "0.k", "more than 1000 files")
 
 
 @pytest.mark.parametrize("name", ["../outside.inp", "{folder}/outside.inp", "link.inp"])
@@ -147,7 +152,14 @@ def test_tables_that_are_not_in_their_file(make, words, ending, folder):
     refused(path, words)
 
 
+TETRAHEDRON_OF_ANSYS = (
+    "/PREP7\nET,1,285\nNBLOCK,3\n(1i9,3e4.1)\n        1\n        2 1.0\n        3 0.0 1.0\n"
+    "        4 0.0 0.0 1.0\n-1\nEBLOCK,19,SOLID\n(19i3)\n  1  1  1  1  0  0  0  0  4  0  1  1  2  3  4\n -1\n"
+)
 DECLARED = {
+    "range.cdb": f"{TETRAHEDRON_OF_ANSYS}CMBLOCK,N,NODE,2\n(8i16)\n{1:16d}{-(10**14):16d}\n",
+    "range.k": "*KEYWORD\n*NODE\n1,0.,0.,0.\n2,1.,0.,0.\n3,0.,1.,0.\n4,0.,0.,1.\n"
+    "*ELEMENT_SOLID\n1,1,1,2,3,4,4,4,4,4\n*SET_NODE_LIST_GENERATE\n1\n1,99999999999999\n",
     "range.inp": f"{TETRAHEDRON}*NSET, NSET=N, GENERATE\n1,999999999999999,1\n",
     "numbers.mdpa": "Begin Nodes\n1 0 0 0\n2 1 0 0\n3 0 1 0\n999999999999999 0 0 1\nEnd Nodes\n"
     "Begin Elements Element3D4N\n1 0 1 2 3 999999999999999\nEnd Elements\n",
@@ -181,6 +193,10 @@ def test_a_cell_of_getfem_of_a_degree_that_nobody_has(folder):
 
 MESHES = {
     "deck.inp": TETRAHEDRON,
+    "archive.cdb": DECLARED["range.cdb"],
+    "deck.k": DECLARED["range.k"],
+    "mesh.mail": "COOR_2D\nA 0. 0.\nB 1. 0.\nC 0. 1.\nFINSF\nTRIA3\nV A B C\nFINSF\nFIN\n",
+    "mesh.msh": "!NODE\n1, 0\n2, 1\n3, 0, 1\n!ELEMENT, TYPE=231\n1, 1, 2, 3\n!SGROUP, SGRP=S\n1, 1\n!END\n",
     "model.mdpa": DECLARED["numbers.mdpa"],
     "grid.xdmf": '<Xdmf><Domain><Grid><Geometry GeometryType="XYZ"><DataItem Dimensions="3 3">'
     "0 0 0 1 0 0 0 1 0</DataItem></Geometry>"

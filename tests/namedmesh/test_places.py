@@ -160,6 +160,16 @@ TEXTS = {
     "End Nodes\nBegin Elements Element3D4N\n1 0 1 2 3 4\nEnd Elements\n",
     "beam.inp": "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT,TYPE=C3D4,ELSET=E\n1,1,2,3,4\n"
     "*ELEMENT,TYPE=B32,ELSET=B\n2,2,4\n",
+    "mesh.inc": "*NODE\n$ a comment\n       1             0.0             0.0\n       2             1.0\n"
+    "       3             0.0             1.0\n       4             0.0             0.0             1.0\n"
+    "*ELEMENT_SOLID\n       1       1       1       2       3       4       4       4       4       4\n",
+    "archive.txt": "*IF,_CDRDOFF,EQ,1,THEN\n*ENDIF\nET,1,285\nNBLOCK,3\n(1i9,3e20.9e3)\n        4"
+    "     0.000000000E+00     0.000000000E+00     1.000000000E+00\n        1\n        2"
+    "     1.000000000E+00\n        3     0.000000000E+00     1.000000000E+00\n-1\nEBLOCK,19,SOLID\n"
+    "(19i3)\n  1  1  1  1  0  0  0  0  4  0  1  1  2  3  4\n -1\n",
+    "aster.txt": "% a comment\nCOOR_3D\nA 0. 0. 0.\nB 1. 0. 0.\nC 0. 1. 0.\nD 0. 0. 1.\nFINSF\nTETRA4\n"
+    "V = A B C D\nFINSF\nFIN\n",
+    "hecmw.txt": "!! a comment\n!NODE\n1, 0\n2, 1\n3, 0, 1\n4, 0, 0, 1\n!ELEMENT, TYPE=341\n1, 1, 2, 3, 4\n!END\n",
 }
 
 
@@ -169,9 +179,20 @@ def test_a_file_is_read_by_what_it_holds(name, tmp_path, measures):
 
 
 UNKNOWN = {
-    "dyna.k": ("*KEYWORD\n*NODE\n", "a deck of LS-DYNA"),
-    "other.msh": ("!HEADER\n!NODE\n", "FrontISTR"),
-    "code.mail": ("COOR_3D\nN1 0 0 0\n", "code_aster"),
+    "parameter.k": ("*KEYWORD\n*NODE\n       1            &x_1\n", "the parameter '&x_1'"),
+    "moved.k": ("*KEYWORD\n*INCLUDE_TRANSFORM\nmesh.k\n", "moves nodes by .INCLUDE_TRANSFORM"),
+    "no_nodes.k": ("*KEYWORD\n*END\n", "no .NODE"),
+    "no_nodes.cdb": ("/COM,ANSYS RELEASE 19\n", "no block of nodes"),
+    "no_format.cdb": ("/PREP7\nNBLOCK,3\n", "line 3 is no format"),
+    "short.cdb": (
+        "/PREP7\nET,1,285\nEBLOCK,19,SOLID\n(19i3)\n  1  1  1  1  0  0  0  0  4  0  9  1  2\n",
+        "element 9 has 2 nodes of 4",
+    ),
+    "no_nodes.msh": ("!HEADER\n!END\n", "no .NODE"),
+    "sides.msh": ("!NODE\n1, 0\n!SGROUP, SGRP=S\n1, 2, 3\n", "group of sides 'S'.*3 numbers"),
+    "no_nodes.mail": ("TITRE\nFINSF\nFIN\n", "no points"),
+    "row.mail": ("COOR_3D\nN1 0 0\nFINSF\n", "below COOR_3D are 3 words"),
+    "pointer.mmed": ("version https://git-lfs.github.com/spec/v1\n", "pointer of Git LFS"),
     "none.xyz": ("1 2 3\n", "tells a format of meshes"),
     "broken.avs": ("4 1 0 0 0\n1 0 0 0\n2 1", "does not know|not read"),
 }

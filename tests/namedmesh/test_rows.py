@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from namedmesh.rows import equal_rows, in_space, look_up
+from namedmesh.rows import equal_rows, in_space, look_up, rows_within
 
 pytestmark = pytest.mark.serial
 
@@ -26,3 +26,13 @@ def test_equal_rows_are_pairs_whose_earlier_row_is_first():
 
 def test_points_of_the_plane_get_a_third_component():
     assert in_space(np.array([[1.0, 2.0]])).tolist() == [[1.0, 2.0, 0.0]]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_numbers_within_ranges(seed):
+    rng = np.random.default_rng(seed)
+    known = rng.permutation(50)[:20]
+    ranges = rng.integers(-5, 60, (4, 2))
+    within = (known[:, None] >= ranges[:, 0]) & (known[:, None] <= ranges[:, 1])
+    assert rows_within(known, ranges).tolist() == np.flatnonzero(within.any(axis=1)).tolist()
+    assert len(rows_within(known, np.array([[0, 10**18]]))) == 20

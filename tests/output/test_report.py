@@ -1,7 +1,7 @@
 """What a run leaves in its folder can be read by others, and says the same as the run.
 
-- The report is one page of HTML that needs nothing else: no link, no script, pictures
-  inside; it has the numbers of the history, the scene as code, the forces, and neither
+- The report is one page of HTML that needs nothing else: no link, no script but of the
+  view in 3D, pictures inside; it has the numbers of the history, the scene as code, the forces, and neither
   the name of the machine nor a path.
 - What it calls proved, estimated and not known follows from friction, data and shape.
 - CSV, JSON and the series of meshes hold the numbers of the history; pyvista and meshio
@@ -75,7 +75,9 @@ class Page(HTMLParser):
                 (self.images if value.startswith("data:image/png;base64,") else self.links).append(
                     value
                 )
-        assert tag not in ("script", "link", "iframe", "object", "embed")
+        assert tag not in ("script", "link", "object", "embed")
+        # The view in 3D is a page inside the page.
+        assert tag != "iframe" or "srcdoc" in dict(attributes)
 
     def handle_endtag(self, tag):
         assert self.depth.pop() == tag
@@ -156,7 +158,7 @@ def test_pictures_without_time_are_named(history, folder, monkeypatch):
         return
     assert {path.name for path in other.glob("*.png")} == {"deformed.png", "contact_bottom.png"}
     page = page_alone(other / "report.html", 2)
-    assert "Not drawn are error_map.png: saving takes at most 3.0 s" in page.words
+    assert "Not drawn are view.html, error_map.png: saving takes at most 3.0 s" in page.words
     assert 'erc_contact.output.draw_error(history.best, "error_map.png")' in page.words
 
 

@@ -6,6 +6,8 @@ are short, and use public names only.
 
 import ast
 import importlib.util
+import json
+from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
@@ -49,12 +51,22 @@ def test_demo_is_a_page(demo):
     assert isinstance(tree.body[-1], ast.Assert)
 
 
-def downloads():
-    """The module that packs the downloads of the site."""
-    spec = importlib.util.spec_from_file_location("downloads", ROOT / "docs" / "downloads.py")
+def of_site(name):
+    """A module beside the pages of the site."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def downloads():
+    """The module that packs the downloads of the site."""
+    return of_site("downloads")
+
+
+@pytest.mark.serial
+def test_each_demo_has_a_subject():
+    assert sorted(of_site("subjects").DEMOS) == [stem(demo) for demo in DEMOS]
 
 
 @pytest.mark.serial
@@ -82,6 +94,30 @@ def test_a_download_runs_where_it_is_unpacked(shared_tmp_path, monkeypatch):
         ZipFile(shared_tmp_path / "hertz.zip").extractall(folder)
     MPI.COMM_WORLD.barrier()
     run_as_user(folder / "demos" / "hertz.py", shared_tmp_path, monkeypatch)
+
+
+@pytest.mark.gallery
+@pytest.mark.serial
+def test_a_notebook_runs_where_it_is_unpacked(tmp_path, monkeypatch):
+    """Cell after cell, with the first cell of the site, from the folder of the notebook."""
+    gallery = pytest.importorskip("sphinx_gallery.gen_gallery", reason="no tools for the site")
+    from sphinx_gallery.notebook import jupyter_notebook, save_notebook
+    from sphinx_gallery.py_source_parser import split_code_and_text_blocks
+
+    settings = {**gallery.DEFAULT_GALLERY_CONF, "src_dir": str(tmp_path)}
+    settings["first_notebook_cell"] = of_site("subjects").FIRST_CELL
+    demo = ROOT / "demos" / "hertz.py"
+    blocks = split_code_and_text_blocks(str(demo))[1]
+    save_notebook(jupyter_notebook(blocks, settings, tmp_path), tmp_path / "hertz.ipynb")
+    downloads().pack(demo, tmp_path / "hertz.zip", tmp_path / "hertz.ipynb")
+    ZipFile(tmp_path / "hertz.zip").extractall(tmp_path / "unpacked")
+    monkeypatch.chdir(tmp_path / "unpacked" / "demos")
+    names = {"__name__": "__main__"}
+    cells = json.loads(Path("hertz.ipynb").read_text())["cells"]
+    codes = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+    for code in codes:
+        exec(code, names)
+    assert Path("results/hertz/pressure.png").is_file()
 
 
 def without_docstrings(tree):

@@ -263,7 +263,7 @@ class ContactOnMesh:
     def since(self, u: Ufl) -> Ufl:
         """Call :meth:`jump` by its name in version 0.1.
 
-        Methods of users may have it. It is to go with version 0.3.
+        Methods of users may have it. It is to go with version 0.4.
         """
         return self.jump(u)
 
