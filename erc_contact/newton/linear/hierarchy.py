@@ -5,9 +5,9 @@ space. At degree 2 it begins with the elements of degree 1
 (:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation
 are made once, for K. Where a matrix differs from it at the contact only, as every
 tangent of a contact problem does, the coarse matrices follow with the same
-interpolation P: they are ``A_coarse = P^T A P``, and if C changes to C', each level
-gets ``P^T (C' - C) P`` added. This is a product of the rows of P at the contact. It
-costs about as much as one or two cycles, a new hierarchy about thirty.
+interpolation P: they are ``A_coarse = P^T A P``, and if C changes, each level has its
+``P^T C P`` taken away and the new one added. C has few rows. It costs about as much as
+one or two cycles, a new hierarchy about thirty.
 
 The interpolation of K serves all matrices; the interpolation of K + D saves a tenth of
 the cycles of a contact solve, and doubles the cycles of an elastic solve with given
