@@ -32,11 +32,11 @@ DENSE = (1.4e-7, 5e-11)
 """Seconds of the dense layer, for the square and the cube of its size."""
 MULTIGRID = {2: 4.3e-5, 3: 9e-5}
 """Seconds of multigrid for one unknown, by dimension."""
-OPERATIONS_OF_CYCLE = 60
+OPERATIONS_OF_CYCLE = 45
 """Operations of a factor in the time of a cycle, for one entry of the matrix [-].
 
 A cycle multiplies each entry about five times, and waits for memory; a factor does not.
-They are 60 in a cube of 46 875 unknowns and 62 in an assembly of 18 solids.
+They are 45 in a cube of 46 875 unknowns and 44 in an assembly of 18 solids.
 """
 CHEAP_BELOW = 2.0
 """A factor takes the place of multigrid on a coarse matrix up to so many cycles [-]."""
