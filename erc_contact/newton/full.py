@@ -18,6 +18,7 @@ tangent and its preconditioner are in :mod:`erc_contact.newton.tangent`.
 
 from __future__ import annotations
 
+from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
@@ -26,7 +27,6 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_nodes import PRESSING, contact_normals
 from erc_contact.newton.forms import ContactForms, Counts
@@ -81,7 +81,7 @@ class FullSpace:
         self.length = length
         self.force = force
         self.forms = forms
-        self._equations = model.space.function()
+        self._equations = model.space.function(), model.space.function()
         self._fixed = elastic.fixed
         self._reactions: Reactions | None = None
         self._rows = ~self._fixed
@@ -115,17 +115,29 @@ class FullSpace:
 
     def _contact_forces(self) -> np.ndarray:
         """Assemble the nodal forces of the equations of this rank [force]."""
-        forces = np.zeros(self.elastic.owned)
+        d = self.model.space.d
+        of_reader, total = self._equations
+        total.x.array[:] = 0.0
         for reader in self.forms.readers:
-            equations = self._equations
-            equations.x.array[:] = 0.0
-            reader.assemble(equations.x.array)
-            equations.x.scatter_reverse(la.InsertMode.add)
+            of_reader.x.array[:] = 0.0
+            reader.assemble(of_reader.x.array)
+            total.x.array[:] += of_reader.x.array
             if reader.contact is not None:
-                jump = self.model.connections.jump(reader.contact)
-                equations = product(self.model.space, jump, equations, transpose=True)
-            forces += equations.x.array[: len(forces)]
-        return forces
+                here, there = self._pairs[reader.contact].T
+                reaction = of_reader.x.array.reshape(-1, d)[here]
+                np.subtract.at(total.x.array.reshape(-1, d), there, reaction)
+        total.x.scatter_reverse(la.InsertMode.add)
+        return total.x.array[: self.elastic.owned]
+
+    @cached_property
+    def _pairs(self) -> list[np.ndarray]:
+        """Return the pairs of nodes of this rank of each contact, shape (p, 2)."""
+        pairs = []
+        for contact in self.model.contacts:
+            trace = contact.trace
+            here = trace.here.nodes[trace.facing]
+            pairs.append(np.unique(np.column_stack([here.ravel(), trace.partners.ravel()]), axis=0))
+        return pairs
 
     def prepare(self, snes: PETSc.SNES) -> None:
         """Give SNES the tangent and FGMRES with multigrid."""

@@ -16,8 +16,6 @@ stiffer by orders would not let a soft one move.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
@@ -28,6 +26,7 @@ from erc_contact.newton.forms import ContactForms, Reader
 from erc_contact.newton.linear.hierarchy import free_motions
 from erc_contact.newton.linear.krylov import fgmres, shell
 from erc_contact.newton.linear.multigrid import Multigrid
+from erc_contact.newton.node_sum import NodeSum
 from erc_contact.newton.reactions import Reactions
 from erc_contact.newton.springs import Springs
 
@@ -74,10 +73,12 @@ class Tangent:
         self.force = force
         self._reactions = reactions
         self.held: MotionSprings | None = None
-        self._terms = [_Terms(forms, reader) for reader in forms.readers]
+        self._sum = NodeSum(forms) if reactions is None else None
+        self._terms: list[_Terms] = []
         self._springs: list[Springs] = []
         if reactions is not None:
             for reader in forms.readers:
+                self._terms.append(_Terms(forms, reader))
                 self._springs.append(Springs(self.model, reader, reactions, elastic.matrix))
         # DOLFINx would set their diagonal, which has no place off the contact.
         first, _ = elastic.matrix.getOwnershipRange()
@@ -88,12 +89,14 @@ class Tangent:
 
     def assemble(self) -> None:
         """Assemble the terms of the contact."""
-        for terms in self._terms:
-            terms.assemble()
-        for terms, springs in zip(self._terms, self._springs, strict=False):
-            springs.update(terms.by_displacements, terms.by_multipliers)
-        makers: Sequence[_Terms | Springs] = self._springs or self._terms
-        self._change = summed([maker.by_nodes() for maker in makers], self._change)
+        if self._sum is not None:
+            self._sum.assemble()
+            self._change = self._sum.matrix
+        else:
+            for terms, springs in zip(self._terms, self._springs, strict=True):
+                terms.assemble()
+                springs.update(terms.by_displacements, terms.by_multipliers)
+            self._change = summed([springs.by_nodes() for springs in self._springs], self._change)
         self._change.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self._change.zeroRowsColumns(self._fixed, diag=0.0)
 
@@ -177,6 +180,8 @@ class Tangent:
             petsc_object.destroy()
         if self._change is not None:
             self._change.destroy()
+        if self._sum is not None:
+            self._sum.free()
         for terms in self._terms:
             terms.free()
         for springs in self._springs:
@@ -221,9 +226,6 @@ class _Terms:
         self._reader = reader
         self._connections = forms.model.connections
         self.by_fields: dict[int, PETSc.Mat] = {}
-        self._products: dict[int, PETSc.Mat] = {}
-        self._total: PETSc.Mat | None = None
-        self._nodal: PETSc.Mat | None = None
         for number, tangents in enumerate(reader.tangents):
             if tangents:
                 self.by_fields[number] = matrix_of(tangents)
@@ -248,29 +250,6 @@ class _Terms:
                 fp.assemble_matrix(term, tangent)
             term.assemble()
 
-    def by_nodes(self) -> PETSc.Mat:
-        """Return the derivative of nodal forces by the displacement.
-
-        The next call overwrites it.
-        """
-        jumps = list(self._forms.jumps)
-        parts = []
-        for number, term in self.by_fields.items():
-            field = self._forms.displacements[number]
-            part = term
-            if field in jumps:
-                contact = self._forms.model.contacts.index(self._forms.jumps[field])
-                jump = self._connections.jump(contact)
-                part = term.matMult(jump, result=self._products.get(number))
-                self._products[number] = part
-            parts.append(part)
-        self._total = summed(parts, self._total)
-        if self._reader.contact is None:
-            return self._total
-        jump = self._connections.jump(self._reader.contact)
-        self._nodal = jump.transposeMatMult(self._total, result=self._nodal)
-        return self._nodal
-
     def add_to_nodes(self, forces: PETSc.Vec, nodal: PETSc.Vec) -> None:
         """Add forces on what is read to nodal forces, in place."""
         if self._reader.contact is None:
@@ -281,9 +260,8 @@ class _Terms:
 
     def free(self) -> None:
         """Free PETSc's objects."""
-        for made in (*self.by_fields.values(), *self._products.values(), self._total, self._nodal):
-            if made is not None:
-                made.destroy()
+        for term in self.by_fields.values():
+            term.destroy()
 
 
 class MotionSprings:

@@ -180,8 +180,10 @@ def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
     assert followed.norm() <= 1e-10 * anew.norm()
 
 
-def test_cycles_at_degree_2():
+@pytest.mark.parametrize("below", ["factor", "multigrid"])
+def test_cycles_at_degree_2(below, monkeypatch):
     """A coarse matrix of degree 1 that is wrong, or does not follow the contact, takes more cycles."""
+    monkeypatch.setattr(choice, "CHEAP_BELOW", np.inf if below == "factor" else 0.0)
     scene, _ = pressed_cube(friction=0.3)
     elastic = multigrid.Multigrid(bind(scene, cube(n=5), 2))
     cycles = []
@@ -362,12 +364,35 @@ def test_slender_loose_bodies_are_rebalanced_by_few_iterations(monkeypatch):
     assert eps(iterative) == pytest.approx(eps(direct), rel=SAME)
 
 
+def test_rebalance_goes_on_with_a_factor_where_cycles_would_take_longer(monkeypatch):
+    """The first cycles tell, and later solves try none."""
+    scene, domain = SCENES["cube"]()
+    solution = ec.solve(scene, domain, solver="iterative")
+    for module in (krylov, multigrid):
+        monkeypatch.setattr(module, "TRIAL", 6)
+    monkeypatch.setattr(multigrid, "cycles_of_factor", lambda *_: 8.0)
+    tried = []
+    of_way = multigrid.Multigrid._iterate
+
+    def iterate(self, matrix, way, *arguments):
+        tried.append(way.name)
+        return of_way(self, matrix, way, *arguments)
+
+    monkeypatch.setattr(multigrid.Multigrid, "_iterate", iterate)
+    eps(solution)
+    assert tried == ["multigrid", "a factor"]
+    tried.clear()
+    eps(solution)
+    assert tried == ["a factor"]
+
+
 def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     scene, domain = SCENES["cube"]()
     solution = ec.solve(scene, domain, solver="iterative")
+    # A factor costs so much that cycles solve.
+    monkeypatch.setattr(choice, "OPERATIONS_OF_CYCLE", 1e-3)
     expected = eps(solution)
-    # By cycles, which fail.
-    monkeypatch.setattr(choice, "CYCLES", 0.0)
+    # And now they fail.
     monkeypatch.setattr(multigrid, "CG_LIMIT", 8)
     assert eps(solution) == pytest.approx(expected, rel=SAME)
 

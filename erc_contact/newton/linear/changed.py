@@ -3,7 +3,8 @@
 Algebraic multigrid and its smoothers see single entries: :class:`ChangedEntries` is a
 copy of K to which C is added. The elements of degree 2 above it only multiply:
 :class:`ChangedBlocks` leaves K as it is, in dense blocks of nodes, and adds the product
-with C. That halves the time of a product, and nothing is copied when C changes.
+with C. That takes half of the time of single entries or less, and nothing is copied
+when C changes.
 
 Both are scaled, so that their entries are near one. The owner of K frees it.
 """

@@ -5,9 +5,9 @@ space. At degree 2 it begins with the elements of degree 1
 (:mod:`erc_contact.newton.linear.p_coarsening`). The aggregates and the interpolation
 are made once, for K. Where a matrix differs from it at the contact only, as every
 tangent of a contact problem does, the coarse matrices follow with the same
-interpolation P: they are ``A_coarse = P^T A P``, and if C changes to C', each level
-gets ``P^T (C' - C) P`` added. This is a product of the rows of P at the contact. It
-costs about as much as one or two cycles, a new hierarchy about thirty.
+interpolation P: they are ``A_coarse = P^T A P``, and if C changes, each level has its
+``P^T C P`` taken away and the new one added. C has few rows. It costs about as much as
+one or two cycles, a new hierarchy about thirty.
 
 The interpolation of K serves all matrices; the interpolation of K + D saves a tenth of
 the cycles of a contact solve, and doubles the cycles of an elastic solve with given
@@ -24,12 +24,11 @@ away from the contact.
 from __future__ import annotations
 
 import numpy as np
-from dolfinx import la
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.amg import AMG_PREFIX, orthonormal, rigid_motions, with_defaults
-from erc_contact.newton.linear.changed import SAME, SUBSET, ChangedBlocks, ChangedEntries
+from erc_contact.newton.linear.changed import SUBSET, ChangedBlocks, ChangedEntries
 from erc_contact.newton.linear.krylov import preconditioner
 from erc_contact.newton.linear.mumps import Factor, factorise
 from erc_contact.newton.linear.p_coarsening import TwoLevels
@@ -99,9 +98,7 @@ class Hierarchy:
         if has_contact and is_gamg:
             algebraic.setReusePreconditioner(True)
         if has_contact and (is_gamg or levels):
-            self._coarse = CoarseMatrices(
-                levels + levels_of(algebraic), stiffness, self._layer(), first, self.scale
-            )
+            self._coarse = CoarseMatrices(levels + levels_of(algebraic), first, self.scale)
         first.destroy()
 
     def _make_changeable(
@@ -187,23 +184,6 @@ class Hierarchy:
         glue.scale(share)
         return glue
 
-    def _layer(self) -> PETSc.IS:
-        """Find the degrees of freedom of this rank in cells at the contact.
-
-        Ghost cells are among these cells, and another rank may own a cell at a node of
-        this rank without a ghost of it here.
-        """
-        model = self._model
-        near = model.space.function()
-        cells = np.concatenate([contact.facets[:, 0] for contact in model.contacts])
-        of_nodes = near.x.array.reshape(-1, model.space.d)
-        of_nodes[model.space.nodes[cells]] = 1.0
-        of_nodes[model.connections.is_paired] = 1.0
-        near.x.scatter_reverse(la.InsertMode.add)
-        first, last = self._stiffness.getOwnershipRange()
-        owned = np.flatnonzero(near.x.array[: last - first]) + first
-        return PETSc.IS().createGeneral(owned.astype(PETSc.IntType), comm=self._stiffness.comm)
-
 
 def weak_share(model: Model) -> float:
     """Return the share of D that holds a loose body, ``h/(10 L)``, else zero [-].
@@ -268,60 +248,50 @@ class CoarseMatrices:
     Args:
         levels: Interpolation and coarse matrix of each level below the finest one, from
             there on.
-        stiffness: K [force/length]. No C may have entries where it has none.
-        layer: Degrees of freedom of this rank at which a C may have entries.
-        start: C [force/length].
+        start: C [force/length]. No C may have entries where K has none.
         scale: Factor of K + C in the hierarchy [length/force].
     """
 
     def __init__(
-        self,
-        levels: list[tuple[PETSc.Mat, PETSc.Mat]],
-        stiffness: PETSc.Mat,
-        layer: PETSc.IS,
-        start: PETSc.Mat,
-        scale: float,
+        self, levels: list[tuple[PETSc.Mat, PETSc.Mat]], start: PETSc.Mat, scale: float
     ) -> None:
-        self._layer = layer
         self._scale = scale
-        self._change = stiffness.createSubMatrix(layer, layer)
-        self._difference = self._change.duplicate()
-        self._set_change(start)
         self._interpolations = [interpolation for interpolation, _ in levels]
         self._coarse = [coarse for _, coarse in levels]
-        if levels:
-            # C has entries in the layer only, so these rows of P are enough.
-            whole = self._interpolations[0]
-            self._interpolations[0] = whole.createSubMatrix(layer, None)
-            whole.destroy()
-        self._products: list[PETSc.Mat | None] = [None] * len(levels)
+        self._last: PETSc.Mat | None = None
+        self._parts: list[PETSc.Mat] = []
+        """Part of C in the matrix of each level [force/length]."""
+        self._set_parts(start)
 
     def follow(self, change: PETSc.Mat) -> None:
         """Let the coarse matrices follow K plus a change [force/length]."""
-        difference = self._difference
-        self._change.copy(difference, SAME)
-        self._set_change(change)
-        difference.aypx(-1.0, self._change, SAME)
-        levels = zip(self._interpolations, self._coarse, strict=True)
-        for k, (interpolation, coarse) in enumerate(levels):
-            difference = difference.ptap(interpolation, result=self._products[k])
-            self._products[k] = difference
-            coarse.axpy(1.0, difference, SUBSET)
+        self._add_parts(-self._scale)
+        self._set_parts(change)
+        self._add_parts(self._scale)
 
     def free(self) -> None:
         """Free PETSc's objects, which it would keep on several ranks."""
-        for owned in (self._layer, self._change, self._difference):
-            owned.destroy()
-        for matrix in (*self._interpolations, *self._coarse, *self._products):
-            if matrix is not None:
-                matrix.destroy()
+        for matrix in (*self._interpolations, *self._coarse, *self._parts):
+            matrix.destroy()
 
-    def _set_change(self, change: PETSc.Mat) -> None:
-        """Set C, scaled as the hierarchy is, to a change."""
-        part = change.createSubMatrix(self._layer, self._layer)
-        self._change.zeroEntries()
-        self._change.axpy(self._scale, part, SUBSET)
-        part.destroy()
+    def _add_parts(self, factor: float) -> None:
+        """Add the parts times a factor to the coarse matrices."""
+        for coarse, part in zip(self._coarse, self._parts, strict=True):
+            coarse.axpy(factor, part, SUBSET)
+
+    def _set_parts(self, change: PETSc.Mat) -> None:
+        """Set the parts to the parts of a change."""
+        # A tangent has its entries at the same places each time.
+        results: list[PETSc.Mat | None] = [*self._parts]
+        if change is not self._last:
+            for part in self._parts:
+                part.destroy()
+            results = [None] * len(self._coarse)
+        self._last = change
+        self._parts = []
+        for interpolation, result in zip(self._interpolations, results, strict=True):
+            change = change.ptap(interpolation, result=result)
+            self._parts.append(change)
 
 
 def levels_of(pc: PETSc.PC) -> list[tuple[PETSc.Mat, PETSc.Mat]]:

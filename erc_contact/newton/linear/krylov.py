@@ -27,7 +27,7 @@ FACTOR_LIMIT = 5
 TRIAL = 20
 """Iterations after which conjugate gradients may give up."""
 SLOW = 0.85
-"""Fall of the residual in an iteration, the mean of half of them, that is slow [-].
+"""Fall of the residual in an iteration that is slow for a first guess [-].
 
 It is 0.5 to 0.7 with nu = 0.49. With 0.87 a contact solve takes some thousand cycles
 and may fail.
@@ -120,7 +120,7 @@ def conjugate_gradients(
     tolerance: float,
     *,
     limit: int = CG_LIMIT,
-    hurried: bool = False,
+    slow: float = np.inf,
 ) -> float:
     """Solve linear equations by conjugate gradients, as far as it goes.
 
@@ -132,7 +132,8 @@ def conjugate_gradients(
         x: The first guess, which becomes the solution, in place.
         tolerance: Residual over b at which it stops [-].
         limit: Number of iterations after which it stops.
-        hurried: Whether it gives up after :data:`TRIAL` iterations that are slow.
+        slow: Fall of the residual in an iteration, the mean of half of the first
+            :data:`TRIAL` ones, with which it gives up [-].
 
     Returns:
         The residual over b [-], infinite if the preconditioner failed or is slow.
@@ -145,8 +146,8 @@ def conjugate_gradients(
     ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
     ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=limit)
     ksp.setInitialGuessNonzero(True)
-    trial = _Trial(tolerance * b.norm())
-    if hurried:
+    trial = _Trial(tolerance * b.norm(), slow)
+    if np.isfinite(slow):
         ksp.setConvergenceTest(trial)
     try:
         ksp.solve(b, x)
@@ -166,14 +167,16 @@ class _Trial:
 
     Args:
         enough: Residual at which it stops.
+        slow: Fall of the residual in an iteration that is slow [-].
 
     Attributes:
         is_slow: Whether it has given up.
     """
 
-    def __init__(self, enough: float) -> None:
+    def __init__(self, enough: float, slow: float) -> None:
         self.is_slow = False
         self._enough = enough
+        self._slow = slow
         self._half = np.inf
 
     def __call__(self, _: PETSc.KSP, iteration: int, norm: float) -> PETSc.KSP.ConvergedReason:
@@ -187,5 +190,5 @@ class _Trial:
         if iteration == TRIAL // 2:
             self._half = norm
         if iteration == TRIAL:
-            self.is_slow = bool(norm > self._half * SLOW ** (TRIAL - TRIAL // 2))
+            self.is_slow = bool(norm > self._half * self._slow ** (TRIAL - TRIAL // 2))
         return reasons.DIVERGED_MAX_IT if self.is_slow else reasons.ITERATING

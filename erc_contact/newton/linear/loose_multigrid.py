@@ -82,7 +82,7 @@ class LooseMultigrid(Multigrid):
         super().cycle(x, y)
         y.array[:] += self._motions_of_faces.respond(x.array_r)
 
-    def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
+    def _ways_of_stiffness(self, _: float) -> list[Callable[[], Way]]:
         """Return what makes the preconditioners for K without the motions of faces.
 
         K has the faces at rest, and a factor of K is not exact.
@@ -97,8 +97,6 @@ class LooseMultigrid(Multigrid):
         x: PETSc.Vec,
         tolerance: float,
         held: np.ndarray | None,
-        *,
-        hurried: bool = False,
     ) -> float:
         """Return what conjugate gradients leave, see :meth:`Multigrid._iterate`."""
         hierarchy = self.hierarchy
@@ -128,7 +126,7 @@ class LooseMultigrid(Multigrid):
             operator.setNullSpace(matrix.getNullSpace())
         pc = preconditioner(precondition, operator)
         left = conjugate_gradients(
-            operator, pc, operator, b, x, tolerance, limit=way.limit, hurried=hurried
+            operator, pc, operator, b, x, tolerance, limit=way.limit, slow=way.slow
         )
         for done in (pc, operator, free, followed):
             done.destroy()
@@ -151,7 +149,7 @@ class LooseMultigrid(Multigrid):
 
         def solve(force: PETSc.Vec, x: PETSc.Vec) -> None:
             force.scale(self.hierarchy.scale)
-            left = iterate(matrix, self._cycle(), force, x, LIFTING, None, hurried=self._hurried)
+            left = iterate(matrix, self._first(), force, x, LIFTING, None)
             if not left <= ENOUGH * LIFTING:
                 raise NotConverged(
                     f"Conjugate gradients with multigrid left {left:.0e} of the forces under the"

@@ -20,16 +20,18 @@ from petsc4py import PETSc
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.runtime.garbage import free_dropped
-from erc_contact.base.sparse import as_entries
+from erc_contact.base.sparse import as_entries, for_products
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
-from erc_contact.newton.linear.choice import factor_is_cheaper
+from erc_contact.newton.linear.choice import cycles_of_factor
 from erc_contact.newton.linear.elastic import ElasticEquations
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, hold, weak_share
 from erc_contact.newton.linear.krylov import (
     CG_LIMIT,
     FACTOR_LIMIT,
+    SLOW,
+    TRIAL,
     conjugate_gradients,
     fgmres,
     preconditioner,
@@ -72,6 +74,7 @@ class Way(NamedTuple):
         matrix: The matrix that it is for.
         limit: Number of iterations that it may take.
         round_off: Residual over the right side that is round-off [-].
+        slow: Fall of the residual in an iteration with which it is given up early [-].
     """
 
     name: str
@@ -79,6 +82,7 @@ class Way(NamedTuple):
     matrix: PETSc.Mat
     limit: int
     round_off: float = 0.0
+    slow: float = np.inf
 
 
 class Multigrid(ElasticEquations):
@@ -105,6 +109,8 @@ class Multigrid(ElasticEquations):
         self._hurried = hurried
         self._hierarchy: Hierarchy | None = None
         self._factor: tuple[Factor, PETSc.PC] | None = None
+        self._factor_cost: float | None = None
+        """Cycles that may take the place of a factor of K; None before a solve."""
         self._matrix: PETSc.Mat | None = None
         self._operator: PETSc.Mat | None = None
 
@@ -160,8 +166,7 @@ class Multigrid(ElasticEquations):
             self.hierarchy.matrix,
             right,
             tolerance,
-            ways=[self._cycle] if self.contact_size else [self._cycle, self._factor_of_sum],
-            hurried=self._hurried,
+            ways=[self._first] if self.contact_size else [self._first, self._factor_of_sum],
         )
 
     def solve(
@@ -172,7 +177,7 @@ class Multigrid(ElasticEquations):
         The loads must do no work on rigid motions that no support holds; u has no part
         in these motions. Without supports it is a correction, of which four digits are
         right by default. A factor of K solves where it costs less than the cycles, as
-        in the plane; slender bodies would take hundreds of them.
+        in the plane; slender bodies and flat cells would take hundreds of them.
 
         Args:
             b: Nodal forces [force], whose ghost contributions are added up here.
@@ -180,16 +185,16 @@ class Multigrid(ElasticEquations):
                 zero.
             tolerance: Residual over the right side [-].
         """
-        ways = self._ways_of_stiffness()
-        if self._cycle in ways:
+        exactly = tolerance or (EXACT if supports else ROUGH)
+        ways = self._ways_of_stiffness(exactly)
+        if len(ways) > 1:
             self.hierarchy.set_share(weak_share(self.model))
         right = self.right_side(b, supports=supports)
         if self.model.free_motions:
             motions = free_motions(self.model, self.matrix)
             self.operator.setNullSpace(motions)
             motions.remove(right)  # its part in the motions is round-off
-        default = EXACT if supports else ROUGH
-        return self._solve_for(self.operator, right, tolerance or default, ways=ways)
+        return self._solve_for(self.operator, right, exactly, ways=ways)
 
     def solve_with_springs(
         self, springs: PETSc.Mat, b: fem.Function, near: fem.Function
@@ -281,7 +286,7 @@ class Multigrid(ElasticEquations):
     def make(self) -> None:
         """Make what solves, a hierarchy and maybe a factor; collective."""
         self.hierarchy.set_share(1.0)
-        if self._factor_of_stiffness == self._ways_of_stiffness()[0]:
+        if self._factor_of_stiffness == self._ways_of_stiffness(EXACT)[0]:
             self._factor_of_stiffness()
 
     def free(self) -> None:
@@ -350,7 +355,6 @@ class Multigrid(ElasticEquations):
         *,
         held: np.ndarray | None = None,
         ways: Sequence[Callable[[], Way]] | None = None,
-        hurried: bool = False,
     ) -> fem.Function:
         """Solve for a right side, which is destroyed.
 
@@ -363,7 +367,6 @@ class Multigrid(ElasticEquations):
                 problem, shape (owned,).
             ways: Make the preconditioners that are tried in turn; None for a cycle, and
                 for a factor where cycles fail.
-            hurried: Whether it gives up early where multigrid is slow.
 
         Raises:
             InputError: If the loads are no numbers.
@@ -382,7 +385,7 @@ class Multigrid(ElasticEquations):
                 x.array[:] = near.x.array[: self.owned] / size
             for make in ways or (self._cycle, self._factor_of_sum):
                 way = make()
-                left = self._iterate(matrix, way, b, x, tolerance, held, hurried=hurried)
+                left = self._iterate(matrix, way, b, x, tolerance, held)
                 if left <= max(ENOUGH * tolerance, way.round_off):
                     break
                 log_of(self.model.space.comm).info(
@@ -407,19 +410,31 @@ class Multigrid(ElasticEquations):
         x: PETSc.Vec,
         tolerance: float,
         held: np.ndarray | None,
-        *,
-        hurried: bool = False,
     ) -> float:
         """Return what conjugate gradients leave of b [-], see :meth:`_solve_for`."""
         return conjugate_gradients(
-            matrix, way.pc, way.matrix, b, x, tolerance, limit=way.limit, hurried=hurried
+            matrix, way.pc, way.matrix, b, x, tolerance, limit=way.limit, slow=way.slow
         )
 
-    def _ways_of_stiffness(self) -> list[Callable[[], Way]]:
-        """Return what makes the preconditioners for K, in the order of trying."""
-        if factor_is_cheaper(self.model):
+    def _ways_of_stiffness(self, tolerance: float, /) -> list[Callable[[], Way]]:
+        """Return what makes the preconditioners for K, in the order of trying.
+
+        Cycles may take as long as a factor. Where the first ones show that they would
+        take longer, the factor goes on, and solves alone from then on.
+
+        Args:
+            tolerance: Residual over the right side [-].
+        """
+        if self._factor_cost is None:
+            self._factor_cost = cycles_of_factor(self.matrix, self.matrix)
+        if self._factor_cost < TRIAL:
             return [self._factor_of_stiffness]
-        return [self._cycle, self._factor_of_stiffness]
+        slow = tolerance ** (1 / self._factor_cost)
+        return [lambda: self._cycle()._replace(slow=slow), self._factor_of_stiffness]
+
+    def _first(self) -> Way:
+        """Return a cycle for the first guess, which may be given up early."""
+        return self._cycle()._replace(slow=SLOW if self._hurried else np.inf)
 
     def _cycle(self) -> Way:
         """Return a cycle of the hierarchy as a preconditioner."""
@@ -444,6 +459,7 @@ class Multigrid(ElasticEquations):
             factor = factorise(held)
             held.destroy()
             self._factor = factor, preconditioner(factor.solve, self.matrix)
+            self._factor_cost = 0.0  # later solves try no cycles
         return Way("a factor", self._factor[1], self.matrix, FACTOR_LIMIT, LEFT_BY_FACTOR)
 
     def _assemble(self) -> None:
@@ -451,8 +467,9 @@ class Multigrid(ElasticEquations):
         if self.model.space.degree == 1:
             self._matrix = self._operator = self._with_places(self.stiffness())
         else:
-            self._operator = self.stiffness_in_blocks()
-            self._matrix = self._with_places(as_entries(self._operator))
+            blocks = self.stiffness_in_blocks()
+            self._matrix = self._with_places(as_entries(blocks))
+            self._operator = for_products(blocks)
 
     def _with_places(self, matrix: PETSc.Mat) -> PETSc.Mat:
         """Add places for all that contacts add to K, and return it.

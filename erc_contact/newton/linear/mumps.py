@@ -5,8 +5,8 @@ about 1e-16 is wrong by a tenth. So each matrix K is factorised as D K D, with p
 two on the diagonal of D that bring the diagonal of D K D between 1/2 and 2. No digit
 changes.
 
-petsc4py has no names for Schur complements, so PETSc's own functions are called through
-ctypes.
+petsc4py has no names for Schur complements and for the symbolic analysis alone, so
+PETSc's own functions are called through ctypes.
 """
 
 from __future__ import annotations
@@ -158,6 +158,31 @@ def factorise(matrix: PETSc.Mat, schur_on: np.ndarray | None = None) -> Factor:
     return Factor(ksp, scaling, schur_on)
 
 
+def operations(matrix: PETSc.Mat) -> float:
+    """Predict the operations of a Cholesky factor of a matrix; collective.
+
+    MUMPS' symbolic analysis tells them from the places of the entries alone. It takes a
+    tenth of the time of a small factor and a hundredth of the time of a large one.
+    """
+    pc = _cholesky(matrix)
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(7, AMF)
+    _call("MatCholeskyFactorSymbolic", factor.handle, matrix.handle, None, None)
+    count = factor.getMumpsRinfog(1)
+    pc.destroy()
+    return float(count)
+
+
+def _cholesky(matrix: PETSc.Mat) -> PETSc.PC:
+    """Return a preconditioner by MUMPS' Cholesky factor, which is not yet made."""
+    pc = PETSc.PC().create(matrix.comm)
+    pc.setOperators(matrix)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    return pc
+
+
 def _scaling(matrix: PETSc.Mat) -> PETSc.Vec:
     """Return the powers of two that bring the diagonal of a matrix near 1.
 
@@ -176,10 +201,8 @@ def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: i
     ksp = PETSc.KSP().create(comm)
     ksp.setOperators(matrix)
     ksp.setType("preonly")
-    pc = ksp.getPC()
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
+    pc = _cholesky(matrix)
+    ksp.setPC(pc)
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(14, workspace)
     factor.setMumpsIcntl(7, AMF if schur_on is None else AMD)
@@ -201,10 +224,11 @@ def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: i
 
 
 _LIBRARY = ctypes.CDLL(PETSc.__file__)
-"""PETSc itself: petsc4py has no names for its Schur complements."""
+"""PETSc itself: petsc4py has no names for Schur complements and symbolic factors."""
 _HANDLE, _ADDRESS, _ENUM = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int
 """C's types of a PETSc object, of the address of a result, and of an enumeration."""
 _ARGUMENTS = {
+    "MatCholeskyFactorSymbolic": (_HANDLE, _HANDLE, _HANDLE, _HANDLE),
     "MatFactorSetSchurIS": (_HANDLE, _HANDLE),
     "MatFactorGetSchurComplement": (_HANDLE, _ADDRESS, _ADDRESS),
     "MatFactorRestoreSchurComplement": (_HANDLE, _ADDRESS, _ENUM),

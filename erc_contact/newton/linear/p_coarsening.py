@@ -5,6 +5,8 @@ with this interpolation P the coarse matrix is ``P^T A P``, the stiffness of deg
 with an eighth of the unknowns in 3D. Algebraic multigrid goes on from there. It
 makes aggregates of the few entries of degree 1, where rigid motions at the vertices say
 all; on the matrix of degree 2 its set-up costs more than all cycles of a linear solve.
+Where a factor of degree 1 costs no more than a cycle or two, as in assemblies of small
+solids and in layers, it takes the place of algebraic multigrid.
 
 The smoother is Chebyshev's method with the diagonal, which does not know ranks. The
 blocks of the nodes need as many cycles, and PETSc keeps their inverses when the matrix
@@ -21,8 +23,15 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults, with_options
+from erc_contact.newton.linear.amg import (
+    AMG_PREFIX,
+    rigid_motions,
+    with_defaults,
+    with_factor,
+    with_options,
+)
 from erc_contact.newton.linear.changed import SUBSET
+from erc_contact.newton.linear.choice import factor_below
 
 FINE_PREFIX = "erc_contact_degree_2_"
 """Prefix of PETSc options, as in ``-erc_contact_degree_2_mg_levels_ksp_max_it 3``.
@@ -60,7 +69,7 @@ class TwoLevels:
         interpolation: P; its rows and columns are zero where supports fix a component.
         coarse: The coarse matrix.
         pc: PETSc's preconditioner of the fine matrix, a cycle on both levels.
-        algebraic: Preconditioner of the coarse matrix, algebraic multigrid.
+        algebraic: Preconditioner of the coarse matrix, algebraic multigrid or a factor.
     """
 
     def __init__(
@@ -90,13 +99,17 @@ class TwoLevels:
         self.pc.setMGLevels(2)
         self.pc.setMGInterpolation(1, self.interpolation)
         below = self.pc.getMGCoarseSolve()
-        below.setType("richardson")
-        below.setNormType(PETSc.KSP.NormType.NONE)
-        below.setTolerances(max_it=CYCLES_BELOW)
         below.setOperators(self.coarse)
         self.algebraic = below.getPC()
         self.algebraic.setOptionsPrefix(AMG_PREFIX)
-        with_defaults(self.algebraic)
+        if factor_below(self.coarse, terms[0]):
+            below.setType("preonly")
+            with_factor(self.algebraic)
+        else:
+            below.setType("richardson")
+            below.setNormType(PETSc.KSP.NormType.NONE)
+            below.setTolerances(max_it=CYCLES_BELOW)
+            with_defaults(self.algebraic)
         with_options(self.pc, FINE_OPTIONS)
         below.destroy()
 
