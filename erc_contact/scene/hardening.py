@@ -134,8 +134,10 @@ class HardeningCurve(Hardening):
             (50.0, 50.5, 90.0)
         """
         least = self.stress[0] * LEAST_SLOPE * np.array(self.plastic_strain)
-        above = np.maximum.accumulate(np.array(self.stress) - least)
-        return HardeningCurve(self.plastic_strain, (above + least).tolist())
+        given = np.array(self.stress)
+        above = np.maximum.accumulate(given - least)
+        raised = np.where(above > given - least, above + least, given)
+        return HardeningCurve(self.plastic_strain, raised.tolist())
 
     @property
     def last_slope(self) -> float:
@@ -246,16 +248,16 @@ def _numbers(name: str, values: Any) -> tuple[float, ...]:
     return tuple(row.tolist())
 
 
-def _check_sizes(strains: int, stresses: int) -> None:
+def _check_sizes(points: int, values: int) -> None:
     """Check the number of points."""
-    if strains != stresses:
+    if points != values:
         raise InputError(
-            f"HardeningCurve: there are {strains} plastic strains and {stresses} stresses; give "
+            f"HardeningCurve: there are {points} plastic strains and {values} stresses; give "
             "one stress for each strain."
         )
-    if not 2 <= strains <= MOST_POINTS:
+    if not 2 <= points <= MOST_POINTS:
         raise InputError(
-            f"HardeningCurve: there are {strains} points; give 2 to {MOST_POINTS}. For a single "
+            f"HardeningCurve: there are {points} points; give 2 to {MOST_POINTS}. For a single "
             "slope give numbers, yield_stress= and hardening=."
         )
 

@@ -272,6 +272,11 @@ def _polygon_of(region: str, hardening: Slope, yield_stress: Any) -> _Polygon:
             f"Plastic: beside a curve, yield_stress{where} is {yield_stress!r} and hardening "
             f"{hardening!r}; give a number for each, or a curve for both."
         )
+    if not hardening > 0.0:
+        raise InputError(
+            f"Plastic: beside a curve, hardening{where} is {hardening:g}; it must be > 0 "
+            "[force/area], e.g. 1% of E."
+        )
     return _Polygon(float(yield_stress), [], float(hardening))
 
 

@@ -171,6 +171,7 @@ def test_a_polygon_is_near_its_function(function, share):
     assert (polygon >= exact * (1 - share)).all()
     assert (polygon <= exact * (1 + 1e-12)).all()
     taken = function.polygon()
+    assert CURVE.polygon() == CURVE
     assert taken.plastic_strain == curve.plastic_strain
     assert (np.diff(taken.stress) >= 0.0999 * exact[0] * np.diff(taken.plastic_strain)).all()
 
@@ -197,6 +198,10 @@ def test_a_polygon_is_near_its_function(function, share):
         (
             lambda: ec.Plastic(1.0, 0.3, {"b": lambda x: x[0]}, {"a": CURVE, "b": 1.0}),
             "beside a curve, yield_stress in 'b'",
+        ),
+        (
+            lambda: ec.Plastic(1.0, 0.3, {"b": 1.0}, {"a": CURVE, "b": 0.0}),
+            "hardening in 'b' is 0",
         ),
     ],
 )
