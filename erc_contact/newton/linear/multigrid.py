@@ -24,8 +24,8 @@ from erc_contact.base.sparse import as_entries, for_products
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.changed import DIFFERENT
-from erc_contact.newton.linear.choice import cycles_of_factor
 from erc_contact.newton.linear.elastic import ElasticEquations
+from erc_contact.newton.linear.factor_cost import cycles_of_factor
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, hold, weak_share
 from erc_contact.newton.linear.krylov import (
     CG_LIMIT,

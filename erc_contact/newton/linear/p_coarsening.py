@@ -31,7 +31,7 @@ from erc_contact.newton.linear.amg import (
     with_options,
 )
 from erc_contact.newton.linear.changed import SUBSET
-from erc_contact.newton.linear.choice import factor_below
+from erc_contact.newton.linear.factor_cost import factor_below
 
 FINE_PREFIX = "erc_contact_degree_2_"
 """Prefix of PETSc options, as in ``-erc_contact_degree_2_mg_levels_ksp_max_it 3``.
