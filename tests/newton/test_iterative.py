@@ -22,7 +22,7 @@ from test_newton import Saturating, triangle
 import erc_contact as ec
 from erc_contact.model.promises import bind
 from erc_contact.newton.forms import ContactForms
-from erc_contact.newton.linear import amg, choice, krylov, multigrid
+from erc_contact.newton.linear import amg, choice, factor_cost, krylov, multigrid
 from erc_contact.newton.linear.stiffness import contact_layer
 
 METHODS = {
@@ -183,7 +183,7 @@ def test_the_hierarchy_follows_the_tangent(method, monkeypatch):
 @pytest.mark.parametrize("below", ["factor", "multigrid"])
 def test_cycles_at_degree_2(below, monkeypatch):
     """A coarse matrix of degree 1 that is wrong, or does not follow the contact, takes more cycles."""
-    monkeypatch.setattr(choice, "CHEAP_BELOW", np.inf if below == "factor" else 0.0)
+    monkeypatch.setattr(factor_cost, "CHEAP_BELOW", np.inf if below == "factor" else 0.0)
     scene, _ = pressed_cube(friction=0.3)
     elastic = multigrid.Multigrid(bind(scene, cube(n=5), 2))
     cycles = []
@@ -390,7 +390,7 @@ def test_rebalance_falls_back_where_multigrid_is_slow(monkeypatch):
     scene, domain = SCENES["cube"]()
     solution = ec.solve(scene, domain, solver="iterative")
     # A factor costs so much that cycles solve.
-    monkeypatch.setattr(choice, "OPERATIONS_OF_CYCLE", 1e-3)
+    monkeypatch.setattr(factor_cost, "OPERATIONS_OF_CYCLE", 1e-3)
     expected = eps(solution)
     # And now they fail.
     monkeypatch.setattr(multigrid, "CG_LIMIT", 8)
