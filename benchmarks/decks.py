@@ -95,7 +95,7 @@ def fate(path: Path, *, solve: bool, with_ccx: bool) -> tuple[str, ec.Deck | Non
 def differences(path: Path, deck: ec.Deck, result: Any) -> str:
     """Return the greatest differences from CalculiX, in words."""
     sets = [support.facets for support in deck.scene.supports if " " not in support.facets]
-    prints = "".join(f"*NODE PRINT, NSET={name}, TOTALS=ONLY\nRF\n" for name in sets)
+    prints = "".join(f"*NODE PRINT, NSET={name}\nRF\n" for name in sets)
     text = path.read_text("latin-1")
     text = re.sub(r"(?im)^\*end ?step", f"*NODE FILE\nU\n{prints}*END STEP", text)
     with tempfile.TemporaryDirectory() as folder:
@@ -177,14 +177,20 @@ def without_motions(x: np.ndarray, u: np.ndarray, *, ring: bool) -> np.ndarray:
 
 
 def forces_of(table: str) -> dict[str, np.ndarray]:
-    """Return the last total force on each set of nodes of a table of CalculiX."""
-    result = {}
-    lines = table.splitlines()
-    for number, line in enumerate(lines):
-        if "total force" in line:
-            name = line.split("for set")[1].split()[0]
-            result[name] = np.array([float(word) for word in lines[number + 2].split()])
-    return result
+    """Return the last force on each set of nodes of a table of CalculiX.
+
+    Nodes that a set lists twice count once; in CalculiX' own totals they count twice.
+    """
+    of_nodes: dict[str, dict[str, list[float]]] = {}
+    name = ""
+    for line in table.splitlines():
+        words = line.split()
+        if "for set" in line:
+            name = line.split("for set")[1].split()[0] if line.startswith(" forces") else ""
+            of_nodes[name] = {}
+        elif name and len(words) == 4:
+            of_nodes[name][words[0]] = [float(word) for word in words[1:]]
+    return {name: np.sum(list(nodes.values()), axis=0) for name, nodes in of_nodes.items() if nodes}
 
 
 def main() -> None:

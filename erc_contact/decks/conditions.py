@@ -444,7 +444,7 @@ def _read_tensors(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         xx, yy, zz, xy, xz, yz = numbers
         tensor = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
         for cell in reading.mesh.cells(row[0], space):
-            known, first = reading.at_rest.setdefault(int(cell), (tensor, card))
+            known, first = reading.tensors.setdefault(int(cell), (tensor, card))
             if first.get("TYPE").upper() != card.get("TYPE").upper():
                 reading.told.refuse(card, f"{first.place} has a tensor of element {row[0]}, too.")
                 return

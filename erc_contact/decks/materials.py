@@ -217,9 +217,9 @@ def eigenstrains_of(
     """
     result = {}
     for region, cells in regions.items():
-        if int(cells[0]) not in reading.at_rest:
+        if int(cells[0]) not in reading.tensors:
             continue
-        tensor, card = reading.at_rest[int(cells[0])]
+        tensor, card = reading.tensors[int(cells[0])]
         if card.get("TYPE").upper() == PLASTIC_STRAIN:
             result[region] = tensor
             continue

@@ -196,7 +196,7 @@ class DeckReading:
         penalty: "hard" or "kept": what a pressure over an overclosure is.
         steps: Its steps, with what they prescribe.
         is_ring: Whether the body is axisymmetric.
-        at_rest: The stress [force/area] or the plastic strain [-] of a cell at the
+        tensors: The stress [force/area] or the plastic strain [-] of a cell at the
             beginning, and its card, which says what of both it is.
         shares: Thickness of each cell over the thickness of the body, else 1 [-].
         current: What the cards belong to that come next: a material, an interaction, a
@@ -220,7 +220,7 @@ class DeckReading:
     pretensions: list[Pretension] = field(default_factory=list)
     transforms: list[Axes] = field(default_factory=list)
     initial: dict[int, float] = field(default_factory=dict)
-    at_rest: dict[int, tuple[Tensor, Card]] = field(default_factory=dict)
+    tensors: dict[int, tuple[Tensor, Card]] = field(default_factory=dict)
 
     def below(self, card: Card, kind: type[Parent], keyword: str) -> Parent | None:
         """Return what a card belongs to; refuse a card that stands below no keyword."""

@@ -56,7 +56,7 @@ def _numbers_of_tensors(reading: DeckReading) -> np.ndarray:
     """Return a number of the tensor that each cell has at the beginning, 0 without."""
     numbers = np.zeros(reading.mesh.body.count, dtype=np.int64)
     known: dict[Tensor, int] = {}
-    for cell, (tensor, _) in reading.at_rest.items():
+    for cell, (tensor, _) in reading.tensors.items():
         numbers[cell] = known.setdefault(tensor, len(known) + 1)
     return numbers
 

@@ -173,7 +173,7 @@ def edges_of(shape: str) -> np.ndarray:
 
 
 def _tetrahedra_as_collapsed(corners: np.ndarray) -> np.ndarray:
-    """Return corners of cells, of hexahedra with four different ones in one order.
+    """Return corners of cells; four different corners of a hexahedron in one order.
 
     LS-DYNA gives a tetrahedron as a hexahedron whose last five corners are one, and its
     first side would have four corners that are not in a plane.

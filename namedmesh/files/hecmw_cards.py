@@ -50,7 +50,7 @@ def _of_abaqus(card: Card) -> Iterator[Card]:
         keyword = SETS.get(card.keyword, card.keyword)
         yield Card(keyword, parameters, card.lines, card.place)
     if card.keyword == "SGROUP":
-        yield from _surface(card, parameters["NAME"])
+        yield from _surface(card, card.get("SGRP"))
 
 
 def _surface(card: Card, name: str) -> Iterator[Card]:

@@ -51,10 +51,11 @@ def mesh_of_aster(path: Path) -> FileMesh:
         cells = CELLS.match(keyword)
         if keyword in POINTS:
             table = _table(keyword, words, POINTS[keyword])
-            numbers.update({word: len(numbers) + i for i, word in enumerate(table[:, 0])})
-            points.append(
-                in_space(np.char.replace(np.char.upper(table[:, 1:]), "D", "E").astype(float))
-            )
+            first = sum(map(len, points))
+            numbers.update({word: first + i for i, word in enumerate(table[:, 0].tolist())})
+            # Exponents of Fortran begin with a D.
+            places = np.char.replace(np.char.upper(table[:, 1:]), "D", "E")
+            points.append(in_space(places.astype(float)))
         elif cells:
             rows.append((cells[1], _table(keyword, words, int(cells[2]))))
         elif keyword in GROUPS and (name or words):

@@ -56,7 +56,7 @@ class _Keyword:
 
 
 @dataclass
-class _Deck:
+class _Keyfile:
     """Collect what a deck has.
 
     Attributes:
@@ -84,7 +84,7 @@ def mesh_of_dyna(path: Path) -> FileMesh:
     Raises:
         InputError: If it has no nodes, or a keyword that moves nodes.
     """
-    deck = _Deck()
+    deck = _Keyfile()
     for keyword in _keywords(path, Included(path.resolve().parent), ()):
         _add(deck, keyword)
     if not deck.nodes:
@@ -205,7 +205,7 @@ def _integers(words: list[str]) -> list[int]:
     return [int(_number(word)) for word in words]
 
 
-def _add(deck: _Deck, keyword: _Keyword) -> None:
+def _add(deck: _Keyfile, keyword: _Keyword) -> None:
     """Add what a keyword says to a deck."""
     wide = max(keyword.width, OF_SETS)
     name = keyword.name
@@ -245,7 +245,7 @@ def _elements(kind: str, rows: list[list[int]]) -> Iterator[list[int]]:
         yield [number, part, *nodes[:SLOTS], *[0] * (SLOTS - len(nodes))]
 
 
-def _add_set(deck: _Deck, keyword: _Keyword, wide: int) -> None:
+def _add_set(deck: _Keyfile, keyword: _Keyword, wide: int) -> None:
     """Add a set of nodes, of segments or of parts."""
     name = keyword.name.removeprefix("SET_")
     lines = [line for line in keyword.lines if line]
@@ -296,7 +296,7 @@ def _shapes(kind: str, table: np.ndarray) -> Iterator[tuple[str, np.ndarray, int
         yield "hexahedron", rows, 20 if (rows[:, 21] > 0).any() else 8
 
 
-def _element_sets(deck: _Deck, parts: list[np.ndarray]) -> list[ElementSet]:
+def _element_sets(deck: _Keyfile, parts: list[np.ndarray]) -> list[ElementSet]:
     """Return the parts and the sets of parts; equal titles get the parts' numbers."""
     counts = Counter(deck.titles.values())
     sets = []

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from erc_contact.model.motions.rigid_shapes import translations_and_rotations
+from erc_contact.newton.linear.mumps import AMF
 from namedmesh.base.communicators import lasting
 
 AMG_PREFIX = "erc_contact_elastic_"
@@ -22,6 +23,15 @@ OPTIONS = {
     "mg_levels_pc_type": "sor",
 }
 """Options that the user's override."""
+FACTOR_OPTIONS = {
+    "pc_type": "lu",
+    "pc_factor_mat_solver_type": "mumps",
+    "mat_mumps_icntl_7": AMF,
+}
+"""Options of a factor in place of algebraic multigrid, which the user's override, too.
+
+A tangent with friction is not symmetric.
+"""
 RICHARDSON = 2
 """Greatest number of ranks with Richardson's method as smoother.
 
@@ -36,6 +46,11 @@ def with_defaults(pc: PETSc.PC) -> None:
     """Set up algebraic multigrid from PETSc's options, and :data:`OPTIONS`."""
     smoother = "richardson" if pc.comm.size <= RICHARDSON else "chebyshev"
     with_options(pc, {**OPTIONS, "mg_levels_ksp_type": smoother})
+
+
+def with_factor(pc: PETSc.PC) -> None:
+    """Set up a factor from PETSc's options, and :data:`FACTOR_OPTIONS`."""
+    with_options(pc, FACTOR_OPTIONS)
 
 
 def with_options(pc: PETSc.PC, defaults: Mapping[str, object]) -> None:

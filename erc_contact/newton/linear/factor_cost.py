@@ -1,9 +1,4 @@
-"""Predict the cost of a factor, in cycles of multigrid.
-
-A factor of a compact body in 3D has many more operations than the factor of a body with
-as many unknowns that is a sheet, a bar, or an assembly of small solids. So no number of
-unknowns tells the cost: MUMPS' symbolic analysis does.
-"""
+"""Predict what a factor costs, in cycles of multigrid, from its symbolic analysis."""
 
 from __future__ import annotations
 

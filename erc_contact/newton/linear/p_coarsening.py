@@ -23,10 +23,15 @@ from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.amg import AMG_PREFIX, rigid_motions, with_defaults, with_options
+from erc_contact.newton.linear.amg import (
+    AMG_PREFIX,
+    rigid_motions,
+    with_defaults,
+    with_factor,
+    with_options,
+)
 from erc_contact.newton.linear.changed import SUBSET
 from erc_contact.newton.linear.factor_cost import factor_below
-from erc_contact.newton.linear.mumps import AMF
 
 FINE_PREFIX = "erc_contact_degree_2_"
 """Prefix of PETSc options, as in ``-erc_contact_degree_2_mg_levels_ksp_max_it 3``.
@@ -39,15 +44,6 @@ FINE_OPTIONS = {
     "mg_levels_pc_type": "jacobi",
 }
 """Options that the user's override."""
-FACTOR_OPTIONS = {
-    "pc_type": "lu",
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_7": AMF,
-}
-"""Options of a factor in place of algebraic multigrid; the user's override them.
-
-A tangent with friction is not symmetric.
-"""
 CYCLES_BELOW = 2
 """Cycles on the coarse matrix in one cycle on both.
 
@@ -108,7 +104,7 @@ class TwoLevels:
         self.algebraic.setOptionsPrefix(AMG_PREFIX)
         if factor_below(self.coarse, terms[0]):
             below.setType("preonly")
-            with_options(self.algebraic, FACTOR_OPTIONS)
+            with_factor(self.algebraic)
         else:
             below.setType("richardson")
             below.setNormType(PETSc.KSP.NormType.NONE)
