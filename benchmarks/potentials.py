@@ -3,7 +3,8 @@
 A scene is a body in the plane, of revolution or in 3D, or two bodies in the plane,
 pressed and pushed by displacements and loads on a foundation, without friction or with
 Tresca friction, of degree 1 or 2, by Nitsche's method or the augmented Lagrangian. Its
-law is plasticity with isotropic, kinematic or both hardenings, 1% to 100% of E, and
+law is plasticity with isotropic, kinematic or both hardenings, 1% to 100% of E, or by
+a curve with convex parts and flat ones, alone or with kinematic hardening, and
 loads from below yielding to ten times as much; or two moduli in tension and
 compression; or fibres that carry tension only. A reference is three uniform refinements
 finer (two in 3D), of degree 2: the exact energy J(u) is in its interval. Told are
@@ -18,8 +19,10 @@ finer (two in 3D), of degree 2: the exact energy J(u) is in its interval. Told a
 A history loads, unloads and loads again, each time in another way. Its last step is
 tested against a reference that begins with the same state.
 
-    OMP_NUM_THREADS=1 python benchmarks/potentials.py [scenes|histories|rates] [seed]
-    [count]
+    OMP_NUM_THREADS=1 python benchmarks/potentials.py
+        [scenes|histories|curves|curve_histories|rates] [seed] [count]
+
+Of ``curves`` and ``curve_histories`` all laws harden by curves.
 
 ``rates`` prints eps against unknowns with ``Mark`` for a plastic layer. With it seed
 and count mean nothing.
@@ -29,6 +32,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 from typing import Any
@@ -112,6 +116,10 @@ class Row:
     seconds: float
 
 
+MakesLaw = Callable[[np.random.Generator, str], tuple[Any, str]]
+"""Makes a random law of a kind of mesh, and tells it in words."""
+
+
 def random_law(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
     """Make a law, and tell it in words."""
     hypothesis = HYPOTHESES[kind]
@@ -130,10 +138,24 @@ def random_law(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
     return law, f"{name} {slope:.1%}"
 
 
-def random_body(rng: np.random.Generator) -> Body:
+def random_curve(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
+    """Make a law that hardens by a curve, and tell it in words."""
+    count = int(rng.integers(2, 9))
+    steps = YIELD * 10 ** rng.uniform(-1, 0.5, count)
+    slopes = E * 10 ** rng.uniform(-2, 0, count) * (rng.random(count) > 0.2)
+    strain = np.append(0.0, np.cumsum(steps))
+    stress = YIELD + np.append(0.0, np.cumsum(slopes * steps))
+    curve = ec.HardeningCurve(strain.tolist(), stress.tolist())
+    kinematic = float(rng.choice([0.0, 0.05]))
+    nu = float(rng.uniform(0.0, 0.45))
+    law = ec.Plastic(E, nu, None, curve, kinematic, HYPOTHESES[kind])
+    return law, f"curve of {count + 1} points, kinematic {kinematic:.0%}"
+
+
+def random_body(rng: np.random.Generator, make: MakesLaw = random_law) -> Body:
     """Make a body with its contacts."""
     kind = str(rng.choice([PLANE, RINGS, SPACE], p=[0.55, 0.25, 0.2]))
-    law, words = random_law(rng, kind)
+    law, words = make(rng, kind)
     is_double = kind == PLANE and rng.random() < 0.3
     if kind == SPACE:
         domain = ec.box((0.0, 0.0, 0.0), (WIDTH, 1.0, 1.0), cells=(2, 1, 1))
@@ -254,9 +276,9 @@ def study(kind: str, seed: int, count: int) -> None:
     failed = 0
     for number in range(count):
         rng = scene_generator(seed, number)
-        body = random_body(rng)
+        body = random_body(rng, random_curve if kind.startswith("curve") else random_law)
         try:
-            if kind == "histories":
+            if kind.endswith("histories"):
                 row = run_history(rng, body)
             else:
                 row = measured(body, random_loads(rng, body))
@@ -324,7 +346,7 @@ def main(kind: str = "scenes", seed: str = "0", count: str = "") -> None:
     if kind == "rates":
         rates()
     else:
-        study(kind, int(seed), int(count or {"scenes": 100, "histories": 20}[kind]))
+        study(kind, int(seed), int(count or (20 if kind.endswith("histories") else 100)))
 
 
 if __name__ == "__main__":

@@ -72,9 +72,11 @@ from erc_contact.scene.goal import (
     Slip,
     StressIntensity,
 )
+from erc_contact.scene.hardening import HardeningCurve, Swift, Voce
 from erc_contact.scene.law import Coulomb, Law, Orthotropic, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
+from erc_contact.scene.orthotropic import OrthotropicElastic
 from erc_contact.scene.plastic import Plastic
 from erc_contact.scene.potential import Potential, Remembering
 from erc_contact.scene.scene import Scene
@@ -120,6 +122,7 @@ __all__ = [
     "Foundation",
     "Functional",
     "GivenStrain",
+    "HardeningCurve",
     "History",
     "InputError",
     "Law",
@@ -135,6 +138,7 @@ __all__ = [
     "NotHeldError",
     "Opening",
     "Orthotropic",
+    "OrthotropicElastic",
     "Oscillations",
     "Plastic",
     "Potential",
@@ -153,6 +157,7 @@ __all__ = [
     "Step",
     "Strategy",
     "StressIntensity",
+    "Swift",
     "Symmetry",
     "ThermalStrain",
     "Tied",
@@ -160,6 +165,7 @@ __all__ = [
     "Traction",
     "Tresca",
     "Uniform",
+    "Voce",
     "adapt",
     "assembly",
     "box",

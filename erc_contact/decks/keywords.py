@@ -74,8 +74,8 @@ KEYWORDS = (
     _taken("DENSITY", "mass per volume", "`ec.BodyForce`"),
     _taken(
         "PLASTIC",
-        "von Mises plasticity, one or two lines",
-        "`ec.Plastic(E, nu, yield_stress, hardening)`",
+        "von Mises plasticity, linear or by a curve",
+        "`ec.Plastic(E, nu, yield_stress, hardening)`, `ec.HardeningCurve`",
     ),
     _taken(
         "SOLID SECTION",

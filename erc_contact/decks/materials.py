@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.decks.heat import at_temperatures
 from erc_contact.decks.reading import (
     PLASTIC_STRAIN,
@@ -17,6 +18,7 @@ from erc_contact.decks.reading import (
     Tensor,
 )
 from erc_contact.decks.told import number_of, numbers_in
+from erc_contact.scene.hardening import HardeningCurve
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
 from erc_contact.scene.plastic import Plastic
 from namedmesh.for_solvers import Card, DeckSpace
@@ -65,7 +67,7 @@ def read_density(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 
 def read_plastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
-    """Read von Mises plasticity with linear hardening: one or two lines."""
+    """Read von Mises plasticity: the yield stress by the plastic strain."""
     material = reading.below(card, MaterialCards, "MATERIAL")
     rows = [numbers_in(card, line) for line in range(len(card.lines))]
     hardening = card.get("HARDENING").upper()
@@ -73,12 +75,10 @@ def read_plastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         reading.told.refuse(card, f"HARDENING={hardening}: ISOTROPIC and KINEMATIC are read.")
     elif any(len(row) > 2 and row[2] != rows[0][2] for row in rows):
         reading.told.refuse(card, "it depends on temperature; keep the lines of one temperature.")
-    elif not 1 <= len(rows) <= 2:
-        reading.told.refuse(
-            card,
-            f"a curve of {len(rows)} lines: hardening is linear; keep two lines that are near it "
-            "for the strains that are expected.",
-        )
+    elif not rows:
+        reading.told.refuse(card, "it has no line; give the yield stress and 0.")
+    elif len(rows) > 2 and hardening == "KINEMATIC":
+        reading.told.refuse(card, "kinematic hardening is linear; keep two lines near the curve.")
     elif material:
         material.plastic = rows
         material.kinematic = hardening == "KINEMATIC"
@@ -187,9 +187,22 @@ def material_of(
 
 def _plastic_of(
     reading: DeckReading, material: MaterialCards, E: Any, nu: Any, hypothesis: str
-) -> Plastic:
-    """Return the plastic law of a material."""
+) -> Plastic | None:
+    """Return the plastic law of a material; None if it is refused."""
     rows = material.plastic
+    if len(rows) > 2:
+        try:
+            curve = HardeningCurve([row[1] for row in rows], [row[0] for row in rows])
+        except InputError as reason:
+            reading.told.refuse(material.card, f"{material.name!r}: *PLASTIC is no curve. {reason}")
+            return None
+        if curve.polygon() != curve:
+            reading.told.assume(
+                material.card,
+                f"{material.name!r} hardens by a tenth of its yield stress per unit of plastic "
+                "strain where *PLASTIC hardens less, as no error is certified without",
+            )
+        return Plastic(E, nu, hardening=curve, hypothesis=hypothesis)
     slope = 0.0
     if len(rows) == 2:
         slope = (rows[1][0] - rows[0][0]) / (rows[1][1] - rows[0][1])

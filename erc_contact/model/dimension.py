@@ -8,10 +8,9 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.data.values import parameter
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.model.space import Space
-from erc_contact.scene.material import PLANE_STRAIN, is_axisymmetric
+from erc_contact.scene.material import PLANE_STRAIN, is_axisymmetric, parameter
 from erc_contact.scene.scene import Scene
 
 

@@ -15,9 +15,10 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import sum_of, varies_in_cells
 from erc_contact.model.data.users import IN_UFL, call_of_user, vector
-from erc_contact.model.data.values import DATA_DEGREE, parameter, value_of, without_plain_numbers
+from erc_contact.model.data.values import DATA_DEGREE, value_of, without_plain_numbers
 from erc_contact.model.space import Space
 from erc_contact.scene.load import Load
+from erc_contact.scene.material import parameter
 from namedmesh.simplex import rule
 
 

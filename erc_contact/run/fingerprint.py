@@ -33,8 +33,7 @@ from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.versions import versions
 from erc_contact.model.data.users import vector
-from erc_contact.model.data.values import parameter
-from erc_contact.scene.material import mandel_matrix, tensor_basis
+from erc_contact.scene.material import mandel_matrix, parameter, tensor_basis
 from erc_contact.scene.potential import has_potential
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain

@@ -215,14 +215,40 @@ class Material(Protocol):
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
+def values_in_space(material: Any) -> dict[str, Any]:
+    """Return the parameters of a material by their names.
+
+    A law whose attributes are no numbers tells them by a method of this name.
+
+    Raises:
+        InputError: If there is no attribute of a name.
+    """
+    if hasattr(material, "values_in_space"):
+        return dict(material.values_in_space())
+    return {name: parameter(material, name) for name in material.parameters}
+
+
+def parameter(owner: Any, name: str) -> Any:
+    """Return the value of a parameter of a material, law or load.
+
+    Raises:
+        InputError: If there is no attribute of this name.
+    """
+    if not hasattr(owner, name):
+        raise InputError(
+            f"{type(owner).__name__} has {name!r} among its parameters and no such attribute;"
+            " add it, or mend the name."
+        )
+    return getattr(owner, name)
+
+
 def check_numbers(material: Any) -> None:
     """Check the parameters of a material that are numbers by its own ``check``.
 
     Raises:
         InputError: If one is neither a number nor a callable, or is not allowed.
     """
-    for name in material.parameters:
-        value = getattr(material, name)
+    for name, value in values_in_space(material).items():
         numbers = value.values() if isinstance(value, Mapping) else [value]
         for number in numbers:
             if callable(number):

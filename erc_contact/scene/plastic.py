@@ -2,19 +2,24 @@
 
 Symbols: e deviator of the strain less the plastic strain p [-], q von Mises stress
 ``sqrt(3/2) |dev sigma|`` [force/area], G shear modulus, K bulk modulus, y yield stress,
-H and H_k isotropic and kinematic hardening modulus, a accumulated plastic strain [-].
+H and H_k isotropic and kinematic hardening modulus, a accumulated plastic strain [-], k
+yield stress at a.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import reduce
+from numbers import Real
+from typing import Any, ClassVar, NamedTuple
 
 import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
+from erc_contact.scene.flow import Flow, Point, flow, polygon, yield_stress_at
+from erc_contact.scene.hardening import Hardening, HardeningCurve
 from erc_contact.scene.material import (
     AXISYMMETRIC,
     PLANE_STRAIN,
@@ -26,20 +31,25 @@ from erc_contact.scene.material import (
 NO_YIELD = 1e100
 """Yield stress that no stress reaches, whatever the unit [force/area]."""
 
+type Slope = Value | Hardening
+"""Isotropic hardening: a slope, or a curve of the yield stress."""
+
 
 @dataclass(frozen=True)
 class Plastic:
-    """Declare von Mises plasticity with linear isotropic and kinematic hardening.
+    """Declare von Mises plasticity with isotropic and linear kinematic hardening.
 
     The body remembers its plastic strain p and the accumulated plastic strain a. In a
     load step, one of implicit Euler, the energy of the step with the new plastic strain
     at its best is convex in the strain. With the trial stress ``s = 2 G e - X``, the
-    back stress ``X = 2/3 H_k p`` and the yield stress ``y_a = y + H a`` it is, with its
-    conjugate::
+    back stress ``X = 2/3 H_k p`` and the yield stress k(a) it is, with its conjugate::
 
-        psi = K (tr eps)^2/2 + G |e|^2 - [q(s) - y_a]_+^2 / (2 (3 G + H + H_k)),
+        psi = K (tr eps)^2/2 + G |e|^2 - F([q(s) - k(a)]_+, 3 G + H_k),
         psi* = (tr sigma)^2/(18 K) + q(sigma)^2/(6 G) + sigma : p
-               + [q(sigma - X) - y_a]_+^2 / (2 (H + H_k)).
+               + F([q(sigma - X) - k(a)]_+, H_k).
+
+    For linear hardening ``k = y + H a`` it is ``F(t, c) = t^2 / (2 (c + H))``; for a
+    curve see :mod:`erc_contact.scene.flow`.
 
     ``solve`` and ``adapt`` make one step from rest; ``evolve`` goes from step to step.
     On a mesh in the plane it is plane strain, or of a body of revolution. Beside it in
@@ -50,10 +60,12 @@ class Plastic:
             from the names of cell regions to either.
         nu: Poisson's ratio [-], in (-1, 1/2); likewise.
         yield_stress: Stress in tension at which yielding begins [force/area], > 0;
-            likewise.
+            likewise. It is left out with a curve, whose first stress it is.
         hardening: Isotropic part of the slope of the stress in tension over the plastic
             strain [force/area], >= 0; likewise. The tangent in tension is ``E h/(E +
-            h)`` with the whole slope h, which must be > 0.
+            h)`` with the whole slope h, which must be > 0. Or a curve of the yield
+            stress: an :class:`HardeningCurve`, :class:`Voce` or :class:`Swift`, or a
+            mapping from regions to curves and numbers.
         kinematic: Kinematic part of this slope, >= 0; likewise. It moves the yield
             surface in the place of widening it.
         hypothesis: "plane strain" or "axisymmetric". A mesh in 3D does not ask.
@@ -64,12 +76,15 @@ class Plastic:
     Example:
         >>> ec.Plastic(E=210e3, nu=0.3, yield_stress=235.0, hardening=2100.0).hardening
         2100.0
+        >>> law = ec.Plastic(E=210e3, nu=0.3, hardening=ec.Voce(235.0, 150.0, 20.0))
+        >>> law.yield_stress
+        235.0
     """
 
     E: Value | Mapping[str, Value]
     nu: Value | Mapping[str, Value]
-    yield_stress: Value | Mapping[str, Value]
-    hardening: Value | Mapping[str, Value]
+    yield_stress: Value | Mapping[str, Value | None] | None = None
+    hardening: Slope | Mapping[str, Slope] = 0.0
     kinematic: Value | Mapping[str, Value] = 0.0
     hypothesis: str = PLANE_STRAIN
 
@@ -77,7 +92,8 @@ class Plastic:
     state: ClassVar[Mapping[str, tuple[int, ...]]] = {"plastic_strain": (3, 3), "accumulated": ()}
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Check the numbers, and take the yield stress of a curve."""
+        self._take_yield_stress()
         check_numbers(self)
         if self.hypothesis == PLANE_STRESS:
             raise InputError(
@@ -89,6 +105,53 @@ class Plastic:
                 f"Plastic: hypothesis is {self.hypothesis!r}; give {PLANE_STRAIN!r} or "
                 f"{AXISYMMETRIC!r}."
             )
+
+    def _take_yield_stress(self) -> None:
+        """Take the yield stress of curves.
+
+        Raises:
+            InputError: If a region has no yield stress, or two.
+        """
+        if self._has_curve:
+            columns = self.values_in_space()
+            object.__setattr__(self, "yield_stress", columns["yield_stress"])
+        elif self.yield_stress is None:
+            raise InputError(
+                "Plastic: yield_stress is left out, and hardening is no curve. Give the yield "
+                "stress [force/area], or hardening=ec.HardeningCurve(plastic_strain, stress)."
+            )
+
+    @property
+    def _has_curve(self) -> bool:
+        """Tell whether a region hardens by a curve."""
+        given = self.hardening
+        slopes = given.values() if isinstance(given, Mapping) else [given]
+        return any(isinstance(slope, Hardening) for slope in slopes)
+
+    def values_in_space(self) -> dict[str, Any]:
+        """Return the parameters; of a curve its points, as many of them in each region.
+
+        Raises:
+            InputError: If a region has no yield stress, or two.
+        """
+        result = {name: getattr(self, name) for name in self.parameters}
+        if not self._has_curve:
+            return result
+        del result["hardening"]
+        if not isinstance(self.hardening, Mapping):
+            curve = _polygon_of("", self.hardening, self.yield_stress)
+            return result | curve.parameters(len(curve.points))
+        curves = {}
+        for region, slope in self.hardening.items():
+            given = self.yield_stress
+            if isinstance(given, Mapping):
+                given = given.get(region)
+            curves[region] = _polygon_of(region, slope, given)
+        count = max(len(curve.points) for curve in curves.values())
+        rows = {region: curve.parameters(count) for region, curve in curves.items()}
+        for name in next(iter(rows.values())):
+            result[name] = {region: row[name] for region, row in rows.items()}
+        return result
 
     @classmethod
     def of_elastic(cls, elastic: Elastic) -> Plastic:
@@ -125,28 +188,29 @@ class Plastic:
 
     def potential(self, strain: Ufl, **values: Ufl) -> Ufl:
         """Return psi of a strain (3, 3) [force/area]."""
-        here = _AtPoint(**values)
+        here = _at_point(**values)
         elastic_strain = here.elastic_strain(strain)
         beyond = here.beyond(here.trial(strain))
         of_shear = here.shear * ufl.inner(elastic_strain, elastic_strain)
         elastic = here.bulk / 2 * ufl.tr(strain) ** 2 + of_shear
-        return elastic - beyond**2 / (2 * (3 * here.shear + here.slope))
+        return elastic - here.flow(beyond, 3 * here.shear + here.kinematic).energy
 
     def conjugate(self, stress: Ufl, **values: Ufl) -> Ufl:
         """Return psi* of a stress (3, 3) [force/area]."""
-        here = _AtPoint(**values)
+        here = _at_point(**values)
         deviator = ufl.dev(stress)
         of_shear = ufl.inner(deviator, deviator) / (4 * here.shear)
         elastic = (1 - 2 * here.nu) / (6 * here.E) * ufl.tr(stress) ** 2 + of_shear
         beyond = here.beyond(deviator - here.back_stress)
-        return elastic + ufl.inner(deviator, here.plastic_strain) + beyond**2 / (2 * here.slope)
+        of_flow = here.flow(beyond, here.kinematic).energy
+        return elastic + ufl.inner(deviator, here.plastic_strain) + of_flow
 
     def new_state(self, strain: Ufl, **values: Ufl) -> dict[str, Ufl]:
         """Return plastic strain and accumulated plastic strain after a step [-]."""
-        here = _AtPoint(**values)
+        here = _at_point(**values)
         trial = here.trial(strain)
         beyond = here.beyond(trial)
-        flow = beyond / (3 * here.shear + here.slope)
+        flow = here.flow(beyond, 3 * here.shear + here.kinematic).amount
         # Where nothing flows, the direction does not matter.
         direction = 1.5 * trial / (beyond + here.limit)
         return {
@@ -154,14 +218,85 @@ class Plastic:
             "accumulated": here.positive_accumulated + flow,
         }
 
-    def convexity(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
+    def convexity(self, E: Ufl, nu: Ufl, kinematic: Ufl, **hardening: Ufl) -> Ufl:
         """Return the share of the elasticity that plastic flow leaves [-]."""
-        slope = hardening + kinematic
+        slopes = [point.slope for point in _points(**hardening)]
+        slope = kinematic + reduce(ufl.min_value, slopes)
         return slope / (slope + 3 * E / (2 * (1 + nu)))
 
-    def modulus(self, E: Ufl, nu: Ufl, yield_stress: Ufl, hardening: Ufl, kinematic: Ufl) -> Ufl:
+    def modulus(self, E: Ufl, **others: Ufl) -> Ufl:
         """Return the modulus that scales contact parameters [force/area]: Young's."""
         return E
+
+
+class _Polygon(NamedTuple):
+    """Hold the hardening of a region: yield stress, points beyond, slope beyond."""
+
+    yield_stress: float
+    points: list[tuple[float, float]]
+    last_slope: float
+
+    def parameters(self, count: int) -> dict[str, float]:
+        """Return the parameters of the law, with ``count`` points.
+
+        Points that are added lie beyond the last one, on its line.
+        """
+        result = {"yield_stress": self.yield_stress, "last_slope": self.last_slope}
+        points = list(self.points)
+        while len(points) < count:
+            strain, stress = points[-1] if points else (0.0, self.yield_stress)
+            points.append((strain + 1.0, stress + self.last_slope))
+        for i, (strain, stress) in enumerate(points):
+            result |= {f"strain_{i}": strain, f"stress_{i}": stress}
+        return result
+
+
+def _polygon_of(region: str, hardening: Slope, yield_stress: Any) -> _Polygon:
+    """Return the hardening of a region.
+
+    Raises:
+        InputError: If it has not exactly one yield stress, or its numbers vary in it.
+    """
+    where = f" in {region!r}" if region else ""
+    if isinstance(hardening, Hardening):
+        curve: HardeningCurve = hardening.polygon()
+        first, *others = zip(curve.plastic_strain, curve.stress, strict=True)
+        if yield_stress not in (None, first[1]):
+            raise InputError(
+                f"Plastic: yield_stress{where} is {yield_stress!r}, and the curve begins with "
+                f"{first[1]:g}. Leave yield_stress out: it is the first stress of the curve."
+            )
+        return _Polygon(first[1], others, curve.last_slope)
+    if not isinstance(hardening, Real) or not isinstance(yield_stress, Real):
+        raise InputError(
+            f"Plastic: beside a curve, yield_stress{where} is {yield_stress!r} and hardening "
+            f"{hardening!r}; give a number for each, or a curve for both."
+        )
+    if not hardening > 0.0:
+        raise InputError(
+            f"Plastic: beside a curve, hardening{where} is {hardening:g}; it must be > 0 "
+            "[force/area], e.g. 1% of E."
+        )
+    return _Polygon(float(yield_stress), [], float(hardening))
+
+
+def _points(yield_stress: Ufl, last_slope: Ufl = None, **others: Ufl) -> list[Point]:
+    """Return the polygon of hardening of parameters, UFL; see :class:`Plastic`.
+
+    Linear hardening has ``hardening`` in the place of ``last_slope``.
+    """
+    if last_slope is None:
+        return polygon(yield_stress, others["hardening"])
+    count = len(others) // 2
+    further = [(others[f"strain_{i}"], others[f"stress_{i}"]) for i in range(count)]
+    return polygon(yield_stress, last_slope, further)
+
+
+def _at_point(
+    E: Ufl, nu: Ufl, kinematic: Ufl, plastic_strain: Ufl, accumulated: Ufl, **hardening: Ufl
+) -> _AtPoint:
+    """Return parameters and state of a point."""
+    return _AtPoint(E, nu, _points(**hardening), kinematic, plastic_strain, accumulated)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +305,7 @@ class _AtPoint:
 
     E: Ufl
     nu: Ufl
-    yield_stress: Ufl
-    hardening: Ufl
+    points: list[Point]
     kinematic: Ufl
     plastic_strain: Ufl
     accumulated: Ufl
@@ -187,11 +321,6 @@ class _AtPoint:
         return self.E / (3 * (1 - 2 * self.nu))
 
     @property
-    def slope(self) -> Ufl:
-        """Return ``H + H_k`` [force/area]."""
-        return self.hardening + self.kinematic
-
-    @property
     def back_stress(self) -> Ufl:
         """Return X, the middle of the yield surface [force/area], shape (3, 3)."""
         return 2 * self.kinematic / 3 * self.plastic_strain
@@ -201,14 +330,18 @@ class _AtPoint:
         """Return a, not below zero [-].
 
         The polynomial of a cell that has yielded in part is below zero beside its
-        nodes, and ``y + H a`` < 0 would have no convex potential.
+        nodes, and a yield stress < 0 would have no convex potential.
         """
         return ufl.max_value(self.accumulated, 0)
 
     @property
     def limit(self) -> Ufl:
-        """Return ``y + H a``, the yield stress of a body that has yielded before."""
-        return self.yield_stress + self.hardening * self.positive_accumulated
+        """Return k(a), the yield stress of a body that has yielded before."""
+        return yield_stress_at(self.points, self.positive_accumulated)
+
+    def flow(self, beyond: Ufl, c: Ufl) -> Flow:
+        """Return the flow at a stress beyond the limit; see :func:`.flow.flow`."""
+        return flow(self.points, self.positive_accumulated, beyond, c)
 
     def elastic_strain(self, strain: Ufl) -> Ufl:
         """Return e, the deviator of a strain less the plastic strain [-], (3, 3)."""
@@ -219,6 +352,6 @@ class _AtPoint:
         return 2 * self.shear * self.elastic_strain(strain) - self.back_stress
 
     def beyond(self, deviator: Ufl) -> Ufl:
-        """Return ``[q - y_a]_+`` of a deviator, with derivatives at q = 0, too."""
+        """Return ``[q - k(a)]_+`` of a deviator, with derivatives at q = 0, too."""
         square = 1.5 * ufl.inner(deviator, deviator)
         return ufl.sqrt(ufl.max_value(square, self.limit**2)) - self.limit

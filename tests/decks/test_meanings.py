@@ -276,6 +276,14 @@ def test_plasticity_with_linear_hardening(read):
     assert np.isclose(risen(deck), 20 * (10 / E + 5 / 100), rtol=1e-6)
 
 
+def test_plasticity_with_a_curve(read):
+    plastic = "*PLASTIC\n5., 0.\n8., 0.01\n15., 0.1\n"
+    deck = read(step("*BOUNDARY\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."), plastic + SECTION)
+    assert deck.scene.material.hardening == ec.HardeningCurve([0.0, 0.01, 0.1], [5.0, 8.0, 15.0])
+    plastic_strain = 0.01 + 0.09 * 2 / 7
+    assert np.isclose(risen(deck), 20 * (10 / E + plastic_strain), rtol=1e-6)
+
+
 def test_a_layer_of_elements_that_is_held_across(read):
     """All nodes are held along y: both planes across y are."""
     deck = read(step("*BOUNDARY\nNall, 2, 2\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."))

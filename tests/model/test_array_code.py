@@ -93,6 +93,6 @@ def test_the_code_of_a_law_has_one_name(part, monkeypatch):
     names = set()
     for _ in range(2):
         law = TwoModuli(1.0, 0.4, 0.2)
-        code = point_law.LawCode(law, law.parameters, True, [0, 1, 2, 3], MPI.COMM_SELF)
+        code = point_law.LawCode(law, law.parameters, {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
         names.add(compute_signature([(getattr(code, part), np.array([[0.5]]))], ""))
     assert len(names) == 1

@@ -31,6 +31,7 @@ from erc_contact.newton.after import last_step
 
 COMM = MPI.COMM_WORLD
 STEEL = ec.Plastic(E=1000.0, nu=0.3, yield_stress=1.0, hardening=30.0, kinematic=70.0)
+CURVED = ec.Plastic(1000.0, 0.3, hardening=ec.Voce(1.0, 0.5, 100.0), kinematic=20.0)
 RINGS = dataclasses.replace(STEEL, hypothesis="axisymmetric")
 
 
@@ -257,7 +258,7 @@ def compared(first, second):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize(("law", "degree"), [(STEEL, 2), (RINGS, 1)])
+@pytest.mark.parametrize(("law", "degree"), [(STEEL, 2), (RINGS, 1), (CURVED, 1)])
 def test_ranks_have_the_same_history(law, degree):
     compared(*(history(comm, degree, law) for comm in (MPI.COMM_SELF, COMM)))
 

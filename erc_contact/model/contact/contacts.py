@@ -35,11 +35,12 @@ from erc_contact.model.contact.normals import (
 from erc_contact.model.contact.trace import Side, Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
-from erc_contact.model.data.values import components, number, parameter
+from erc_contact.model.data.values import components, number
 from erc_contact.model.last_step import LastStep, lost_on_facets
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Law
+from erc_contact.scene.material import parameter
 from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule

@@ -24,7 +24,7 @@ from erc_contact.model.data.expressions import at_cells
 from erc_contact.model.data.tables import on_mesh
 from erc_contact.model.data.users import call_of_user, scalar, vector
 from erc_contact.model.space import Space
-from erc_contact.scene.material import Material
+from erc_contact.scene.material import Material, values_in_space
 from erc_contact.scene.potential import Potential
 from namedmesh.base.checks import description
 from namedmesh.simplex import lattice
@@ -48,20 +48,6 @@ def without_plain_numbers(expression: Ufl, mesh: dmesh.Mesh, *, of_material: boo
         if isinstance(terminal, ufl.classes.FloatValue):
             constants[terminal] = compiled.constant(mesh, float(terminal))
     return ufl.replace(expression, constants)
-
-
-def parameter(owner: Any, name: str) -> Any:
-    """Return the value of a parameter of a material, law or load.
-
-    Raises:
-        InputError: If there is no attribute of this name.
-    """
-    if not hasattr(owner, name):
-        raise InputError(
-            f"{type(owner).__name__} has {name!r} among its parameters and no such attribute;"
-            " add it, or mend the name."
-        )
-    return getattr(owner, name)
 
 
 def number(space: Space, value: Any, what: str, x: Ufl = None, *, of_material: bool = False) -> Ufl:
@@ -132,8 +118,7 @@ def moduli(space: Space, material: Material | Potential) -> dict[str, Ufl]:
             cells once.
     """
     parameters = {}
-    for name in material.parameters:
-        value = parameter(material, name)
+    for name, value in values_in_space(material).items():
         what = f"Material parameter {name}"
         if isinstance(value, Mapping):
             parameters[name] = by_region(space, what, value)

@@ -20,8 +20,9 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import OfNumbers, stand_in
+from erc_contact.model.data.expressions import OfNumbers, line_of_points, stand_in
 from erc_contact.model.data.ranges import Ranges, ranges_of
 from erc_contact.model.data.symbolic import varies_in_cells, without_derivatives, without_variables
 from erc_contact.model.law.law_entries import StateField, entries, size_of, state_after
@@ -102,15 +103,17 @@ class LawCode:
 
     Args:
         potential: The potential.
-        names: Names of its parameters.
+        names: Names of its parameters that are numbers of a point.
+        constants: Values of its other parameters, the same at all points. A compiled
+            part has them as constants, which are not copied to each point.
         is_plane: Whether bodies are in plane strain.
         known: Components of ``mandel_basis(3)`` that stresses of the law have: the
             components of the body, in plane strain with the one out of plane as last.
         comm: The ranks that compile together.
 
     Attributes:
-        row: The numbers of a point: six components of a strain or stress, parameters,
-            state.
+        row: The numbers of a point: six components of a strain or stress, parameters
+            by ``names``, state.
         place_of_state: Place of the state among them.
         has_conjugate: Whether the conjugate is given; else it is looked for.
     """
@@ -119,13 +122,14 @@ class LawCode:
         self,
         potential: Potential,
         names: Sequence[str],
+        constants: Mapping[str, float],
         is_plane: bool,
         known: Sequence[int],
         comm: MPI.Comm,
     ) -> None:
         self.potential = potential
         self.known = list(known)
-        self.kind = tuple(names), is_plane, tuple(known), comm
+        self.kind = tuple(names), dict(constants), is_plane, tuple(known), comm
         self.has_conjugate = gives_conjugate(potential)
         self._attributes = dict(getattr(potential, "__dict__", {}))
         self._is_plane = is_plane
@@ -137,6 +141,9 @@ class LawCode:
         self._values = {name: self.row[6 + i] for i, name in enumerate(names)}
         state = [self.row[i] for i in range(self.place_of_state, size)]
         self._values |= entries(shapes, state)
+        points = line_of_points()
+        for name, value in constants.items():
+            self._values[name] = compiled.constant(points, value)
 
     def is_of(self, potential: Potential) -> bool:
         """Tell whether a law is the same object, with the same attributes as before."""
@@ -206,14 +213,19 @@ _recent: deque[LawCode] = deque(maxlen=8)
 
 
 def law_code(
-    potential: Potential, names: Sequence[str], is_plane: bool, known: Sequence[int], comm: MPI.Comm
+    potential: Potential,
+    names: Sequence[str],
+    constants: Mapping[str, float],
+    is_plane: bool,
+    known: Sequence[int],
+    comm: MPI.Comm,
 ) -> LawCode:
     """Return the code of a law, the same for all its meshes; see :class:`LawCode`."""
-    kind = tuple(names), is_plane, tuple(known), comm
+    kind = tuple(names), dict(constants), is_plane, tuple(known), comm
     for code in _recent:
         if code.is_of(potential) and code.kind == kind:
             return code
-    _recent.append(LawCode(potential, names, is_plane, known, comm))
+    _recent.append(LawCode(potential, names, constants, is_plane, known, comm))
     return _recent[-1]
 
 
@@ -241,7 +253,15 @@ class PointLaw:
         parameters: Mapping[str, Ufl],
         state: StateField | None = None,
     ) -> None:
-        self._parameters = [space.everywhere(value) for value in parameters.values()]
+        values = {name: space.everywhere(value) for name, value in parameters.items()}
+        plain = {
+            name: float(value.plain) for name, value in values.items() if value.plain is not None
+        }
+        # A law whose parameters vary in part has them all at each point: of all laws
+        # there are two kinds of code only.
+        constants = plain if len(plain) == len(values) else {}
+        of_points = {name: value for name, value in values.items() if name not in constants}
+        self._parameters = list(of_points.values())
         self.state = state
         self.is_plane = space.section.rows == 2
         # The last of these, out of plane or hoop, is no component of plane strain.
@@ -253,23 +273,23 @@ class PointLaw:
         self._given_data: np.ndarray | None = None
         self._ranges: list[Ranges | None] = []
         if self.varies_in_cells:
-            self._ranges = [ranges_of(value, space.mesh) for value in parameters.values()]
+            self._ranges = [ranges_of(parameters[name], space.mesh) for name in of_points]
         self._convexity = None
         if tells_convexity(potential):
             share = ufl.as_ufl(potential.convexity(**parameters))
             self._convexity = space.everywhere(share)
         comm = lasting(space.comm)
-        self._code = law_code(potential, list(parameters), self.is_plane, known, comm)
+        self._code = law_code(potential, list(of_points), constants, self.is_plane, known, comm)
 
     @property
     def has_convexity(self) -> bool:
         """Tell whether the law tells how convex it is."""
         return self._convexity is not None
 
-    # -- data: the parameters and the state
+    # -- data: the parameters of points and the state
 
     def data_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """Return the parameters and the state at points, shape (n, q, m)."""
+        """Return the parameters of points and the state, shape (n, q, m)."""
         if self._given_data is not None:
             return self._given_data
         data = np.zeros((*x.shape[:2], self._code.row.ufl_shape[0] - 6))

@@ -31,11 +31,10 @@ from erc_contact.model.data.values import (
     DATA_DEGREE,
     by_region,
     number,
-    parameter,
     without_plain_numbers,
 )
 from erc_contact.model.space import Space
-from erc_contact.scene.material import Material, mandel_basis
+from erc_contact.scene.material import Material, mandel_basis, parameter
 from erc_contact.scene.strain import GivenStrain
 from namedmesh.simplex import rule
 
