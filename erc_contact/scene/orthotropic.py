@@ -42,9 +42,9 @@ ALIGNED = 1e-9
 IN_SPACE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """The axes of the mesh."""
 
-type Three = tuple[Value, Value, Value]
+Three = tuple[Value, Value, Value]
 """Values for three axes, or for the three pairs of them."""
-type Axes = Sequence[Sequence[float]]
+Axes = Sequence[Sequence[float]]
 """Unit vectors, shape (3, 3), or (2, 2) in the plane."""
 
 

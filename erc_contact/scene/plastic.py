@@ -19,7 +19,7 @@ import ufl
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
 from erc_contact.scene.flow import Flow, Point, flow, polygon, yield_stress_at
-from erc_contact.scene.hardening import Hardening, HardeningCurve
+from erc_contact.scene.hardening import Hardening, HardeningCurve, Swift, Voce
 from erc_contact.scene.material import (
     AXISYMMETRIC,
     PLANE_STRAIN,
@@ -31,7 +31,7 @@ from erc_contact.scene.material import (
 NO_YIELD = 1e100
 """Yield stress that no stress reaches, whatever the unit [force/area]."""
 
-type Slope = Value | Hardening
+Slope = Value | HardeningCurve | Voce | Swift
 """Isotropic hardening: a slope, or a curve of the yield stress."""
 
 
@@ -49,7 +49,7 @@ class Plastic:
                + F([q(sigma - X) - k(a)]_+, H_k).
 
     For linear hardening ``k = y + H a`` it is ``F(t, c) = t^2 / (2 (c + H))``; for a
-    curve see :mod:`erc_contact.scene.flow`.
+    curve see ``erc_contact.scene.flow``.
 
     ``solve`` and ``adapt`` make one step from rest; ``evolve`` goes from step to step.
     On a mesh in the plane it is plane strain, or of a body of revolution. Beside it in
