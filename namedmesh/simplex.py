@@ -254,6 +254,37 @@ def determinants(corners: np.ndarray) -> np.ndarray:
     return np.linalg.det(corners[..., 1:, :] - corners[..., :1, :])
 
 
+def inverses(matrices: np.ndarray) -> np.ndarray:
+    """Invert small matrices, of edges of cells for instance; quicker than LAPACK.
+
+    The rows of a matrix are a, b, c; the columns of its inverse are ``b x c``, ``c x
+    a`` and ``a x b`` over the determinant.
+
+    Args:
+        matrices: Regular matrices, shape (..., d, d), d from 1 to 3.
+
+    Example:
+        >>> inverses(np.array([[2.0, 0.0], [0.0, 4.0]]))
+        array([[ 0.5 , -0.  ],
+               [-0.  ,  0.25]])
+    """
+    d = matrices.shape[-1]
+    if d == 1:
+        return 1 / matrices
+    if d == 2:
+        a, b = matrices[..., 0, 0], matrices[..., 0, 1]
+        c, e = matrices[..., 1, 0], matrices[..., 1, 1]
+        adjugate = np.stack([np.stack([e, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+        return adjugate / (a * e - b * c)[..., None, None]
+    result = np.empty_like(matrices)
+    rows = matrices[..., 0, :], matrices[..., 1, :], matrices[..., 2, :]
+    for j in range(3):
+        result[..., :, j] = np.cross(rows[(j + 1) % 3], rows[(j + 2) % 3])
+    determinant = (rows[0] * result[..., :, 0]).sum(axis=-1)
+    result /= determinant[..., None, None]
+    return result
+
+
 def measures(corners: np.ndarray) -> np.ndarray:
     """Compute lengths, areas or volumes of simplices [length^p].
 

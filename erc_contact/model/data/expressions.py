@@ -30,6 +30,7 @@ from erc_contact.model.data.symbolic import (
 from erc_contact.model.data.tables import on_mesh
 from namedmesh.base.communicators import lasting
 from namedmesh.base.releases import cell_nodes
+from namedmesh.simplex import inverses
 
 POINT_CHUNK = 4096
 """Number of points at which an expression is evaluated at once."""
@@ -209,7 +210,7 @@ def polynomial_at(function: fem.Function, x: np.ndarray, cells: np.ndarray) -> n
     n, q, d = x.shape
     corners = space.mesh.geometry.x[cell_nodes(space.mesh.geometry)[cells], :d]
     edges = corners[:, 1:] - corners[:, :1]
-    local = np.matmul(x - corners[:, :1], np.linalg.inv(edges))
+    local = np.matmul(x - corners[:, :1], inverses(edges))
     shape = space.element.basix_element.tabulate(0, local.reshape(n * q, d))[0, :, :, 0]
     blocks = function.x.array.reshape(-1, space.dofmap.bs)
     return np.matmul(shape.reshape(n, q, shape.shape[1]), blocks[space.dofmap.list[cells]])
