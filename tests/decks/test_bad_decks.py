@@ -32,7 +32,12 @@ def with_card(card, before=STEP):
     [
         ("*EQUATION\n2\n1,1,1.,2,1,-1.", MODEL, "give the symmetry as a support"),
         ("*FROBNICATE", MODEL, "not known"),
-        ("*PLASTIC\n100.,0.\n120.,0.1\n130.,0.2", MODEL, "a curve of 3 lines"),
+        ("*PLASTIC\n100.,0.\n120.,0.1\n110.,0.2", MODEL, "the stress falls from 120 to 110"),
+        (
+            "*PLASTIC, HARDENING=KINEMATIC\n100.,0.\n120.,0.1\n130.,0.2",
+            MODEL,
+            "kinematic hardening is linear",
+        ),
         ("*ELASTIC, TYPE=ORTHO\n1.,2.", MODEL, "TYPE=ORTHO"),
         ("*FREQUENCY\n5", STEP, "statics is solved"),
         ("*DLOAD\n1,P9,2.", STEP, "no face of a solid"),
