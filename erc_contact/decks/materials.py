@@ -80,8 +80,22 @@ def read_plastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     elif len(rows) > 2 and hardening == "KINEMATIC":
         reading.told.refuse(card, "kinematic hardening is linear; keep two lines near the curve.")
     elif material:
-        material.plastic = rows
         material.kinematic = hardening == "KINEMATIC"
+        try:
+            if len(rows) > 2:
+                _curve_of(rows)
+            material.plastic = rows
+        except InputError as reason:
+            reading.told.refuse(card, f"it is no curve. {reason}")
+
+
+def _curve_of(rows: list[list[float]]) -> HardeningCurve:
+    """Return the curve of lines of yield stress and plastic strain.
+
+    Raises:
+        InputError: If they are no curve.
+    """
+    return HardeningCurve([row[1] for row in rows], [row[0] for row in rows])
 
 
 def read_section(reading: DeckReading, card: Card, space: DeckSpace) -> None:
@@ -187,15 +201,11 @@ def material_of(
 
 def _plastic_of(
     reading: DeckReading, material: MaterialCards, E: Any, nu: Any, hypothesis: str
-) -> Plastic | None:
-    """Return the plastic law of a material; None if it is refused."""
+) -> Plastic:
+    """Return the plastic law of a material."""
     rows = material.plastic
     if len(rows) > 2:
-        try:
-            curve = HardeningCurve([row[1] for row in rows], [row[0] for row in rows])
-        except InputError as reason:
-            reading.told.refuse(material.card, f"{material.name!r}: *PLASTIC is no curve. {reason}")
-            return None
+        curve = _curve_of(rows)
         if curve.polygon() != curve:
             reading.told.assume(
                 material.card,
