@@ -77,7 +77,7 @@ def as_blocks(entries: PETSc.Mat, size: int) -> PETSc.Mat:
 
 
 def for_products(blocks: PETSc.Mat) -> PETSc.Mat:
-    """Return a symmetric matrix of blocks for products, in place of the given one.
+    """Return a symmetric matrix of blocks for products; destroy the given matrix.
 
     On one rank it is the half on and above the diagonal: a product reads half as many
     numbers, and takes two thirds of the time. Ranks would send their parts of such a

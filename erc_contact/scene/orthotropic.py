@@ -106,7 +106,7 @@ class OrthotropicElastic:
 
     @classmethod
     def of_elastic(cls, elastic: Elastic) -> OrthotropicElastic:
-        """Return an isotropic material as one whose axes are alike."""
+        """Return an isotropic material as a material whose axes are alike."""
         E, nu = elastic.E, elastic.nu
         if isinstance(E, Mapping) or isinstance(nu, Mapping):
             raise InputError(
@@ -193,7 +193,7 @@ class OrthotropicElastic:
         return ufl.as_matrix(rows)
 
     def _check_third_axis(self, where: str) -> None:
-        """Check that the third axis is the third one of the mesh."""
+        """Check that the third axis is the third axis of the mesh."""
         every = self.axes.values() if isinstance(self.axes, Mapping) else [self.axes]
         for axes in every:
             if abs(abs(axes[2][2]) - 1.0) > ALIGNED:
