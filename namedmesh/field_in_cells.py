@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from namedmesh.closest import closest
 from namedmesh.files.displacements import FileField
-from namedmesh.files.shape_functions import corner_functions, inverses, local_coordinates
+from namedmesh.files.shape_functions import corner_functions, inverses_of_maps, local_coordinates
 from namedmesh.partition import distribute
 from namedmesh.rows import in_space, row_numbers
 from namedmesh.simplex import barycentric, facet_vertices
@@ -136,7 +136,7 @@ class FieldInCells:
             corners = self.field.x[block.corners[places.cell[here]]]
             of_map = corner_functions(block.functions.shape).gradients(local)
             jacobian = np.matmul(corners.swapaxes(1, 2), of_map)
-            result[here] = np.matmul(along, inverses(jacobian))
+            result[here] = np.matmul(along, inverses_of_maps(jacobian))
         return result
 
     def _least(self, simplex: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ class NamedMesh:
         cells = self.mesh.topology.index_map(self.dim)
         return np.full(cells.size_local + cells.num_ghosts, NO_TAG, dtype=np.int32)
 
-    @property
+    @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the points of the bodies, and which of them each cell has.
 

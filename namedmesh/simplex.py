@@ -255,10 +255,10 @@ def determinants(corners: np.ndarray) -> np.ndarray:
 
 
 def inverses(matrices: np.ndarray) -> np.ndarray:
-    """Invert small matrices, of edges of cells for instance; quicker than LAPACK.
+    """Invert small matrices that are far from singular, as edges of cells.
 
-    The rows of a matrix are a, b, c; the columns of its inverse are ``b x c``, ``c x
-    a`` and ``a x b`` over the determinant.
+    In 3D the rows of a matrix are a, b, c; the columns of its inverse are ``b x c``,
+    ``c x a`` and ``a x b`` over the determinant.
 
     Args:
         matrices: Regular matrices, shape (..., d, d), d from 1 to 3.

@@ -129,7 +129,7 @@ def local_coordinates(shape: str, corners: np.ndarray, x: np.ndarray) -> np.ndar
     for _ in range(STEPS):
         miss = x - np.matmul(functions.at(local)[:, None], corners)[:, 0]
         jacobian = np.matmul(corners.swapaxes(1, 2), functions.gradients(local))
-        step = np.matmul(inverses(jacobian), miss[..., None])[..., 0]
+        step = np.matmul(inverses_of_maps(jacobian), miss[..., None])[..., 0]
         # A warped cell is folded far outside, where Newton's method would go astray.
         local = within(shape, local + step) if shape not in SIMPLICES else local + step
         if abs(step).max(initial=0.0) < CONVERGED or shape in SIMPLICES:
@@ -137,12 +137,13 @@ def local_coordinates(shape: str, corners: np.ndarray, x: np.ndarray) -> np.ndar
     return within(shape, local)
 
 
-def inverses(jacobian: np.ndarray) -> np.ndarray:
+def inverses_of_maps(jacobian: np.ndarray) -> np.ndarray:
     """Return the inverses of the derivatives of maps, shape (n, d, d).
 
     A cell that has collapsed has none at some of its corners: there they are great.
     """
     size = np.linalg.norm(jacobian, axis=(1, 2))[:, None, None]
+    # LAPACK pivots, which nearly singular matrices need.
     return np.linalg.inv(jacobian + ROUND_OFF * size * np.eye(jacobian.shape[1]))
 
 

@@ -1,6 +1,6 @@
 """What a release says of itself is said once, or is the same in all places.
 
-- The version of pyproject.toml is that of the citation, the recipe and the changelog.
+- Citation, recipe and changelog have the version of pyproject.toml.
 - The recipe for conda asks for what the package asks for, with the same bounds.
 - The README of PyPI has no link and no picture that needs a clone.
 """
