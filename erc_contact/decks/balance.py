@@ -18,15 +18,45 @@ UNBALANCED = 1e-6
 """Resultant over the sum of all forces and moments that is not zero [-]."""
 
 
-def reactions_of(
+def works_of(
     reading: DeckReading,
     loads: list[LoadedFaces],
     volumes: list[tuple[Entry, np.ndarray, tuple[Affine, ...]]],
+    inside: list[Entry],
     body: int,
-    free: np.ndarray,
-    acting: np.ndarray,
     *,
     ring: bool,
+) -> list[tuple[Entry, np.ndarray]]:
+    """Compute the work of each load on the rigid motions of a body.
+
+    Args:
+        reading: The deck.
+        loads: Loads on faces.
+        volumes: Forces per volume: entry, cells and values.
+        inside: Forces on nodes inside bodies.
+        body: Number of the body.
+        ring: Whether the body is axisymmetric.
+
+    Returns:
+        An entry of each load, with its work and what it may be, as of :func:`_work`.
+    """
+    mesh = reading.mesh
+    works = []
+    for load in loads:
+        faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
+        works.append((load.entry, work_on_faces(reading, load, faces, ring=ring)))
+    for entry, cells, value in volumes:
+        corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
+        works.append((entry, _work(corners, value, ring=ring)))
+    for entry in inside:
+        here = mesh.body_of_node[entry.what.nodes] == body
+        terms = on_motions(mesh.x[entry.what.nodes[here]], entry.what.forces[here])
+        works.append((entry, np.stack([terms.sum(axis=0), abs(terms).sum(axis=0)])))
+    return works
+
+
+def reactions_of(
+    works: list[tuple[Entry, np.ndarray]], free: np.ndarray, acting: np.ndarray
 ) -> list[tuple[Entry, np.ndarray]] | None:
     """Return the reactions of points that are in balance with loads.
 
@@ -35,26 +65,15 @@ def reactions_of(
     motions, the reactions r have ``R^T r = -w``; of several the least are taken.
 
     Args:
-        reading: The deck.
-        loads: Loads on faces.
-        volumes: Forces per volume: entry, cells and values.
-        body: Number of the body.
-        free: Its motions that faces leave free, as columns, shape (3 or 6, k).
+        works: The works of loads on all rigid motions, see :func:`works_of`.
+        free: The motions of the body that faces leave free, as columns, shape (3 or 6,
+            k).
         acting: R, shape (n, k).
-        ring: Whether the body is axisymmetric.
 
     Returns:
         An entry of loads that act together, and the reactions to them [force], shape
         (n,), of each history; None if no reactions are in balance with them.
     """
-    mesh = reading.mesh
-    works = []
-    for load in loads:
-        faces = load.faces[mesh.bodies[mesh.cell_of_face[load.faces]] == body]
-        works.append((load.entry, _work_on_faces(reading, load, faces, ring=ring)))
-    for entry, cells, value in volumes:
-        corners = mesh.corners_of_cells(cells[mesh.bodies[cells] == body])
-        works.append((entry, _work(corners, value, ring=ring)))
     # Loads that act together may be in balance with each other.
     together: dict[Any, tuple[Entry, np.ndarray]] = {}
     for entry, work in works:
@@ -74,7 +93,7 @@ def reactions_of(
     return result
 
 
-def _work_on_faces(
+def work_on_faces(
     reading: DeckReading, load: LoadedFaces, faces: np.ndarray, *, ring: bool
 ) -> np.ndarray:
     """Compute the work of a load on faces, as :func:`_work` returns it."""
@@ -105,7 +124,6 @@ def _work(
     Returns:
         The work, and the integral of the absolute values, shape (2, 3 or 6).
     """
-    d = points.shape[2]
     places, weights = rule(points.shape[1] - 1, DEGREE)
     local = np.column_stack([1.0 - places.sum(axis=1), places])
     x = np.einsum("qk,mki->mqi", local, points)
@@ -117,10 +135,15 @@ def _work(
     force = np.stack(components, axis=2)
     if directions is not None:
         force = force * directions[:, None]
-    if d == 2:
-        turns = (x[:, :, 0] * force[:, :, 1] - x[:, :, 1] * force[:, :, 0])[:, :, None]
-    else:
-        turns = np.cross(x, force)
-    density = np.concatenate([force, turns], axis=2)
+    density = on_motions(x, force)
     work = np.einsum("mq,mqi->i", scale, density)
     return np.stack([work, np.einsum("mq,mqi->i", scale, abs(density))])
+
+
+def on_motions(x: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return the work of forces on unit rigid motions, shape (..., 3 or 6)."""
+    if x.shape[-1] == 2:
+        turns = x[..., :1] * force[..., 1:] - x[..., 1:] * force[..., :1]
+    else:
+        turns = np.cross(x, force)
+    return np.concatenate([force, turns], axis=-1)

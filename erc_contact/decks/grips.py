@@ -7,6 +7,7 @@ import numpy as np
 from erc_contact.decks.affine import linear_traction
 from erc_contact.decks.claims import Claims
 from erc_contact.decks.loads import LoadedFaces
+from erc_contact.decks.pad_faces import pads_at
 from erc_contact.decks.plan import DeckJoint, DeckPlan, RigidPart
 from erc_contact.decks.reading import DeckReading, Grip
 
@@ -19,7 +20,7 @@ def gripped_faces(reading: DeckReading) -> Gripped:
     mesh = reading.mesh
     result = []
     for grip in reading.grips:
-        faces = mesh.within(grip.nodes) if not grip.surface else mesh.surface(grip.surface)
+        faces = mesh.surface(grip.surface) if grip.surface else _faces_of_nodes(reading, grip)
         if faces is None or not len(faces):
             reading.told.refuse(grip.card, f"{grip.name!r} has no face of a solid.")
         elif not set(range(1, mesh.d + 1)) <= set(grip.components):
@@ -29,6 +30,24 @@ def gripped_faces(reading: DeckReading) -> Gripped:
         else:
             result.append((grip, faces))
     return result
+
+
+def _faces_of_nodes(reading: DeckReading, grip: Grip) -> np.ndarray:
+    """Return the faces of nodes, or a pad where they have no whole face."""
+    mesh = reading.mesh
+    faces = mesh.within(grip.nodes)
+    nodes = grip.nodes[mesh.node_is_used[grip.nodes]]
+    if len(faces) or not len(nodes):
+        return faces
+    pads = pads_at(mesh, nodes, np.flatnonzero(mesh.outer), np.zeros(mesh.d))
+    if pads:
+        reading.told.assume(
+            grip.card,
+            f"{grip.name!r} has nodes alone: the faces around them, of area "
+            f"{mesh.measures(pads[0]).sum():.4g}, stand for them",
+        )
+        return pads[0]
+    return faces
 
 
 def shared_forces(reading: DeckReading, grips: Gripped, thickness: float) -> list[LoadedFaces]:

@@ -43,6 +43,13 @@ class Volume:
 
 
 @dataclass(frozen=True)
+class Inside:
+    """Hold a force per volume around nodes inside bodies; d components."""
+
+    value: tuple[NodalTable, ...]
+
+
+@dataclass(frozen=True)
 class Heat:
     """Hold a change of the temperature in the whole body."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.balance import reactions_of
+from erc_contact.decks.balance import reactions_of, works_of
 from erc_contact.decks.claims import INNER, Claims
 from erc_contact.decks.grips import (
     Gripped,
@@ -19,6 +19,7 @@ from erc_contact.decks.grips import (
 )
 from erc_contact.decks.heat import expansions_of, heat_of, temperatures_of
 from erc_contact.decks.histories import Entry
+from erc_contact.decks.inner_forces import forces_inside, spread
 from erc_contact.decks.loads import LoadedFaces, loaded_faces, volumes_of
 from erc_contact.decks.materials import (
     eigenstrains_of,
@@ -26,7 +27,7 @@ from erc_contact.decks.materials import (
     material_of,
     thickness_of,
 )
-from erc_contact.decks.pads import pads_of
+from erc_contact.decks.pads import bands_of, load_pads, pads_of
 from erc_contact.decks.pairs import adjusted
 from erc_contact.decks.plan import DeckPlan, HeldParts, Plane, PushedParts, Radial
 from erc_contact.decks.points import (
@@ -82,13 +83,15 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     grips = gripped_faces(reading)
     free_of_supports(reading, pairs, held)
     sides = faces_of_pairs(pairs)
+    inside = forces_inside(reading)
     loads = loaded_faces(reading, held, sides, ring=reading.is_ring, thickness=thickness)
     loads += shared_forces(reading, grips, thickness)
     free_of_loads(reading, pairs, loads)
     volumes = volumes_of(reading, regions, cards)
-    reactions, pads = _supported_points(reading, lone, held, pairs, loads, volumes, regions)
+    reactions, pads = _supported_points(reading, lone, held, pairs, loads, volumes, inside, regions)
     loads += reactions
     grips += pads
+    load_pads(reading, grips, loads, thickness)
     if told.refused:
         return plan, {}, {}
     known = _known_sets(reading)
@@ -106,6 +109,7 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     plan_cuts(plan, reading, regions, [names[i] for i in of_cuts])
     plan_pairs(plan, reading, pairs, parts, names)
     plan.entries["volume"] = volumes
+    plan.entries["inside"] = [spread(reading, entry, thickness) for entry in inside]
     if any(plan.alphas.values()):
         plan.entries["heat"] = heat_of(reading)
     return plan, regions, parts
@@ -118,14 +122,13 @@ def _supported_points(
     pairs: list[Pair],
     loads: list[LoadedFaces],
     volumes: list[Entry],
+    inside: list[Entry],
     regions: Members,
 ) -> tuple[list[LoadedFaces], Gripped]:
     """Return what stands for points that are held: their reactions, and rigid pads."""
     mesh = reading.mesh
     sides = np.concatenate([NONE, *(side.faces for pair in pairs for side in pair.sides)])
-    taken = [sides]
-    taken += [support.faces for support in held]
-    taken += [load.faces for load in loads]
+    taken = [sides, *(support.faces for support in held)]
     in_pairs = mesh.bodies[mesh.cell_of_face[sides]]
     every = np.concatenate(mesh.body.numbers)
     in_body = []
@@ -140,12 +143,16 @@ def _supported_points(
         rows = points.rows(mesh.x, ring=ring)
         acting = rows @ free
         if points.values.any() or not follow_from_balance(reading, held, points, acting, rows):
-            pads += pads_of(reading, points, np.concatenate(taken))
+            if ring:
+                held += bands_of(reading, points, held, sides)
+            else:
+                pads += pads_of(reading, points, np.concatenate(taken))
             continue
         # What a contact carries is not known before the solution.
-        known = [] if points.body in in_pairs else loads
-        inside = [] if points.body in in_pairs else in_body
-        found = reactions_of(reading, known, inside, points.body, free, acting, ring=ring)
+        works = []
+        if points.body not in in_pairs:
+            works = works_of(reading, loads, in_body, inside, points.body, ring=ring)
+        found = reactions_of(works, free, acting)
         if found is None:
             reading.told.refuse(points.card, f"{points.words()} {NO_FORCE}")
         else:

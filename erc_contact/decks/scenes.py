@@ -84,6 +84,13 @@ def _loads(plan: DeckPlan, t: float) -> list[Any]:
     for part, traction in tractions.items():
         if any(value != zero for value in traction):
             loads.append(Traction(part, tuple(value.value for value in traction)))
+    return loads + _volumes(plan, t)
+
+
+def _volumes(plan: DeckPlan, t: float) -> list[BodyForce]:
+    """Return the forces per volume at a time, without those that are zero."""
+    loads: list[BodyForce] = []
+    zero = constant(0.0, plan.d)
     volumes: dict[str | None, list[Affine]] = {}
     for entry in plan.at("volume", t):
         new = [value.times(entry.factor(t)) for value in entry.what.value]
@@ -92,6 +99,10 @@ def _loads(plan: DeckPlan, t: float) -> list[Any]:
     for region, volume in volumes.items():
         if any(value != zero for value in volume):
             loads.append(BodyForce(tuple(value.value for value in volume), region))
+    for entry in plan.at("inside", t):
+        factor = entry.factor(t)
+        if factor:
+            loads.append(BodyForce(tuple(value.times(factor) for value in entry.what.value)))
     return loads
 
 

@@ -43,7 +43,11 @@ def with_card(card, before=STEP):
         ("*DLOAD\n1,P9,2.", STEP, "no face of a solid"),
         ("*DLOAD\nEall,GRAV,9.81,0.,0.,-1.", STEP, "no *DENSITY"),
         ("*BOUNDARY\nNowhere,1,3", STEP, "no node or set 'Nowhere'"),
-        ("*BOUNDARY\n12,1,3,0.1", STEP, "nodes 12 are held as points"),
+        (
+            "*BOUNDARY\n5,1,3,0.1\n6,1,3,0.1\n7,1,3,0.1\n8,1,3,0.1",
+            STEP,
+            "nodes 5, 6, 7, 8 are held",
+        ),
         ("*CLOAD\n99999,1,3.", STEP, "no node or set '99999'"),
         ("*CONTACT PAIR, INTERACTION=I\nA,B", MODEL, "no surface is called 'A'"),
         ("*DLOAD, AMPLITUDE=Gone\nEall,P1,2.", STEP, "no *AMPLITUDE is called 'Gone'"),

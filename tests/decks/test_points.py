@@ -123,6 +123,78 @@ def test_points_whose_pads_are_large_are_refused(read):
         read(CUBE + held + "*STEP\n*STATIC\n*DLOAD\nE, P2, 1.\n*END STEP\n")
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_forces_inside_a_body_keep_their_force_and_moment(seed, read):
+    random = np.random.default_rng(seed)
+    text = strip(4, rows=2, thickness="2.")
+    x, y = 2 + 0.3 * random.uniform(-1, 1), 1 + 0.3 * random.uniform(-1, 1)
+    text = text.replace("8, 2, 1\n", f"8, {x}, {y}\n")
+    force = random.normal(size=2)
+    loads = f"*CLOAD\n8, 1, {force[0]}\n8, 2, {force[1]}\n"
+    held = "*NSET, NSET=LEFT\n1, 6, 11\n*BOUNDARY\nLEFT, 1, 2\n"
+    deck = read(text + held + "*STEP\n*STATIC\n" + loads + "*END STEP\n")
+    assert any("inside the body" in note.words for note in deck.assumed)
+    found = ec.solve(deck.scene, deck.domain, degree=2).force("LEFT")
+    assert found.force * 2 == pytest.approx(-force, rel=1e-9)
+    moment = x * force[1] - y * force[0]
+    assert found.moment * 2 == pytest.approx(-moment, rel=1e-9, abs=1e-9)
+
+
+ROLLER = "*NSET, NSET=LEFT\n1, 22, 43\n*BOUNDARY\nLEFT, 1, 2\n"
+"""The left end of a strip of 20 columns and 2 rows is held."""
+
+
+def test_a_loaded_pad_has_the_force_and_the_moment_of_its_load(read):
+    """The middle of an end is held upwards, and pulled: F/(E A) is the strain."""
+    step = "*STEP\n*STATIC\n*BOUNDARY\n42, 2, 2\n*CLOAD\n42, 1, 6.\n*END STEP\n"
+    deck = read(strip(20, rows=2) + ROLLER + step)
+    assert any("on a rigid body" in note.words for note in deck.assumed)
+    assert not deck.scene.loads
+    solution = ec.solve(deck.scene, deck.domain, degree=2)
+    assert solution.at((20.0, 1.0)).displacement[0] == pytest.approx((20 * 3e-3, 0.0), abs=1e-9)
+    assert solution.force("LEFT").force == pytest.approx((-6.0, 0.0), abs=1e-9)
+
+
+def test_pads_follow_what_each_step_holds(read):
+    step = "*STEP\n*STATIC\n*BOUNDARY, OP=NEW\nLEFT, 1, 2\n42, {}\n*END STEP\n"
+    held = ROLLER.replace("*BOUNDARY\nLEFT, 1, 2\n", "")
+    steps = step.format("2, 2, 0.1") + step.format("2, 2, 0.3") + step.format("1, 1, 0.2")
+    deck = read(strip(20, rows=2) + held + steps)
+
+    def motions(t):
+        (pad,) = [s for s in deck.scene_at(t).supports if isinstance(s, ec.Rigid)]
+        return pad.displacement
+
+    assert motions(1.0) == pytest.approx((None, 0.1))
+    assert motions(1.5) == pytest.approx((None, 0.2))
+    assert motions(2.0) == pytest.approx((None, 0.3))
+    assert motions(3.0) == pytest.approx((0.2, None))
+
+
+def test_nodes_of_a_rigid_body_without_a_face_are_a_flat_pad(read):
+    """The two corners of an end: the end, not the sides around the corners."""
+    rigid = "*NODE\n99, 20., 1.\n*NSET, NSET=CORNERS\n21, 63\n"
+    rigid += "*RIGID BODY, NSET=CORNERS, REF NODE=99\n"
+    step = "*STEP\n*STATIC\n*CLOAD\n99, 2, 1.\n*END STEP\n"
+    deck = read(strip(20, rows=2) + rigid + ROLLER + step)
+    parts = deck.domain.parts()
+    assert parts["area"][parts["name"].index("CORNERS")] == pytest.approx(2.0)
+    (pad,) = [s for s in deck.scene.supports if isinstance(s, ec.Rigid)]
+    assert pad.force == (0.0, 1.0)
+
+
+def test_a_circle_of_a_ring_is_held_as_a_band(read):
+    text = strip(20, rows=2).replace("CPS4", "CAX4")
+    for node in (1, 22, 43):
+        text = text.replace(f"\n{node}, 0, ", f"\n{node}, 0.5, ")
+    held = "*NSET, NSET=FOOT, GENERATE\n1, 21\n*BOUNDARY\nFOOT, 2, 2\n43, 1, 1, 0.01\n"
+    deck = read(text + held + "*STEP\n*STATIC\n*END STEP\n")
+    (band,) = [s for s in deck.scene.supports if s.facets == "band 43"]
+    assert band.value == (0.01, None)
+    parts = deck.domain.parts()
+    assert parts["area"][parts["name"].index("band 43")] == pytest.approx(1.0)
+
+
 def test_plane_stress_of_two_thicknesses_is_two_springs(read):
     """A strip of two squares, twice as thick in the second: u = F/E (1/t + 1/2t)."""
     text = strip(2).replace(
