@@ -79,6 +79,7 @@ from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.orthotropic import OrthotropicElastic
 from erc_contact.scene.plastic import Plastic
 from erc_contact.scene.potential import Potential, Remembering
+from erc_contact.scene.remote import RemoteForce
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
@@ -144,6 +145,7 @@ __all__ = [
     "Potential",
     "Preload",
     "Remembering",
+    "RemoteForce",
     "Resultant",
     "Rigid",
     "Rotation",

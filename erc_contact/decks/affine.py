@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from erc_contact.scene.remote import moments_of, slopes_of
+
 ROUND_OFF = 1e-6
 """Deviation from a linear function that numbers of a deck have, to their size [-]."""
 
@@ -74,18 +76,6 @@ def fitted(x: np.ndarray, values: np.ndarray) -> Affine | None:
     return Affine(float(solution[0] - middle @ slopes), tuple(slopes))
 
 
-def moment_of(x: np.ndarray, forces: np.ndarray) -> np.ndarray:
-    """Return the moment of forces about the origin, one number in the plane, else 3.
-
-    Args:
-        x: Points [length], shape (n, d).
-        forces: Forces at them [force], shape (n, d).
-    """
-    if x.shape[1] == 2:
-        return np.array([np.sum(x[:, 0] * forces[:, 1] - x[:, 1] * forces[:, 0])])
-    return np.cross(x, forces).sum(axis=0)
-
-
 def linear_traction(
     force: npt.ArrayLike, moment: npt.ArrayLike, points: np.ndarray, measures: np.ndarray
 ) -> list[Affine]:
@@ -109,15 +99,8 @@ def linear_traction(
     second = np.einsum("m,mij->ij", measures / (d * (d + 1)), squares)
     f = np.asarray(force, dtype=float)
     mean = f / area
-    if d == 2:
-        about = np.asarray(moment).item() - (centre[0] * f[1] - centre[1] * f[0])
-        turn = about / np.trace(second)
-        spin = np.array([[0.0, -turn], [turn, 0.0]])
-    else:
-        about3 = np.asarray(moment, dtype=float) - np.cross(centre, f)
-        inertia = np.trace(second) * np.eye(3) - second
-        w = np.linalg.solve(inertia, about3)
-        spin = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+    about = np.atleast_1d(moment) - moments_of(centre, f)
+    spin = slopes_of(second, about)
     small = ROUND_OFF * abs(mean).max() / np.sqrt(area if d == 3 else area**2)
     spin = np.where(abs(spin) > small, spin, 0.0)
     result = []

@@ -10,6 +10,7 @@ from erc_contact.decks.affine import Affine
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.loads import LoadedFaces
 from erc_contact.decks.reading import DeckReading
+from erc_contact.scene.remote import moments_of
 from namedmesh.simplex import measures, rule
 
 DEGREE = 3
@@ -142,8 +143,4 @@ def _work(
 
 def on_motions(x: np.ndarray, force: np.ndarray) -> np.ndarray:
     """Return the work of forces on unit rigid motions, shape (..., 3 or 6)."""
-    if x.shape[-1] == 2:
-        turns = x[..., :1] * force[..., 1:] - x[..., 1:] * force[..., :1]
-    else:
-        turns = np.cross(x, force)
-    return np.concatenate([force, turns], axis=-1)
+    return np.concatenate([force, moments_of(x, force)], axis=-1)

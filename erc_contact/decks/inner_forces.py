@@ -23,6 +23,7 @@ from erc_contact.decks.loads import in_coordinates
 from erc_contact.decks.nodal import NodalTable
 from erc_contact.decks.plan import Inside
 from erc_contact.decks.reading import DeckReading
+from erc_contact.scene.remote import moments_of, slopes_of
 from namedmesh.for_solvers import DeckMesh
 from namedmesh.simplex import measures, rule
 
@@ -88,13 +89,13 @@ def spread(reading: DeckReading, entry: Entry, thickness: float) -> Entry:
     arms = x - centre[of_corner][:, None]
     second = sums(np.einsum("mq,mqi,mqj->mij", scale, arms, arms))
     mean = forces / mass[:, None]
-    spin = _spins(simplices.x[load.nodes] - centre, forces, second)
+    slopes = slopes_of(second, moments_of(simplices.x[load.nodes] - centre, forces))
 
     def density_at(corners: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return the hats' factors at places, zero of corners without a force."""
         which = number[corners]
         arm = places - centre[which]
-        values = mean[which] + np.einsum("...ij,...j->...i", spin[which], arm)
+        values = mean[which] + np.einsum("...ij,...j->...i", slopes[which], arm)
         return np.asarray(np.where((which >= 0)[..., None], values, 0.0))
 
     every = np.arange(len(simplices.x))
@@ -111,21 +112,6 @@ def spread(reading: DeckReading, entry: Entry, thickness: float) -> Entry:
         f"of volume {volumes[_firsts(cells)].sum():.4g}",
     )
     return replace(entry, what=Inside(tuple(tables)))
-
-
-def _spins(arms: np.ndarray, forces: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return W with ``W x = w x x``, whose moment is the moment of forces at arms."""
-    n, d = arms.shape
-    if d == 2:
-        moment = arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0]
-        turn = moment / np.trace(second, axis1=1, axis2=2)
-        zero = np.zeros(n)
-        rows = [[zero, -turn], [turn, zero]]
-        return np.moveaxis(np.array(rows), -1, 0)
-    trace = np.trace(second, axis1=1, axis2=2)[:, None, None]
-    inertia = trace * np.eye(3) - second
-    w = np.linalg.solve(inertia, np.cross(arms, forces)[..., None])[..., 0]
-    return np.cross(w[:, None], np.eye(3)).transpose(0, 2, 1)
 
 
 def _firsts(cells: np.ndarray) -> np.ndarray:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from erc_contact.decks.affine import Affine, constant, fitted, linear_traction, moment_of
+from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Pressure, Spin
 from erc_contact.decks.histories import Entry
 from erc_contact.decks.plan import Volume
 from erc_contact.decks.reading import Axes, DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
+from erc_contact.scene.remote import moments_of
 from namedmesh.for_solvers import components
 
 
@@ -222,7 +223,7 @@ def _traction(
         around = 2 * np.pi * points[:, :, 0].mean(axis=1)
         area = float((around * measures).sum())
         return tuple(constant(value / area, mesh.d) for value in force)
-    return tuple(linear_traction(force, moment_of(x, forces), points, measures))
+    return tuple(linear_traction(force, moments_of(x, forces).sum(axis=0), points, measures))
 
 
 # --- loads in the body

@@ -17,11 +17,12 @@ from io import StringIO
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.decks.affine import linear_traction, moment_of
+from erc_contact.decks.affine import linear_traction
 from erc_contact.decks.conditions import read_transform
 from erc_contact.decks.loads import in_coordinates
 from erc_contact.decks.reading import Axes, DeckReading
 from erc_contact.decks.told import Told
+from erc_contact.scene.remote import moments_of
 from namedmesh.for_solvers import Card, FinerDeckMesh, components, shape_of
 from namedmesh.simplex import lagrange, measures, node_between, rule
 
@@ -299,7 +300,7 @@ class _Rewriting:
         deck, finer = self.deck, self.finer
         d = deck.d
         x = deck.mesh.points[nodes, :d]
-        moment = moment_of(x, forces)
+        moment = moments_of(x, forces).sum(axis=0)
         old = deck.simplices(faces)
         traction = linear_traction(forces.sum(axis=0), moment, deck.x[old], deck.measures(faces))
         cell, side = finer.sides_on(faces)

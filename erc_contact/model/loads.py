@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import ufl
 from dolfinx import fem
+from mpi4py import MPI
 from ufl.algorithms import extract_type
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.symbolic import sum_of, varies_in_cells
@@ -19,7 +21,8 @@ from erc_contact.model.data.values import DATA_DEGREE, value_of, without_plain_n
 from erc_contact.model.space import Space
 from erc_contact.scene.load import Load
 from erc_contact.scene.material import parameter
-from namedmesh.simplex import rule
+from erc_contact.scene.remote import AreaMoments
+from namedmesh.simplex import barycentric, rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,10 @@ def _density(space: Space, load: Load) -> Ufl:
     for name in load.parameters:
         what_value = what if name == "value" else f"{what}: {name}"
         parameters[name] = value_of(space, parameter(load, name), what_value)
+    if load.facets is not None and hasattr(load, "on_part"):
+        of_part = load.on_part(area_moments(space, load.facets))
+        for name, value in of_part.items():
+            parameters[name] = compiled.constant(space.mesh, value)
     normal = space.n if on_boundary else None
 
     def call() -> Ufl:
@@ -107,6 +114,41 @@ def _density(space: Space, load: Load) -> Ufl:
         factor = area_factor(space, load.facets)
         density = density if factor is None else factor * density
     return space.on_meridian(density)
+
+
+def area_weights(
+    space: Space, part: str, facets: np.ndarray, points: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """Return the weights of a rule on facets of the true surface; collective.
+
+    Args:
+        space: The mesh.
+        part: Name of their part.
+        facets: Facets given as (cell, local facet), shape (f, 2).
+        points: Reference points of the rule, shape (q, d-1).
+        weights: Its weights, with the sum 1, shape (q,).
+
+    Returns:
+        Areas, of rings with their circumference, shape (f, q).
+    """
+    of_points = space.facet_weights(facets, points, weights)
+    factor = area_factor(space, part)
+    return of_points if factor is None else of_points * factor.x.array[facets[:, 0], None]
+
+
+def area_moments(space: Space, part: str) -> AreaMoments:
+    """Compute the moments of the area of a part; collective."""
+    facets = space.domain.owned_facets(part)
+    # The second moments, and the circumference of a ring.
+    points, weights = rule(space.d - 1, 3)
+    areas = area_weights(space, part, facets, points, weights)
+    x = np.matmul(barycentric(points), space.facet_corners(facets))
+    first = space.comm.allreduce(np.einsum("fq,fqi->i", areas, x), MPI.SUM)
+    area = space.comm.allreduce(float(areas.sum()), MPI.SUM)
+    centre = first / area
+    arms = x - centre
+    second = space.comm.allreduce(np.einsum("fq,fqi,fqj->ij", areas, arms, arms), MPI.SUM)
+    return AreaMoments(area, centre, second, space.axisymmetric)
 
 
 def area_factor(space: Space, part: str) -> fem.Function | None:

@@ -270,6 +270,12 @@ class Scene:
                 f"{load.facets!r} has a {type(load).__name__} and a {support}; {remedy} or remove"
                 " one of the two."
             )
+        if supports and hasattr(load, "on_part"):
+            raise InputError(
+                f"{load.facets!r} has a {type(load).__name__} and a {type(supports[0]).__name__}; a"
+                " linear traction acts in all components. Give the support a part of its own, or"
+                " Rigid(..., force=, moment=) in place of both."
+            )
         value = getattr(load, "value", None)
         if not isinstance(value, tuple):
             return
