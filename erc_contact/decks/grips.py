@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.decks.affine import linear_traction
 from erc_contact.decks.claims import Claims
-from erc_contact.decks.loads import LoadedFaces
+from erc_contact.decks.loads import LoadedFaces, traction_of
 from erc_contact.decks.pad_faces import pads_at
-from erc_contact.decks.plan import DeckJoint, DeckPlan, RigidPart
+from erc_contact.decks.plan import DeckJoint, DeckPlan, RigidPart, Shared
 from erc_contact.decks.reading import DeckReading, Grip
+from erc_contact.scene.remote import moments_of
 
 Gripped = list[tuple[Grip, np.ndarray]]
 """Couplings with their faces."""
@@ -68,16 +68,21 @@ def shared_forces(reading: DeckReading, grips: Gripped, thickness: float) -> lis
                 continue
             force = np.zeros(3)
             moment = np.zeros(3)
-            value = entry.what / thickness
             target = force if component <= 3 else moment
-            target[(component - 1) % 3] = value
-            place = np.zeros(3)
-            place[: mesh.d] = mesh.x[number]
-            moment = moment + np.cross(place, force)
-            about = moment if mesh.d == 3 else moment[2:]
-            points = mesh.x[mesh.simplices(faces)]
-            traction = linear_traction(force[: mesh.d], about, points, mesh.measures(faces))
-            result.append(LoadedFaces(grip.name, faces, None, tuple(traction), entry, grip.name))
+            target[(component - 1) % 3] = entry.what / thickness
+            if moment.any() and grip.place is not None:
+                reading.told.refuse(
+                    grip.card, "nodes that share a force by weights take no moment: *COUPLING does."
+                )
+            force = force[: mesh.d]
+            at = mesh.x[number] if grip.place is None else np.array(grip.place[: mesh.d])
+            moment = moment if mesh.d == 3 else moment[2:]
+            about_origin = moment + moments_of(at, force)
+            traction = traction_of(reading, faces, force, about_origin, ring=reading.is_ring)
+            numbers = [tuple(map(float, values)) for values in (force, moment, at)]
+            shared = Shared(numbers[0], numbers[1], numbers[2])
+            load = LoadedFaces(grip.name, faces, None, traction, entry, grip.name, shared)
+            result.append(load)
             reading.told.assume(
                 grip.card,
                 "a shared force is a traction, linear on the face, of its force and moment",

@@ -12,6 +12,8 @@ from namedmesh.for_solvers import Card, DeckSpace
 
 ALL_COMPONENTS = (1, 2, 3, 4, 5, 6)
 """Displacements and rotations of a node."""
+COUPLING_ELEMENT = "DCOUP3D"
+"""Type of an element whose node loads a *DISTRIBUTING COUPLING."""
 LOG_100 = float(np.log(100.0))
 """Logarithm of the pressure at overclosure 0 over the pressure at the distance c0."""
 
@@ -149,6 +151,40 @@ def read_kinematic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 def read_distributing(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read that a coupled surface shares the forces on its node."""
     _finish_coupling(reading, card, rigid=False)
+
+
+def read_distributing_coupling(reading: DeckReading, card: Card, space: DeckSpace) -> None:
+    """Read that nodes share a force by weights, the force on the node of an element.
+
+    Its place does not matter: the force acts in the mean of the nodes.
+    """
+    elset = card.get("ELSET").upper()
+    elements: list[list[str]] = []
+    for known in space.cards:
+        is_coupling = known.get("TYPE").upper() == COUPLING_ELEMENT
+        if is_coupling and known.get("ELSET").upper() == elset:
+            elements += known.rows
+    if len(elements) != 1 or len(elements[0]) != 2 or not card.rows:
+        reading.told.refuse(
+            card, f"give an ELSET with one element of type {COUPLING_ELEMENT}, and nodes."
+        )
+        return
+    nodes = []
+    weights = []
+    for row in card.rows:
+        nodes.append(reading.mesh.nodes(row[0], space))
+        weight = number_of(card, row[1]) if len(row) > 1 else 1.0
+        weights.append(np.full(len(nodes[-1]), weight))
+    every = np.concatenate(nodes)
+    if not len(every):
+        reading.told.refuse(card, f"there is no node or set {card.rows[0][0]!r}; mend the name.")
+        return
+    x = reading.mesh.mesh.points[every]
+    place = np.average(x, axis=0, weights=np.concatenate(weights))
+    reference = int(reading.mesh.nodes(elements[0][1], space)[0])
+    name = card.rows[0][0] if len(card.rows) == 1 else elset
+    grip = Grip(name, np.unique(every), "", reference, None, False, ALL_COMPONENTS, card)
+    reading.grips.append(replace(grip, place=tuple(map(float, place))))
 
 
 def _finish_coupling(reading: DeckReading, card: Card, *, rigid: bool) -> None:

@@ -121,9 +121,10 @@ KEYWORDS = (
     _taken("TIE", "two surfaces that are glued", "`ec.Tied(slave, master)`"),
     _taken("PRE-TENSION SECTION", "a cut through a bolt", "`ec.Preload(side, side, force=F)`"),
     _taken("RIGID BODY", "nodes that move rigidly", "`ec.Rigid(part, ...)`"),
-    _taken("COUPLING", "a surface and its node", "`ec.Rigid(part, ...)`, `ec.Traction`"),
+    _taken("COUPLING", "a surface and its node", "`ec.Rigid(part, ...)`, `ec.RemoteForce`"),
     _taken("KINEMATIC", "the surface moves as the node", "`ec.Rigid(part, ...)`"),
-    _taken("DISTRIBUTING", "the surface shares the force", "`ec.Traction`"),
+    _taken("DISTRIBUTING", "the surface shares the force", "`ec.RemoteForce(part, F, at=a)`"),
+    _taken("DISTRIBUTING COUPLING", "nodes share it by weights", "`ec.RemoteForce` in their mean"),
     Keyword("HEADING", HARMLESS, "a title"),
     *_alike(
         HARMLESS,
@@ -189,7 +190,6 @@ KEYWORDS = (
     _refused("SUBSTRUCTURE GENERATE", "a substructure", STATICS),
     _refused("GREEN", "a substructure", STATICS),
     _refused("SENSITIVITY", "derivatives", STATICS),
-    _refused("DISTRIBUTING COUPLING", "an old coupling", "*COUPLING with *DISTRIBUTING"),
 )
 """The keywords, in the order of the page."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from erc_contact.decks.affine import Affine, constant, fitted, linear_traction
 from erc_contact.decks.conditions import FaceTraction, Gravity, NodalForces, Pressure, Spin
 from erc_contact.decks.histories import Entry
-from erc_contact.decks.plan import Volume
+from erc_contact.decks.plan import Shared, Volume
 from erc_contact.decks.reading import Axes, DeckReading, MaterialCards
 from erc_contact.decks.supports import HeldFaces
 from erc_contact.scene.remote import moments_of
@@ -29,6 +29,7 @@ class LoadedFaces:
         traction: The force per area, d values, without a pressure.
         entry: Its entry, with its history.
         set_name: Name of the set in the deck, "" where it has none.
+        shared: The force that the faces share, where the traction stands for one.
     """
 
     name: str
@@ -37,6 +38,7 @@ class LoadedFaces:
     traction: tuple[Affine, ...]
     entry: Entry
     set_name: str
+    shared: Shared | None = None
 
 
 def loaded_faces(
@@ -154,7 +156,9 @@ def forces_on_faces(
         result.append((around, on))
     loads = []
     for faces, on in result:
-        traction = _traction(reading, faces, nodes[on], forces[on], ring=ring)
+        there = mesh.mesh.points[nodes[on], : mesh.d]
+        moment = moments_of(there, forces[on]).sum(axis=0)
+        traction = traction_of(reading, faces, forces[on].sum(axis=0), moment, ring=ring)
         key = (load.name, faces.tobytes())
         name = load.name or names.setdefault(key, f"load {len(names) + 1}")
         loads.append(LoadedFaces(name, faces, None, traction, entry, load.name))
@@ -210,20 +214,18 @@ def _connected(reading: DeckReading, faces: np.ndarray) -> list[np.ndarray]:
     return [faces[group == number] for number in np.unique(group)]
 
 
-def _traction(
-    reading: DeckReading, faces: np.ndarray, nodes: np.ndarray, forces: np.ndarray, *, ring: bool
+def traction_of(
+    reading: DeckReading, faces: np.ndarray, force: np.ndarray, moment: np.ndarray, *, ring: bool
 ) -> tuple[Affine, ...]:
-    """Return the traction with the force and the moment of forces on nodes."""
+    """Return the linear traction on faces of a force, and a moment about the origin."""
     mesh = reading.mesh
-    x = mesh.mesh.points[nodes, : mesh.d]
     points = mesh.x[mesh.simplices(faces)]
     measures = mesh.measures(faces)
-    force = forces.sum(axis=0)
     if ring:
         around = 2 * np.pi * points[:, :, 0].mean(axis=1)
         area = float((around * measures).sum())
         return tuple(constant(value / area, mesh.d) for value in force)
-    return tuple(linear_traction(force, moments_of(x, forces).sum(axis=0), points, measures))
+    return tuple(linear_traction(force, moment, points, measures))
 
 
 # --- loads in the body

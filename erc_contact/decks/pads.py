@@ -131,6 +131,7 @@ def load_pads(
                 entry = replace(load.entry, what=what, key=(grip.reference, freedom))
                 reading.steps.entries.setdefault("grip force", []).append(entry)
             load.faces = np.setdiff1d(load.faces, shared)
+            load.shared = None
             reading.told.assume(
                 grip.card, f"loads on {grip.name!r} are the force and the moment on a rigid body"
             )

@@ -35,6 +35,23 @@ class PushedParts:
 
 
 @dataclass(frozen=True)
+class Shared:
+    """Hold a force at a point that a part shares, with a moment about the point.
+
+    Attributes:
+        force: Resultant [force], d numbers.
+        moment: Moment [force length], one number in the plane, else three.
+        at: The point [length], d numbers.
+        part: Name of the part.
+    """
+
+    force: tuple[float, ...]
+    moment: tuple[float, ...]
+    at: tuple[float, ...]
+    part: str = ""
+
+
+@dataclass(frozen=True)
 class Volume:
     """Hold a force per volume in a region, or in the whole body; d components."""
 

@@ -235,8 +235,11 @@ def _plane(reading: DeckReading, part: str, faces: np.ndarray) -> Plane:
 
 def _plan_loads(plan: DeckPlan, loads: list[LoadedFaces], names: list[tuple[str, ...]]) -> None:
     """Add loads on parts to a plan."""
-    entries = []
     for load, parts in zip(loads, names, strict=True):
-        what = PushedParts(parts, load.pressure, load.traction)
-        entries.append(replace(load.entry, what=what))
-    plan.entries["pushed"] = entries
+        # On faces of several parts the traction itself stands for a shared force.
+        if load.shared is not None and len(parts) == 1:
+            shared = replace(load.entry, what=replace(load.shared, part=parts[0]))
+            plan.entries.setdefault("shared", []).append(shared)
+        else:
+            what = PushedParts(parts, load.pressure, load.traction)
+            plan.entries.setdefault("pushed", []).append(replace(load.entry, what=what))

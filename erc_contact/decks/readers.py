@@ -42,6 +42,7 @@ READERS: dict[str, Reader] = {
     "COUPLING": interfaces.read_coupling,
     "KINEMATIC": interfaces.read_kinematic,
     "DISTRIBUTING": interfaces.read_distributing,
+    "DISTRIBUTING COUPLING": interfaces.read_distributing_coupling,
 }
 """Keyword -> the function that reads its cards."""
 OF_THE_MESH = (
@@ -112,7 +113,7 @@ def _check_elements(reading: DeckReading, card: Card) -> None:
     """Tell of elements that are no solids."""
     kind = card.get("TYPE").upper()
     shape, _, is_solid = shape_of(kind)
-    if is_solid:
+    if is_solid or kind == interfaces.COUPLING_ELEMENT:
         return
     if shape is not None:
         # Programs write sides of solids so; those with a section are refused there.

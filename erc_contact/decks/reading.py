@@ -122,6 +122,8 @@ class Grip:
         rigid: Whether the nodes move rigidly, else they share forces.
         components: Degrees of freedom of the coupling.
         card: The card.
+        place: Where the shared force acts [length], shape (3,); None at the reference
+            node.
     """
 
     name: str
@@ -132,6 +134,7 @@ class Grip:
     rigid: bool
     components: tuple[int, ...]
     card: Card
+    place: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)

@@ -64,6 +64,7 @@ class _Rewriting:
             "DLOAD": self._loads,
             "TEMPERATURE": self._temperatures,
             "INITIAL CONDITIONS": self._temperatures,
+            "DISTRIBUTING COUPLING": _shares,
         }
 
     def lines(self) -> Iterator[str]:
@@ -231,8 +232,8 @@ class _Rewriting:
                 forces.setdefault(node, np.zeros(3))[int(row[1]) - 1] += float(row[2])
         if not forces:
             return
-        self._refuse_forces(card)
         nodes = np.array(list(forces))
+        self._refuse_forces(card, nodes)
         x = self.deck.mesh.points[nodes, :d]
         given = in_coordinates(self._axes, nodes, x, np.array(list(forces.values())))
         total = np.zeros(self.finer.x.shape)
@@ -260,12 +261,19 @@ class _Rewriting:
             result[inside] = np.einsum("nki,ni->nk", local, forces[inside])[:, : self.deck.d]
         return result
 
-    def _refuse_forces(self, card: Card) -> None:
+    def _refuse_forces(self, card: Card, nodes: np.ndarray) -> None:
         """Refuse forces on nodes that cannot follow.
 
         Raises:
-            InputError: If a body is axisymmetric.
+            InputError: If a body is axisymmetric, or a node is inside a body.
         """
+        inside = np.setdiff1d(nodes, self.deck.nodes_of_faces(np.flatnonzero(self.deck.outer)))
+        if len(inside):
+            raise InputError(
+                f"refine: *CLOAD ({card.place}) has forces on nodes inside a body, as "
+                f"{self.deck.numbers[inside[0]]}, which are not carried to another mesh; give a "
+                "force per volume (*DLOAD, GRAV)."
+            )
         if any("AX" in part.kind for part in self.deck.blocks):
             raise InputError(
                 f"refine: *CLOAD ({card.place}) in a deck with an axisymmetric body is not carried "
@@ -327,6 +335,18 @@ def _order(d: int, degree: int) -> list[int]:
     middles = [int(between[i, (i + 1) % d]) for i in range(d)]
     # The two middles of an edge are one, and there are none (-1) of degree 1.
     return [*range(d), *(node for node in dict.fromkeys(middles) if node >= d)]
+
+
+def _shares(card: Card) -> Iterator[str]:
+    """Refuse shares of nodes: new nodes would have other shares.
+
+    Raises:
+        InputError: Always.
+    """
+    raise InputError(
+        f"refine: *DISTRIBUTING COUPLING ({card.place}) has weights of nodes, which are not "
+        "carried to another mesh; give *COUPLING with *DISTRIBUTING on a surface."
+    )
 
 
 def _as_it_is(card: Card) -> Iterator[str]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import ufl
 
 from erc_contact.decks.affine import Affine, constant
 from erc_contact.decks.histories import Key
-from erc_contact.decks.plan import DeckJoint, DeckPlan, Plane, Radial, RigidPart
+from erc_contact.decks.plan import DeckJoint, DeckPlan, Plane, Radial, RigidPart, Shared
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.load import BodyForce, Traction
+from erc_contact.scene.remote import RemoteForce
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.strain import Eigenstrain, ThermalStrain
 from erc_contact.scene.support import Displacement, Rigid
@@ -84,7 +86,24 @@ def _loads(plan: DeckPlan, t: float) -> list[Any]:
     for part, traction in tractions.items():
         if any(value != zero for value in traction):
             loads.append(Traction(part, tuple(value.value for value in traction)))
-    return loads + _volumes(plan, t)
+    return loads + _shared(plan, t) + _volumes(plan, t)
+
+
+def _shared(plan: DeckPlan, t: float) -> list[RemoteForce]:
+    """Return the forces that parts share at a time, without those that are zero."""
+    found: dict[tuple[str, tuple[float, ...]], np.ndarray] = {}
+    for entry in plan.at("shared", t):
+        what: Shared = entry.what
+        values = entry.factor(t) * np.array([*what.force, *what.moment])
+        key = (what.part, what.at)
+        found[key] = found.get(key, 0.0) + values
+    loads = []
+    for (part, at), values in found.items():
+        if values.any():
+            numbers = values.tolist()
+            force, moment = numbers[: plan.d], numbers[plan.d :]
+            loads.append(RemoteForce(part, force, moment=moment, at=at))
+    return loads
 
 
 def _volumes(plan: DeckPlan, t: float) -> list[BodyForce]:

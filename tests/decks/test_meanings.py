@@ -254,6 +254,18 @@ def test_a_shared_force_and_a_moment(read):
     assert np.allclose(about_axis, (-2000.0, 0.0, 0.0), atol=1e-6)
 
 
+def test_nodes_that_share_a_force_by_weights(read):
+    """The place of the node does not matter; one corner of the head has a weight of 2."""
+    shared = "*ELEMENT, TYPE=DCOUP3D, ELSET=C\n99, 20\n"
+    shared += "*DISTRIBUTING COUPLING, ELSET=C\n9, 2.\n10, 1.\n11, 1.\n12, 1.\n"
+    deck = read(shared + step(FIXED + "*CLOAD\n20, 1, 500."))
+    (load,) = deck.scene.loads
+    assert isinstance(load, ec.RemoteForce)
+    corners = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
+    assert np.allclose(load.at[:2], np.average(corners, axis=0, weights=[2, 1, 1, 1]))
+    assert load.force == (500.0, 0.0, 0.0)
+
+
 def test_a_coupled_face_moves_as_its_node(read):
     coupled = "*COUPLING, REF NODE=20, SURFACE=Top, CONSTRAINT NAME=C\n*KINEMATIC\n1, 6\n"
     deck = read(coupled + step(FIXED + "*BOUNDARY\n20, 1, 2\n20, 4, 6\n*CLOAD\n20, 3, 1000."))

@@ -153,7 +153,12 @@ def test_forces_along_local_axes_keep_their_moment(kind, tmp_path):
 def test_what_cannot_follow_is_refused(tmp_path):
     with pytest.raises(ec.InputError, match="parts and instances"):
         written_anew(refined(HERE / "abaqus_press.inp", 1))
-    path = tmp_path / "ring.inp"
+    path = tmp_path / "job.inp"
+    shared = "*ELEMENT, TYPE=DCOUP3D, ELSET=C\n99, 99\n*NODE\n99, 0., 0., 0.\n"
+    shared += "*DISTRIBUTING COUPLING, ELSET=C\nROOF, 1.\n*STEP"
+    path.write_text(two_boxes("C3D8").replace("*STEP", shared, 1))
+    with pytest.raises(ec.InputError, match="weights of nodes"):
+        written_anew(refined(path, 1))
     path.write_text(
         "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 1\n4, 1, 1\n*ELEMENT, TYPE=CAX4, ELSET=E\n1, 1, 2, 3, 4\n"
         "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*SOLID SECTION, ELSET=E, MATERIAL=M\n"
