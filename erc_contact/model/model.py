@@ -31,7 +31,7 @@ from erc_contact.model.last_step import Greatest, LastStep
 from erc_contact.model.law.constitution import Constitution
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution, Linearised
-from erc_contact.model.law.strains import Strains, bind_strains
+from erc_contact.model.law.strains import Strains, bind_strains, moved_by
 from erc_contact.model.loads import bind_hoop_load, bind_loads
 from erc_contact.model.meridian import Meridian
 from erc_contact.model.motions.held_motions import held_products, loose_motions, resisted_by_all
@@ -135,7 +135,7 @@ class Model:
         self.greatest_before = Greatest() if last is None else last.greatest
         check_dimension(scene, space.d)
         check_half_plane(space, scene)
-        self.parameters = moduli(space, scene.material)
+        self.parameters = moduli(space, scene.material) | moved_by(space, scene)
         material: Any = scene.material
         self.material = material
         self.linearised: Linearised | None = None

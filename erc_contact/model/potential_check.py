@@ -90,7 +90,8 @@ def check_potential(model: Model) -> None:
         )
     psi_at_rest, stress_at_rest, flat, gap, below = worst
     remembers = model.is_later_step and law.state is not None
-    if max(psi_at_rest, stress_at_rest) > PROMISE * SIZES[0] and not remembers:
+    is_moved = remembers or bool(model.scene.strains)
+    if max(psi_at_rest, stress_at_rest) > PROMISE * SIZES[0] and not is_moved:
         raise InputError(
             f"{name}: the potential or its derivative is not zero without strain: the body would"
             " have a stress at rest. Subtract both."

@@ -77,6 +77,7 @@ from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.law.law_entries import place_of
 from erc_contact.model.law.law_state import ValuesAt
 from erc_contact.model.law.potential import StrainOf
+from erc_contact.model.law.strains import free_strain
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.newton.solution import Solution
@@ -136,7 +137,8 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         work_of_yielding = 0.0
         stored = strain_energy(pair, pair.displacement).value
     else:
-        elastic_energy, work_of_yielding = plastic
+        elastic_energy, work_of_yielding, work_of_heat = plastic
+        work -= work_of_heat
         stored = elastic_energy + spring_energy(pair.model, pair.displacement).value
     if pair.model.linearised is None:
         work += _work_of_strains(pair, before)
@@ -380,8 +382,10 @@ def _work_of_body_force(loads: Model, model: Model, pair: Admissible) -> float:
     return assemble_number(there.space, there.loads(pair.displacement, on=[None]))
 
 
-def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float, float] | None:
-    """Compute elastic energy at the end and plastic work of a step; collective.
+def _plastic_energies(
+    solution: Solution, last: Solution | None
+) -> tuple[float, float, float] | None:
+    """Compute the energies of a step of a plastic body [force length]; collective.
 
     None without plastic strain. Stress and plastic strain are the fields of the
     solution, interpolated at the points where the body remembers its state.
@@ -389,6 +393,9 @@ def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float,
     Args:
         solution: The solution at its end.
         last: The solution at its begin; None from rest.
+
+    Returns:
+        Elastic energy at the end, plastic work, and what given strains take.
     """
     model = solution.model
     space = model.space
@@ -411,14 +418,29 @@ def _plastic_energies(solution: Solution, last: Solution | None) -> tuple[float,
         of_begin = 0.0 if old_stress is None else old_stress.at(x, cells)
         return 0.5 * (stress.at(x, cells) + of_begin)
 
+    given = solution.scene.strains
+    free_at = space.everywhere(free_strain(space, given))
+    earlier = () if last is None else last.scene.strains
+    free_before = space.everywhere(free_strain(space, earlier))
+
     def elastic(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        return in_space(strain_at(x, cells)) - after.at(x, cells)[..., place]
+        of_yielding = after.at(x, cells)[..., place]
+        return in_space(strain_at(x, cells)) - of_yielding - _in_all_directions(free_at(x, cells))
+
+    def expansion(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        return _in_all_directions(free_at(x, cells) - free_before(x, cells))
 
     def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         return (after.at(x, cells) - before.at(x, cells))[..., place]
 
     stored = 0.5 * _integral(space, stress.at, elastic)
-    return stored, _integral(space, mean_stress, growth)
+    heat = _integral(space, mean_stress, expansion) if given or earlier else 0.0
+    return stored, _integral(space, mean_stress, growth), heat
+
+
+def _in_all_directions(strain: np.ndarray) -> np.ndarray:
+    """Return a strain in all directions in six Mandel components, shape (n, q, 6)."""
+    return strain.reshape(*strain.shape[:2], 1) * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def _integral(space: Space, stress_at: ValuesAt, strain_at: ValuesAt) -> float:

@@ -48,6 +48,9 @@ class Plastic:
         psi* = (tr sigma)^2/(18 K) + q(sigma)^2/(6 G) + sigma : p
                + F([q(sigma - X) - k(a)]_+, H_k).
 
+    A strain e_T of heat, the same in all directions, makes ``tr eps - 3 e_T`` of tr eps
+    and adds ``e_T tr sigma`` to psi*: it causes no plastic flow by itself.
+
     For linear hardening ``k = y + H a`` it is ``F(t, c) = t^2 / (2 (c + H))``; for a
     curve see ``erc_contact.scene.flow``.
 
@@ -89,6 +92,7 @@ class Plastic:
     hypothesis: str = PLANE_STRAIN
 
     parameters: ClassVar[tuple[str, ...]] = ("E", "nu", "yield_stress", "hardening", "kinematic")
+    expands: ClassVar[bool] = True
     state: ClassVar[Mapping[str, tuple[int, ...]]] = {"plastic_strain": (3, 3), "accumulated": ()}
 
     def __post_init__(self) -> None:
@@ -192,7 +196,7 @@ class Plastic:
         elastic_strain = here.elastic_strain(strain)
         beyond = here.beyond(here.trial(strain))
         of_shear = here.shear * ufl.inner(elastic_strain, elastic_strain)
-        elastic = here.bulk / 2 * ufl.tr(strain) ** 2 + of_shear
+        elastic = here.bulk / 2 * (ufl.tr(strain) - 3 * here.free_strain) ** 2 + of_shear
         return elastic - here.flow(beyond, 3 * here.shear + here.kinematic).energy
 
     def conjugate(self, stress: Ufl, **values: Ufl) -> Ufl:
@@ -203,7 +207,8 @@ class Plastic:
         elastic = (1 - 2 * here.nu) / (6 * here.E) * ufl.tr(stress) ** 2 + of_shear
         beyond = here.beyond(deviator - here.back_stress)
         of_flow = here.flow(beyond, here.kinematic).energy
-        return elastic + ufl.inner(deviator, here.plastic_strain) + of_flow
+        of_given = ufl.inner(deviator, here.plastic_strain) + here.free_strain * ufl.tr(stress)
+        return elastic + of_given + of_flow
 
     def new_state(self, strain: Ufl, **values: Ufl) -> dict[str, Ufl]:
         """Return plastic strain and accumulated plastic strain after a step [-]."""
@@ -218,8 +223,13 @@ class Plastic:
             "accumulated": here.positive_accumulated + flow,
         }
 
-    def convexity(self, E: Ufl, nu: Ufl, kinematic: Ufl, **hardening: Ufl) -> Ufl:
-        """Return the share of the elasticity that plastic flow leaves [-]."""
+    def convexity(
+        self, E: Ufl, nu: Ufl, kinematic: Ufl, free_strain: Ufl = 0.0, **hardening: Ufl
+    ) -> Ufl:
+        """Return the share of the elasticity that plastic flow leaves [-].
+
+        A free strain moves the potential, and leaves its curvature.
+        """
         slopes = [point.slope for point in _points(**hardening)]
         slope = kinematic + reduce(ufl.min_value, slopes)
         return slope / (slope + 3 * E / (2 * (1 + nu)))
@@ -293,10 +303,17 @@ def _points(yield_stress: Ufl, last_slope: Ufl = None, **others: Ufl) -> list[Po
 
 
 def _at_point(
-    E: Ufl, nu: Ufl, kinematic: Ufl, plastic_strain: Ufl, accumulated: Ufl, **hardening: Ufl
+    E: Ufl,
+    nu: Ufl,
+    kinematic: Ufl,
+    plastic_strain: Ufl,
+    accumulated: Ufl,
+    free_strain: Ufl = 0.0,
+    **hardening: Ufl,
 ) -> _AtPoint:
     """Return parameters and state of a point."""
-    return _AtPoint(E, nu, _points(**hardening), kinematic, plastic_strain, accumulated)
+    points = _points(**hardening)
+    return _AtPoint(E, nu, points, kinematic, plastic_strain, accumulated, free_strain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,6 +326,7 @@ class _AtPoint:
     kinematic: Ufl
     plastic_strain: Ufl
     accumulated: Ufl
+    free_strain: Ufl
 
     @property
     def shear(self) -> Ufl:

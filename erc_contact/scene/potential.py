@@ -44,6 +44,10 @@ class Potential(Protocol):
     left out: Newton's method looks for the supremum at each point, and the convexity
     bounds what it leaves, ``rho : (a C)^-1 rho / 2`` for the stress rho that it misses.
 
+    A law with an attribute ``expands = True`` takes given strains that are the same in
+    all directions: where a scene has them, all methods get their sum as
+    ``free_strain``, by which ``psi(eps) = psi_0(eps - free_strain I)`` is moved.
+
     Attributes:
         parameters: Names of the attributes that are values in space: numbers, callables
             of x, or mappings from the names of regions to either.
@@ -79,6 +83,8 @@ class Potential(Protocol):
         """Return a modulus > 0 that scales contact parameters [force/area], UFL."""
 
 
+FREE_STRAIN = "free_strain"
+"""Name of the parameter of a law that expands: a given strain in all directions [-]."""
 POTENTIAL_MEMBERS = ("parameters", "check", "potential", "modulus")
 """Names of the members of each material with a potential."""
 DUAL_MEMBERS = ("conjugate", "convexity")
@@ -89,7 +95,10 @@ type Shapes = Mapping[str, tuple[int, ...]]
 
 BY_FORCE = "force() has the value of sigma^, without an interval; potential_energy() has one."
 """What there is of a potential where a number has no interval."""
-FROM_REST = "Potentials are solved in plane strain, as bodies of revolution and in 3D."
+FROM_REST = (
+    "Potentials are solved in plane strain, as bodies of revolution and in 3D; Plastic also with "
+    "strains of heat."
+)
 """What there is of a potential where a hypothesis or a given strain is refused."""
 
 
@@ -133,6 +142,11 @@ def gives_conjugate(material: Any) -> bool:
 def tells_convexity(material: Any) -> TypeGuard[Convex]:
     """Tell whether a law tells how convex it is."""
     return hasattr(material, "convexity")
+
+
+def expands(material: Any) -> bool:
+    """Tell whether a law takes a given strain in all directions, as heat is."""
+    return bool(getattr(material, "expands", False))
 
 
 def remembers(material: Any) -> TypeGuard[Remembering]:

@@ -29,6 +29,7 @@ from erc_contact.scene.potential import (
     FROM_REST,
     POTENTIAL_MEMBERS,
     Potential,
+    expands,
     gives_conjugate,
     has_potential,
     refuse_potential,
@@ -150,11 +151,11 @@ class Scene:
 
         Raises:
             InputError: If the material has a potential, and the scene has given
-                strains, or is in plane stress.
+                strains that it does not take, or is in plane stress.
         """
         hypothesis = getattr(self.material, "hypothesis", PLANE_STRAIN)
         needs_linear = {
-            "A given strain": bool(self.strains),
+            "A given strain": bool(self.strains) and not expands(self.material),
             f"The hypothesis {hypothesis!r}": hypothesis == PLANE_STRESS,
         }
         for what, is_there in needs_linear.items():

@@ -443,6 +443,44 @@ def test_numbers_of_plasticity(numbers, words):
     refused(lambda: dataclasses.replace(STEEL, **numbers), words)
 
 
+def heated_bar(temperature):
+    """A bar of revolution between two walls, which is free along its radius."""
+    law = ec.Plastic(1000.0, 0.3, yield_stress=3.0, hardening=50.0, hypothesis="axisymmetric")
+    walls = [ec.Displacement("bottom", (None, 0.0)), ec.Displacement("top", (None, 0.0))]
+    return ec.Scene(law, walls, strains=ec.ThermalStrain(1e-3, temperature))
+
+
+def test_a_bar_that_is_heated_and_cooled_between_walls():
+    """0 = sigma/E + e_T + p, and it yields at y + H |p|: a tension is left."""
+    bar = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(1, 2))
+    history = ec.evolve(lambda t: heated_bar(5.0 * min(t, 2 - t)), bar, [1.0, 2.0], accuracy=0.1)
+    yielded = (0.005 - 3.0 / 1000.0) / (1 + 50.0 / 1000.0)
+    hot, cold = (error.force("top").force[1] / np.pi for error in history.errors)
+    assert hot == pytest.approx(-(3.0 + 50.0 * yielded), rel=1e-6)
+    assert cold == pytest.approx(1000.0 * yielded, rel=1e-6)
+    # The works of the heat, of yielding and of the walls are the change of the energy.
+    for step in history.steps:
+        assert abs(step.imbalance) < 1e-9 * step.greatest_energy
+
+
+def test_a_temperature_that_varies():
+    """The energy of a finer mesh lies in the interval, and a free body bends without stress."""
+
+    def heated(n):
+        heat = ec.ThermalStrain(1e-3, lambda x: 30.0 * x[1] ** 2)
+        scene = ec.Scene(STEEL, ec.Displacement("left", (0.0, 0.0)), strains=heat)
+        return ec.potential_energy(certified(scene, slab(2, (2 * n, n))))
+
+    coarse, fine = heated(2), heated(4)
+    assert coarse.low <= fine.low <= fine.high <= coarse.high
+    turned = ec.Eigenstrain(((0.1, 0.0), (0.0, 0.0)))
+    refused(
+        lambda: ec.solve(ec.Scene(STEEL, strains=turned), slab(2)), "the same in all directions"
+    )
+    of_user = ec.ThermalStrain(1e-5, 10.0)
+    refused(lambda: ec.Scene(Quadratic(1.0, 0.3), strains=of_user), "needs a linear law")
+
+
 @pytest.fixture(scope="module")
 def error():
     return certified(pushed_slab(STEEL, 2, friction=0.3), slab(2))
@@ -461,7 +499,6 @@ def error():
         lambda error: ec.adapt(
             error.solution.scene, error.domain, 0.1, goal=ec.Resultant("bottom", (0.0, 1.0))
         ),
-        lambda error: ec.Scene(STEEL, strains=ec.ThermalStrain(1e-5, 10.0)),
     ],
 )
 def test_what_needs_a_linear_law_is_refused(call, error):

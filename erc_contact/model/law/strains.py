@@ -35,6 +35,8 @@ from erc_contact.model.data.values import (
 )
 from erc_contact.model.space import Space
 from erc_contact.scene.material import Material, mandel_basis, parameter
+from erc_contact.scene.potential import FREE_STRAIN, has_potential
+from erc_contact.scene.scene import Scene
 from erc_contact.scene.strain import GivenStrain
 from namedmesh.simplex import rule
 
@@ -96,7 +98,6 @@ def bind_strains(
     """
     if not strains and not of_preloads:
         return None
-    d = space.d
     basis, rows = space.section.basis, space.section.rows
     tensor = sum(of_preloads, start=ufl.zero((rows, rows)))
     normal = ufl.as_ufl(0.0)
@@ -109,11 +110,46 @@ def bind_strains(
             if rows == 2:
                 normal += expression
                 tensor += expression * _out_of_plane(strain, material, parameters)
-    points, _ = rule(d, DATA_DEGREE)
-    values = space.evaluate(tensor, points, space.owned_cells)
+    _check_finite(space, tensor)
+    return Strains(tensor, normal, space.mesh, basis)
+
+
+def moved_by(space: Space, scene: Scene) -> dict[str, Ufl]:
+    """Return the parameter by which given strains move a potential; collective."""
+    if not scene.strains or not has_potential(scene.material):
+        return {}
+    return {FREE_STRAIN: free_strain(space, scene.strains)}
+
+
+def free_strain(space: Space, strains: Sequence[GivenStrain]) -> Ufl:
+    """Return the sum of given strains that are the same in all directions; collective.
+
+    Args:
+        space: The mesh.
+        strains: The strains of the scene.
+
+    Raises:
+        InputError: If one is a tensor, or cannot be evaluated.
+    """
+    total = ufl.as_ufl(0.0)
+    for strain in strains:
+        for expression in _terms(space, strain):
+            if expression.ufl_shape:
+                raise InputError(
+                    f"{type(strain).__name__} is a tensor, and a law with a potential takes strains"
+                    " that are the same in all directions: give a number, as of heat."
+                )
+            total += expression
+    _check_finite(space, total)
+    return total
+
+
+def _check_finite(space: Space, strain: Ufl) -> None:
+    """Check that a given strain is finite in all cells; collective."""
+    points, _ = rule(space.d, DATA_DEGREE)
+    values = space.evaluate(strain, points, space.owned_cells)
     if not np.isfinite(space.extremes(values)).all():
         raise InputError("A given strain is not finite everywhere; look at its callables.")
-    return Strains(tensor, normal, space.mesh, basis)
 
 
 def _terms(space: Space, strain: GivenStrain) -> list[Ufl]:
