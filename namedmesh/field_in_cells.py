@@ -124,6 +124,25 @@ class FieldInCells:
             result[here] = np.matmul(products[:, None], factors)[:, 0]
         return result
 
+    def nodal_forces(self, places: PlacesInCells, forces: np.ndarray) -> np.ndarray:
+        """Return the forces on nodes that do the work of forces at points.
+
+        Args:
+            places: The points.
+            forces: Forces at them [force], shape (n, d).
+
+        Returns:
+            Shape of the displacement of the file.
+        """
+        result = np.zeros(self.field.values.shape)
+        for number, block in enumerate(self.field.blocks):
+            here = np.flatnonzero(places.block == number)
+            unit = block.functions.factors(np.eye(block.nodes.shape[1])[None])[0]
+            shares = block.functions.products(places.local[here]) @ unit
+            nodes = block.nodes[places.cell[here]]
+            np.add.at(result, nodes, shares[:, :, None] * forces[here][:, None])
+        return result
+
     def gradients(self, places: PlacesInCells) -> np.ndarray:
         """Evaluate the derivatives ``du_i/dx_j`` of the displacement [-], (n, d, d)."""
         d = places.local.shape[1]

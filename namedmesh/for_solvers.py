@@ -9,6 +9,7 @@ from namedmesh.closest import closest
 from namedmesh.copies import points_in_words, shared_points
 from namedmesh.deck_mesh import Card, DeckMesh, DeckSpace, domain_of, read_deck_mesh
 from namedmesh.deck_refinement import FinerDeckMesh, refined_deck_mesh
+from namedmesh.field_in_cells import FieldInCells
 from namedmesh.field_on_mesh import SAME_PLACE, FieldOnMesh
 from namedmesh.files.abaqus_tables import shape_of
 from namedmesh.files.displacements import FileField, from_file
@@ -39,6 +40,7 @@ __all__ = [
     "Card",
     "DeckMesh",
     "DeckSpace",
+    "FieldInCells",
     "FieldOnMesh",
     "FileField",
     "FileMesh",

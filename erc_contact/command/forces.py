@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.admissible.fields import sides_of
 from erc_contact.base.exceptions import InputError, NotConverged
@@ -21,12 +22,14 @@ from erc_contact.output.bounded_forces import (
     contact_names,
 )
 from erc_contact.scene.goal import BoltForce, Resultant
-from erc_contact.scene.load import BodyForce
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 from namedmesh.base.ranks import of_all
-from namedmesh.for_solvers import SAME_PLACE, FileField, closest
-from namedmesh.simplex import of_facets
+from namedmesh.for_solvers import SAME_PLACE, FieldInCells, FileField, closest
+from namedmesh.simplex import measures, of_facets, rule
+
+DEGREE = 6
+"""Degree of the products of shape functions of second order and a linear body force."""
 
 
 def narrowly_bounded(error: ConstitutiveError) -> list[BoundedForce]:
@@ -76,8 +79,9 @@ def with_forces_of(
     """Return forces with the components that a file has; collective.
 
     A file lists reactions and loads of nodes together. Where a node of a support has a
-    load, too, or any other node has a force, the force of a part is not known. Of a
-    body of revolution they are forces on the whole circle, of which the axial ones are
+    load, too, or any other node has a force, the force of a part is not known. What body
+    forces are at the nodes of the cells of the file is taken from all. Of a body of
+    revolution they are forces on the whole circle, of which the axial ones are
     reactions; radial ones have the hoop stress of its section, too.
 
     Args:
@@ -86,7 +90,7 @@ def with_forces_of(
         field: The result.
         thickness: Thickness of the plane body of the file [length], else 1.
     """
-    known = _forces_in_file(error, field)
+    known = _forces_in_file(error, field, thickness)
     letters = axes_of(error)
     result = []
     for row in rows:
@@ -96,14 +100,17 @@ def with_forces_of(
     return result
 
 
-def _forces_in_file(error: ConstitutiveError, field: FileField) -> dict[str, np.ndarray]:
+def _forces_in_file(
+    error: ConstitutiveError, field: FileField, thickness: float
+) -> dict[str, np.ndarray]:
     """Sum the forces on the nodes of supports that a file has; collective."""
     scene = error.solution.scene
-    has_body_force = any(isinstance(load, BodyForce) for load in scene.loads)
     # CalculiX may write a plane body as a layer in 3D, whose forces are of other cells.
     is_layer = field.x.shape[1] != error.domain.dim
-    if field.forces is None or is_layer or has_body_force:
+    if field.forces is None or is_layer:
         return {}
+    of_body = thickness * _body_loads(error, field)
+    on_nodes = field.forces - of_body
     supports = {support.facets for support in scene.supports}
     loads = {load.facets for load in scene.loads if load.facets is not None}
     x = field.x[: len(field.forces)]
@@ -112,15 +119,38 @@ def _forces_in_file(error: ConstitutiveError, field: FileField) -> dict[str, np.
     for is_on in on.values():
         count += is_on
     of_reactions = slice(1, None) if error.model.space.axisymmetric else slice(None)
-    size = abs(field.forces[:, of_reactions]).max(axis=1)
-    has_force = size > ROUND_OFF * size.max(initial=0.0)
+    size = abs(on_nodes[:, of_reactions]).max(axis=1)
+    largest = max(size.max(initial=0.0), abs(of_body).max(initial=0.0))
+    has_force = size > ROUND_OFF * largest
     if (has_force & (count == 0)).any():
         return {}
     forces = {}
     for name in supports:
         if (count[on[name]] == 1).all():
-            forces[name] = field.forces[on[name]].sum(axis=0)
+            forces[name] = on_nodes[on[name]].sum(axis=0)
     return forces
+
+
+def _body_loads(error: ConstitutiveError, field: FileField) -> np.ndarray:
+    """Return the forces that body forces are at the nodes of a file; collective.
+
+    They are integrated in the cells of the error, whose points lie in the cells of the
+    file.
+    """
+    model = error.model
+    space = model.space
+    if model.body_force is None:
+        return np.zeros(field.values.shape)
+    points, weights = rule(space.d, DEGREE)
+    cells = space.owned_cells
+    x = space.cell_points(points, cells)
+    volumes = measures(space.cell_corners()[cells])[:, None] * weights
+    # Of rings the density has the circumference.
+    density = space.everywhere(model.body_force)(x, cells)
+    inside = FieldInCells(field, None, SAME_PLACE * error.domain.extent)
+    places = inside.places(x.reshape(-1, space.d))
+    local = inside.nodal_forces(places, (volumes[..., None] * density).reshape(-1, space.d))
+    return np.asarray(space.comm.allreduce(local, MPI.SUM))
 
 
 def _is_on_part(error: ConstitutiveError, name: str, x: np.ndarray) -> np.ndarray:
