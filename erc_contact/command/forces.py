@@ -78,11 +78,11 @@ def with_forces_of(
 ) -> list[BoundedForce]:
     """Return forces with the components that a file has; collective.
 
-    A file lists reactions and loads of nodes together. Where a node of a support has a
-    load, too, or any other node has a force, the force of a part is not known. What body
-    forces are at the nodes of the cells of the file is taken from all. Of a body of
-    revolution they are forces on the whole circle, of which the axial ones are
-    reactions; radial ones have the hoop stress of its section, too.
+    A file lists reactions and loads of nodes together. What body forces are at the
+    nodes is taken from them. Where a node of a support has another load, too, or any
+    other node has a force, the force of a part is not known. Of a body of revolution
+    they are forces on the whole circle, of which the axial ones are reactions; radial
+    ones have the hoop stress of its section, too.
 
     Args:
         rows: The forces.

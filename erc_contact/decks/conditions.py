@@ -183,7 +183,7 @@ def read_transform(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 def read_boundary(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read prescribed displacements."""
     if card.has("FIXED"):
-        reading.told.refuse(card, "FIXED: give the displacements of the last step in numbers.")
+        _lock_bolts(reading, card, space)
         return
     if any(card.has(name) for name in ("SUBMODEL", "MASSFLOW", "USER", "LOADCASE")):
         reading.told.refuse(card, f"{', '.join(card.parameters)}: values in lines alone are read.")
@@ -213,6 +213,22 @@ def read_boundary(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         points = np.array(list(values))
         held = Held("", points, component, np.array(list(values.values())), card)
         reading.steps.add("held", (tuple(sorted(values)), component), held, amplitude)
+
+
+def _lock_bolts(reading: DeckReading, card: Card, space: DeckSpace) -> None:
+    """Read that bolts keep the shortening that an earlier step has reached."""
+    bolts = {pretension.node for pretension in reading.pretensions}
+    for row in card.rows:
+        nodes = reading.mesh.nodes(row[0], space).tolist()
+        if not nodes or not bolts.issuperset(nodes):
+            reading.told.refuse(
+                card,
+                f"FIXED: {row[0]} is no node of a *PRE-TENSION SECTION; give other displacements "
+                "of the last step in numbers.",
+            )
+            return
+        for node in nodes:
+            reading.steps.add("locked", (node,), True, None)
 
 
 def _components(card: Card, row: list[str]) -> tuple[int, int, float]:

@@ -106,7 +106,7 @@ def plan_grips(
             continue
         about = tuple(float(value) for value in reading.mesh.x[grip.reference])
         plan.rigids.append(RigidPart(parts[0], grip.reference, grip.rotation, about))
-    for kind in ("grip", "grip force"):
+    for kind in ("grip", "grip force", "locked"):
         plan.entries[kind] = reading.steps.entries.get(kind, [])
 
 

@@ -164,6 +164,8 @@ def _tie(plan: DeckPlan, joint: DeckJoint, t: float) -> Tied:
     """Return a tied joint, or a preload with its force or shortening at a time."""
     if joint.kind == "tied":
         return Tied(joint.here, joint.there)
+    if any(entry.key == (joint.node,) for entry in plan.at("locked", t)):
+        return Preload(joint.here, joint.there, locked=True)
     values = {"force": 0.0, "shortening": 0.0}
     given = set()
     for kind, name in (("grip force", "force"), ("grip", "shortening")):

@@ -22,7 +22,9 @@ from namedmesh.simplex import measures, of_facets, outward_normals
 
 
 def with_shifts_of(scene: Scene, domain: Domain, file: FileField) -> Scene:
-    """Return a scene whose preloads by a force have the shifts of a file; collective.
+    """Return a scene whose preloads have the shifts of a file; collective.
+
+    Preloads by a force have none, nor those that are locked.
 
     Args:
         scene: The scene.
@@ -32,7 +34,7 @@ def with_shifts_of(scene: Scene, domain: Domain, file: FileField) -> Scene:
     Raises:
         InputError: If the mesh is outside of the bodies of the file.
     """
-    unknown = [tie for tie in scene.ties if isinstance(tie, Preload) and tie.force is not None]
+    unknown = [tie for tie in scene.ties if isinstance(tie, Preload) and tie.shortening is None]
     if not unknown:
         return scene
     geometry = domain.mesh.geometry

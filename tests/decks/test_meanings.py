@@ -281,6 +281,20 @@ def test_the_sign_of_a_pretension(normal, sign, read):
     assert list(deck.domain.regions) == ["Lower", "Upper"]
 
 
+def test_a_bolt_that_is_fixed_keeps_its_shortening(read):
+    """The head is pulled up by 0.1: the strain of both steps adds up."""
+    cut = "*SURFACE, NAME=Cut\n1, S2\n*PRE-TENSION SECTION, SURFACE=Cut, NODE=21\n"
+    drawn = step(FIXED + "Head, 1, 3\n*CLOAD\n21, 1, 500.")
+    pulled = step("*BOUNDARY, FIXED\n21, 1, 1\n*BOUNDARY\nHead, 3, 3, 0.1")
+    deck = read(cut + drawn + pulled)
+    assert deck.scene.ties[0].locked
+    history = ec.evolve(deck.scene_at, deck.domain, deck.times, accuracy=0.9)
+    found = [error.force("Head").force[2] for error in history.errors]
+    assert np.allclose(found, (500.0, 500.0 + 100 * E * 0.1 / 20), rtol=1e-6)
+    with pytest.raises(ec.InputError, match=r"Head is no node of a \*PRE-TENSION SECTION"):
+        read(cut + drawn + pulled.replace("21, 1, 1", "Head, 1, 3"))
+
+
 def test_plasticity_with_linear_hardening(read):
     plastic = "*PLASTIC\n5., 0.\n15., 0.1\n"
     deck = read(step("*BOUNDARY\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."), plastic + SECTION)
