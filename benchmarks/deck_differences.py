@@ -1,14 +1,18 @@
 """Find why decks of CalculiX' suite differ from CalculiX most, on finer meshes.
 
-    python benchmarks/deck_differences.py
+    python benchmarks/deck_differences.py [FOLDER]
 
 Each is the body of a deck of the suite on meshes of its own, solved by ``ccx`` and by
 the package: a block that is pressed on another one (friction1), a disc that a point
-holds (ax6), and a heated beam whose end is held along an edge (beamnlt).
+holds (ax6), and a heated beam whose end is held along an edge (beamnlt). With the
+folder of the suite, decks of it that hold points are solved by ``ccx`` once more, with
+the pads that the package has in their place.
 """
 
 import logging
+import re
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from itertools import product
@@ -18,8 +22,11 @@ import numpy as np
 from decks import INWARD, corners_of
 
 import erc_contact as ec
+from namedmesh.base.releases import cell_nodes
 from namedmesh.files.displacements import displacement_of
 from namedmesh.files.reading import read
+from namedmesh.for_solvers import closest, read_deck_mesh
+from namedmesh.simplex import of_facets
 
 CORNERS = ((0, 0), (2, 0), (2, 2), (0, 2))
 """Corners of a square in halves of its sides."""
@@ -161,7 +168,6 @@ def beam(n: int, *, padded: bool) -> str:
     x, cells = box((1.0, 1.0, 8.0), (n, n, 4 * n), 2)
     is_edge = (x[:, 2] == 8.0) & (x[:, 1] == 1.0)
     is_around = (x[:, 2] == 8.0) & (x[:, 1] >= 1.0 - 1.0 / n - NEAR)
-    is_around |= (x[:, 1] == 1.0) & (x[:, 2] >= 8.0 - 2.0 / n - NEAR)
     with_points = np.vstack([x, [(0.5, 1.0, 8.0)] * 2])
     sets = [
         *node_set("FOOT", x[:, 2] == 0.0),
@@ -182,8 +188,63 @@ def beam(n: int, *, padded: bool) -> str:
     return f"{len(cells)} | {'the pad' if padded else 'the edge'} | {amid:.1%}"
 
 
+WITH_PADS = ("achteld", "beamnlt", "beamp1rotate", "segment2")
+"""Decks of the suite that hold points."""
+HOLDING = re.compile(r"^\*(BOUNDARY|TRANSFORM)\b[^*]*", re.IGNORECASE | re.MULTILINE)
+"""Cards that hold nodes, with their lines."""
+
+
+def with_pads(path: Path, deck: ec.Deck) -> list[str]:
+    """Write a deck of the suite with the supports of its scene, pads among them."""
+    mesh = read_deck_mesh(path)
+    used = np.flatnonzero(mesh.node_is_used)
+    space = deck.domain
+    points = space.mesh.geometry.x[:, : space.dim]
+    first = int(mesh.numbers.max()) + 1
+    text: list[str] = []
+    for support in deck.scene.supports:
+        facets = space.facets(support.facets)
+        corners = points[corners_of_facets(space, facets)]
+        near = closest(mesh.x[used], corners).distance < NEAR
+        text += [f"*NSET, NSET=S{first}", *lines(mesh.numbers[used[near]])]
+        if not isinstance(support, ec.Rigid):
+            text += ["*BOUNDARY"]
+            held = [(i, value) for i, value in enumerate(support.value, 1) if value is not None]
+            text += [f"S{first}, {i}, {i}, {value}" for i, value in held]
+            first += 1
+            continue
+        place = ", ".join(map(str, support.about or ()))
+        text += ["*NODE", f"{first}, {place}", f"{first + 1}, {place}"]
+        text += [f"*RIGID BODY, NSET=S{first}, REF NODE={first}, ROT NODE={first + 1}"]
+        text += ["*BOUNDARY"]
+        for k, motion in enumerate(support.motions):
+            if motion is not None:
+                text += [f"{first + k // 3}, {k % 3 + 1}, {k % 3 + 1}, {motion}"]
+        first += 2
+    loose = HOLDING.sub("", path.read_text())
+    before, after = re.split(r"(?m)^(?=\*STEP)", loose, maxsplit=1)
+    ended = after.replace("*END STEP", "*NODE FILE\nU\n*END STEP")
+    return [before.rstrip(), *text, ended]
+
+
+def corners_of_facets(domain: ec.Domain, facets: np.ndarray) -> np.ndarray:
+    """Return the points at the corners of facets (cell, local facet), shape (f, d)."""
+    return of_facets(cell_nodes(domain.mesh.geometry)[facets[:, 0]], facets[:, 1])
+
+
+def held_alike(path: Path) -> str:
+    """Compare a deck that holds points, and with pads in both."""
+    text = path.read_text().replace("*END STEP", "*NODE FILE\nU\n*END STEP").splitlines()
+    deck = ec.read_deck(path, penalty="kept")
+    words = []
+    for other in (None, with_pads(path, deck)):
+        _, theirs, ours = both(text, other)
+        words.append(f"{abs(ours - theirs).max() / abs(theirs).max():.1%}")
+    return f"`{path.stem}` | {' | '.join(words)}"
+
+
 def main() -> None:
-    """Print three tables."""
+    """Print the tables."""
     logging.disable(logging.WARNING)
     print("| hexahedra of a block | greatest difference | the top sinks: CalculiX | here |")
     for n in (4, 8):
@@ -194,6 +255,10 @@ def main() -> None:
     print("| cells of the beam | CalculiX holds | difference in its middle |")
     for n, padded in ((2, False), (2, True), (4, False), (4, True)):
         print("|", beam(n, padded=padded), "|", flush=True)
+    if len(sys.argv) > 1:
+        print("| deck | CalculiX holds the points | the pads |")
+        for name in WITH_PADS:
+            print("|", held_alike(Path(sys.argv[1]) / f"{name}.inp"), "|", flush=True)
 
 
 if __name__ == "__main__":
