@@ -77,7 +77,7 @@ def spread(reading: DeckReading, entry: Entry, thickness: float) -> Entry:
     hats = np.column_stack([1.0 - points.sum(axis=1), points])
     x = np.einsum("qk,mki->mqi", hats, simplices.x[simplices.cells[cells]])
     volumes = measures(simplices.x[simplices.cells[cells]])
-    scale = volumes[:, None] * weights / weights.sum() * hats[:, corner].T
+    scale = volumes[:, None] * weights * hats[:, corner].T
 
     def sums(values: np.ndarray) -> np.ndarray:
         result = np.zeros((len(load.nodes), *values.shape[1:]))

@@ -28,7 +28,9 @@ LOAD_MEMBERS = ("facets", "parameters", "density")
 class Load(Protocol):
     """Describe a load.
 
-    Example: ``demos/extend/load.py``.
+    Example: ``demos/extend/load.py``. A load whose density depends on the area of its
+    part has a method ``on_part(moments)``, too, which returns arrays that ``density``
+    gets by their names; :class:`RemoteForce` has one.
 
     Attributes:
         facets: Name of the boundary part that it acts on, or None for a load in the

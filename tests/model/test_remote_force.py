@@ -72,6 +72,19 @@ def test_a_bar_under_an_eccentric_force():
     assert ec.potential_energy(exact).value == pytest.approx(-energy, rel=1e-10)
 
 
+def test_the_displacement_at_the_point_is_a_goal():
+    """The work of a unit force at a point: the motion of the end, as a lever has it."""
+    pull, moment, y = 6.0, 0.5, 0.3
+    load = ec.RemoteForce("right", (pull, 0.0), moment=moment)
+    scene = ec.Scene(ec.Elastic(1000.0, 0.0), ec.Symmetry("left"), load)
+    error = measured(scene, ec.rectangle(*PLANE, cells=(4, 2)))
+    unit = ec.RemoteForce("right", (1.0, 0.0), at=(2.0, y))
+    moved = 2.0 / 1000.0 * (pull - 12 * moment * (y - 0.5))
+    bounds = ec.interval(error, ec.Functional(unit))
+    assert bounds.low <= moved <= bounds.high
+    assert bounds.high - bounds.low < 0.3 * moved
+
+
 def test_a_ring_has_its_axial_force():
     ring = ec.rectangle((1.0, 0.0), (2.0, 1.0), cells=(2, 2))
     material = ec.Elastic(1000.0, 0.3, hypothesis="axisymmetric")
