@@ -192,3 +192,14 @@ def test_a_bolt_has_the_shift_of_its_result(tmp_path):
     assert "The bolt at Cut side 1 is shortened by 0.04 as in the result" in told
     assert "The force 20000 that the deck asks for is in the interval of its force." in told
     assert "Cut side 1  bolt  20000  between 20000 and 20000 (proved)" in told
+
+
+@pytest.mark.broad
+@calculix
+def test_a_plastic_deck_is_not_certified_and_says_what_to_do(tmp_path):
+    deck, result = computed(tmp_path, "prepomax_weight")
+    path = tmp_path / deck
+    path.write_text(path.read_text().replace("*Density", "*Plastic\n10., 0.\n*Density", 1))
+    returned, _, wrong = command(tmp_path, "certify", deck, result)
+    assert returned == 2
+    assert "`erc-contact solve` compute it with its error" in wrong
