@@ -332,7 +332,7 @@ def test_files_that_hold_nothing_are_told(name, folder):
 
 
 def test_script_after_a_script_with_an_error(folder):
-    """gmsh's parser keeps the text behind an error, and must not read it in the next script."""
+    """The parser of gmsh keeps the text behind an error, and must not read it in the next script."""
     points = "Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {0, 1, 0}; "
     lines = "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 1}; "
     surface = 'Curve Loop(1) = {1 : 3}; Plane Surface(1) = {1}; Physical Curve("foot") = {1};\n'
