@@ -41,6 +41,7 @@ class Held:
         component: Degree of freedom of the deck, from 1.
         values: Values at the nodes [length].
         card: The card.
+        is_fixed: Whether the value is what the step before has reached.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Held:
     component: int
     values: np.ndarray
     card: Card
+    is_fixed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +185,7 @@ def read_transform(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 def read_boundary(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read prescribed displacements."""
     if card.has("FIXED"):
-        _lock_bolts(reading, card, space)
+        _read_fixed(reading, card, space)
         return
     if any(card.has(name) for name in ("SUBMODEL", "MASSFLOW", "USER", "LOADCASE")):
         reading.told.refuse(card, f"{', '.join(card.parameters)}: values in lines alone are read.")
@@ -215,20 +217,30 @@ def read_boundary(reading: DeckReading, card: Card, space: DeckSpace) -> None:
         reading.steps.add("held", (tuple(sorted(values)), component), held, amplitude)
 
 
-def _lock_bolts(reading: DeckReading, card: Card, space: DeckSpace) -> None:
-    """Read that bolts keep the shortening that an earlier step has reached."""
+def _read_fixed(reading: DeckReading, card: Card, space: DeckSpace) -> None:
+    """Read that nodes stay where an earlier step has left them, and bolts as short."""
+    steps = reading.steps
+    if steps.number < 2:
+        reading.told.refuse(card, "FIXED: no step before has reached anything.")
+        return
     bolts = {pretension.node for pretension in reading.pretensions}
     for row in card.rows:
-        nodes = reading.mesh.nodes(row[0], space).tolist()
-        if not nodes or not bolts.issuperset(nodes):
-            reading.told.refuse(
+        nodes = reading.mesh.nodes(row[0], space)
+        if not len(nodes):
+            reading.told.refuse(card, f"there is no node or set {row[0]!r}; mend the name.")
+        elif bolts.issuperset(nodes.tolist()):
+            for node in nodes.tolist():
+                steps.add("locked", (node,), True, None)
+        else:
+            reading.told.assume(
                 card,
-                f"FIXED: {row[0]} is no node of a *PRE-TENSION SECTION; give other displacements "
-                "of the last step in numbers.",
+                f"FIXED: {row[0]} stays where the solution of degree 2 on the mesh of the deck is "
+                f"at t = {steps.begin:g}, and carries the loads on itself",
             )
-            return
-        for node in nodes:
-            reading.steps.add("locked", (node,), True, None)
+            first, last, _ = _components(card, row)
+            for component in range(first, last + 1):
+                held = Held(row[0], nodes, component, np.zeros(len(nodes)), card, is_fixed=True)
+                steps.stay("held", (row[0].upper(), component), held)
 
 
 def _components(card: Card, row: list[str]) -> tuple[int, int, float]:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
+from erc_contact.decks.nodal import NodalTable
 from erc_contact.decks.plan import DeckJoint, DeckPlan
 from erc_contact.decks.planning import plan_of
+from erc_contact.decks.reached import tables_on
 from erc_contact.decks.readers import read_cards
 from erc_contact.decks.scenes import scene_of
 from erc_contact.decks.told import Note, Told
+from erc_contact.newton.solution import Solution
+from erc_contact.newton.solve import solve
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
 from namedmesh import Domain
@@ -62,7 +67,18 @@ class Deck:
         Raises:
             InputError: If a scene refuses what the deck says.
         """
-        return scene_of(self.plan, t)
+        return scene_of(self.plan, t, self._reached)
+
+    def _reached(self, t: float, part: str) -> tuple[NodalTable, ...]:
+        """Return the displacement that is reached on a part at a time; collective."""
+        if t not in self._solutions:
+            self._solutions[t] = solve(self.scene_at(t), self.domain, degree=2)
+        return tables_on(self._solutions[t], part)
+
+    @cached_property
+    def _solutions(self) -> dict[float, Solution]:
+        """Return the solutions at ends of steps that later steps need."""
+        return {}
 
     @property
     def times(self) -> list[float]:

@@ -133,6 +133,15 @@ class Steps:
         times, factors = self._factors(amplitude)
         entries.append(Entry(what, key, times, factors, self.begin, step=self.number))
 
+    def stay(self, kind: str, key: Key, what: Any) -> None:
+        """Add something that is there in full from the begin of the step."""
+        for entry in self.entries.get(kind, []):
+            if entry.key == key and entry.end == FOREVER:
+                entry.end = self.begin
+        self.add(kind, key, what, None)
+        added = self.entries[kind][-1]
+        added.times, added.factors = [self.begin], [1.0]
+
     def acting(self, kind: str, key: Key) -> list[Entry]:
         """Return entries of earlier steps with other keys that still act in the end."""
         earlier = [entry for entry in self.entries.get(kind, []) if entry.step < self.number]

@@ -88,7 +88,7 @@ KEYWORDS = (
     _taken("END STEP", "the end of a step", "`deck.times`"),
     _taken(
         "BOUNDARY",
-        "prescribed displacements of nodes, OP, AMPLITUDE; FIXED of bolts",
+        "prescribed displacements of nodes, OP, AMPLITUDE, FIXED",
         "`ec.Displacement`; of single nodes what stands above",
     ),
     _taken(

@@ -128,6 +128,8 @@ def forces_on_faces(
         on_axis = (mesh.x[mesh.corners(outer), 0] == 0.0).all(axis=1)
         sides = np.union1d(sides, outer[on_axis])
     free = np.setdiff1d(mesh.within(_with_middles(reading, nodes)), sides)
+    # What is held later only takes forces till then.
+    held = [support for support in held if support.entry.begin <= entry.begin]
     free = _free_faces(held, free, forces)
     result = []
     left = np.ones(len(nodes), dtype=bool)

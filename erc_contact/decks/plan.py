@@ -18,11 +18,19 @@ from namedmesh.for_solvers import Card
 
 @dataclass(frozen=True)
 class HeldParts:
-    """Hold parts of which a component of the displacement is prescribed."""
+    """Hold parts of which a component of the displacement is prescribed.
+
+    Attributes:
+        parts: Their names.
+        component: The component, from 0.
+        value: The displacement [length].
+        is_fixed: Whether it is what the step before has reached.
+    """
 
     parts: tuple[str, ...]
     component: int
     value: Affine
+    is_fixed: bool = False
 
 
 @dataclass(frozen=True)

@@ -108,6 +108,7 @@ def plan_of(reading: DeckReading) -> tuple[DeckPlan, Members, Members]:
     plan_grips(plan, reading, grips, [names[i] for i in of_grips])
     plan_cuts(plan, reading, regions, [names[i] for i in of_cuts])
     plan_pairs(plan, reading, pairs, parts, names)
+    _check_fixed(plan, reading, held, cards)
     plan.entries["volume"] = volumes
     plan.entries["inside"] = [spread(reading, entry, thickness) for entry in inside]
     if any(plan.alphas.values()):
@@ -218,9 +219,28 @@ def _plan_supports(
             axis = tuple(map(float, support.axes.axes[2, : plan.d]))
             plan.radials += [Radial(part, origin, axis) for part in parts]
         else:
-            what = HeldParts(parts, support.component, support.value)
+            is_fixed = support.entry.what.is_fixed
+            what = HeldParts(parts, support.component, support.value, is_fixed)
             entries.append(replace(support.entry, what=what))
     plan.entries["held"] = entries
+
+
+def _check_fixed(
+    plan: DeckPlan,
+    reading: DeckReading,
+    held: list[HeldFaces],
+    materials: dict[str, MaterialCards],
+) -> None:
+    """Refuse faces that stay where a step has left them, if that depends on its way."""
+    rubs = any(joint.friction for joint in plan.joints)
+    yields = any(material.plastic for material in materials.values())
+    for support in held:
+        if support.entry.what.is_fixed and (rubs or yields):
+            reading.told.refuse(
+                support.entry.what.card,
+                "FIXED: with *FRICTION or *PLASTIC what a step reaches depends on its way; give "
+                "the displacements in numbers.",
+            )
 
 
 def _plane(reading: DeckReading, part: str, faces: np.ndarray) -> Plane:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,17 @@ from erc_contact.scene.strain import Eigenstrain, ThermalStrain
 from erc_contact.scene.support import Displacement, Rigid
 from erc_contact.scene.tied import Preload, Tied
 
+Reached = Callable[[float, str], Sequence[Any]]
+"""Displacement on a part that the step before a time has reached, d callables of x."""
 
-def scene_of(plan: DeckPlan, t: float) -> Scene:
+
+def scene_of(plan: DeckPlan, t: float, reached: Reached) -> Scene:
     """Return the scene of a deck at a time.
+
+    Args:
+        plan: The deck.
+        t: The time.
+        reached: What steps have reached on parts that are fixed then.
 
     Raises:
         InputError: If the scene refuses what the deck says.
@@ -30,7 +39,7 @@ def scene_of(plan: DeckPlan, t: float) -> Scene:
     first = next(iter(materials.values()))
     is_one = all(of_region == first for of_region in materials.values())
     material: Any = first if is_one else materials
-    supports: list[Any] = [*_displacements(plan, t)]
+    supports: list[Any] = [*_displacements(plan, t, reached)]
     supports += [_rigid(plan, rigid, t) for rigid in plan.rigids]
     contacts = [_contact(joint) for joint in plan.joints if joint.kind == "contact"]
     contacts += [_plane(plane) for plane in plan.planes]
@@ -46,12 +55,16 @@ def scene_of(plan: DeckPlan, t: float) -> Scene:
     )
 
 
-def _displacements(plan: DeckPlan, t: float) -> list[Displacement]:
+def _displacements(plan: DeckPlan, t: float, reached: Reached) -> list[Displacement]:
     """Return the prescribed displacements at a time."""
+    fixed: dict[tuple[str, int], Any] = {}
     found: dict[tuple[str, int], dict[Key, Affine]] = {}
     for entry in plan.at("held", t):
         value = entry.what.value.times(entry.factor(t))
         for part in entry.what.parts:
+            if entry.what.is_fixed:
+                component = entry.what.component
+                fixed[part, component] = reached(entry.begin, part)[component]
             by_key = found.setdefault((part, entry.what.component), {})
             before = by_key.pop(entry.key, None)
             # The key that is said last counts.
@@ -60,7 +73,7 @@ def _displacements(plan: DeckPlan, t: float) -> list[Displacement]:
     for (part, component), by_key in found.items():
         vector = vectors.setdefault(part, [None] * plan.d)
         *_, value = by_key.values()
-        vector[component] = value.value
+        vector[component] = fixed.get((part, component), value.value)
     return [Displacement(part, vector) for part, vector in vectors.items()]
 
 
@@ -70,6 +83,7 @@ def _loads(plan: DeckPlan, t: float) -> list[Any]:
     tractions: dict[str, list[Affine]] = {}
     pressures: dict[str, Affine] = {}
     zero = constant(0.0, plan.d)
+    fixed = _fixed_components(plan, t)
     for entry in plan.at("pushed", t):
         factor = entry.factor(t)
         for part in entry.what.parts:
@@ -79,14 +93,29 @@ def _loads(plan: DeckPlan, t: float) -> list[Any]:
             else:
                 known = tractions.get(part, [zero] * plan.d)
                 new = [value.times(factor) for value in entry.what.traction]
+                carried = fixed.get(part, set())
+                new = [zero if i in carried else value for i, value in enumerate(new)]
                 tractions[part] = [a.plus(b) for a, b in zip(known, new, strict=True)]
     for part, pressure in pressures.items():
-        if pressure != zero:
+        if pressure != zero and len(fixed.get(part, set())) < plan.d:
             loads.append(Traction(part, pressure=pressure.value))
     for part, traction in tractions.items():
         if any(value != zero for value in traction):
             loads.append(Traction(part, tuple(value.value for value in traction)))
     return loads + _shared(plan, t) + _volumes(plan, t)
+
+
+def _fixed_components(plan: DeckPlan, t: float) -> dict[str, set[int]]:
+    """Return the components of parts that stay where a step has left them.
+
+    Their support carries the loads along them.
+    """
+    result: dict[str, set[int]] = {}
+    for entry in plan.at("held", t):
+        if entry.what.is_fixed:
+            for part in entry.what.parts:
+                result.setdefault(part, set()).add(entry.what.component)
+    return result
 
 
 def _shared(plan: DeckPlan, t: float) -> list[RemoteForce]:

@@ -84,6 +84,13 @@ def held_faces(reading: DeckReading) -> tuple[list[HeldFaces], list[LonePoints]]
             )
             continue
         on_faces = np.isin(nodes, mesh.nodes_of_faces(faces))
+        if held.is_fixed and (axes is not None or not on_faces.all()):
+            reading.told.refuse(
+                held.card,
+                f"FIXED: {name!r} has nodes beside its faces, or local axes: give their "
+                "displacements in numbers.",
+            )
+            continue
         if axes is not None:
             found = _in_axes(reading, entry, held, faces, name, axes, value)
             if found is not None:

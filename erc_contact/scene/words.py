@@ -107,4 +107,11 @@ def _contact(contact: Any) -> str:
 
 def _code(value: Any) -> str:
     """Return a value as code; a table only with the number of its points."""
-    return repr(value) if type(value).__name__ == "table" else code_of(value)
+    if isinstance(value, tuple) and any(map(_is_table, value)):
+        return f"({', '.join(map(_code, value))})"
+    return repr(value) if _is_table(value) else code_of(value)
+
+
+def _is_table(value: Any) -> bool:
+    """Tell whether a value is interpolated between points that it keeps."""
+    return hasattr(value, "interpolated")

@@ -291,8 +291,23 @@ def test_a_bolt_that_is_fixed_keeps_its_shortening(read):
     history = ec.evolve(deck.scene_at, deck.domain, deck.times, accuracy=0.9)
     found = [error.force("Head").force[2] for error in history.errors]
     assert np.allclose(found, (500.0, 500.0 + 100 * E * 0.1 / 20), rtol=1e-6)
-    with pytest.raises(ec.InputError, match=r"Head is no node of a \*PRE-TENSION SECTION"):
-        read(cut + drawn + pulled.replace("21, 1, 1", "Head, 1, 3"))
+
+
+def test_a_face_that_is_fixed_stays_where_a_step_has_left_it(read):
+    """The head is pushed by a force, held there, and pushed no more: the stress stays."""
+    pushed = step(FIXED + "*DSLOAD\nTop, P, 5.")
+    stays = step("*BOUNDARY, FIXED\nHead, 1, 3\n*DSLOAD, OP=NEW")
+    deck = read(pushed + stays)
+    sunk = -20 * 5.0 / E
+    assert any("stays where the solution" in note.words for note in deck.assumed)
+    for t in (1.0, 1.5, 2.0):
+        solution = ec.solve(deck.scene_at(t), deck.domain, degree=2)
+        assert np.isclose(solution.at((5.0, 5.0, 20.0)).displacement[0, 2], sunk, rtol=1e-9)
+        assert np.isclose(solution.force("Foot").force[2], 500.0, rtol=1e-9)
+    with pytest.raises(ec.InputError, match="no step before has reached"):
+        read(stays + pushed)
+    with pytest.raises(ec.InputError, match="depends on its way"):
+        read(pushed + stays, "*PLASTIC\n5., 0.\n15., 0.1\n" + SECTION)
 
 
 def test_plasticity_with_linear_hardening(read):
