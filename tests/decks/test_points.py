@@ -4,6 +4,7 @@ import logging
 
 import numpy as np
 import pytest
+from calculix_boxes import box, rows
 
 import erc_contact as ec
 
@@ -138,6 +139,25 @@ def test_forces_inside_a_body_keep_their_force_and_moment(seed, read):
     assert found.force * 2 == pytest.approx(-force, rel=1e-9)
     moment = x * force[1] - y * force[0]
     assert found.moment * 2 == pytest.approx(-moment, rel=1e-9, abs=1e-9)
+
+
+def test_forces_inside_hexahedra_keep_their_force_and_moment(read):
+    """On corners and on middles of edges, in space."""
+    x, cells = box("C3D20", (0.0, 0.0, 0.0), (3.0, 2.0, 2.0), (3, 2, 2))
+    random = np.random.default_rng(0)
+    inside = np.flatnonzero((x > 0).all(axis=1) & (x < (3.0, 2.0, 2.0)).all(axis=1))
+    forces = random.normal(size=(len(inside), 3))
+    lines = ["*NODE", *(f"{i}, {a}, {b}, {c}" for i, (a, b, c) in enumerate(x.tolist(), 1))]
+    lines += ["*ELEMENT, TYPE=C3D20, ELSET=E", *rows(1, cells), "*NSET, NSET=LEFT"]
+    lines += [f"{i + 1}," for i in np.flatnonzero(x[:, 0] == 0.0)]
+    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "1000., 0.3", "*SOLID SECTION, ELSET=E, MATERIAL=M"]
+    lines += ["*BOUNDARY", "LEFT, 1, 3", "*STEP", "*STATIC", "*CLOAD"]
+    for i, force in zip(inside + 1, forces, strict=True):
+        lines += [f"{i}, {k}, {value:.15g}" for k, value in enumerate(force, 1)]
+    deck = read("\n".join([*lines, "*END STEP", ""]))
+    found = ec.solve(deck.scene, deck.domain).force("LEFT")
+    assert found.force == pytest.approx(-forces.sum(axis=0), rel=1e-9)
+    assert found.moment == pytest.approx(-np.cross(x[inside], forces).sum(axis=0), rel=1e-9)
 
 
 ROLLER = "*NSET, NSET=LEFT\n1, 22, 43\n*BOUNDARY\nLEFT, 1, 2\n"
