@@ -32,11 +32,11 @@ def beyond_curves(solution: Solution) -> dict[tuple[str, str], str]:
         return {}
     domain = solution.domain
     accumulated = _accumulated(solution)
-    tags = domain.region_tags[: len(accumulated)]
     found = {}
     for region, end in ends.items():
-        chosen = accumulated[tags == domain.region(region)] if region else accumulated
-        local = float(chosen.max(initial=0.0))
+        cells = domain.region(region) if region else np.arange(len(accumulated))
+        owned = cells[cells < len(accumulated)]
+        local = float(accumulated[owned].max(initial=0.0))
         reached = domain.comm.allreduce(local, MPI.MAX)
         if reached > end:
             where = f" in {region!r}" if region else ""
