@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from ufl.algorithms import extract_type
 
 from erc_contact.base.exceptions import InputError
