@@ -129,7 +129,7 @@ class ConstitutiveError:
         if self.scale == 0:
             return f"<ConstitutiveError: no stress but round-off, eps = 0, e = 0, {size}>"
         eps = percent(self.relative)
-        return f"<ConstitutiveError: eps = {eps}{geometry}, e = {self.absolute:.4g}, {size}>"
+        return f"<ConstitutiveError: eps = {eps}{geometry}, e = {self._in_words}, {size}>"
 
     def _repr_html_(self) -> str:
         """Show the error in a notebook; nothing is collective."""
@@ -144,9 +144,14 @@ class ConstitutiveError:
         rows: list[tuple[str, object]] = []
         for name, part in parts.items():
             rows.append((name, percent(part / scale)))
-        rows.append(("e", f"{self.absolute:.4g}"))
+        rows.append(("e", self._in_words))
         rows += [("cells", self.domain.cells), ("degree", self.degree)]
         return table(rows, caption="Error in the constitutive relation")
+
+    @property
+    def _in_words(self) -> str:
+        """Write e with its unit."""
+        return f"{self.absolute:.4g}{self.model.scene.unit('sqrt(force length)')}"
 
     @property
     def relative(self) -> float:

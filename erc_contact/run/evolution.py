@@ -186,13 +186,14 @@ class Evolution(RunResult):
         for reactions in of_steps:
             causes |= dict.fromkeys(reactions)
         balance = of_steps[0]["balance"]
-        zero = Force(np.zeros_like(balance.force), np.zeros_like(balance.moment))
+        zero = Force(np.zeros_like(balance.force), np.zeros_like(balance.moment), balance.units)
         history = {}
         for cause in causes:
             forces = [reactions.get(cause, zero) for reactions in of_steps]
             history[cause] = Force(
                 np.stack([reaction.force for reaction in forces]),
                 np.stack([reaction.moment for reaction in forces]),
+                balance.units,
             )
         return history
 
