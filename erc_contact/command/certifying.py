@@ -74,7 +74,7 @@ def certify_file(arguments: Namespace) -> int:
     write_report(
         Certified(error, words),
         path,
-        f"{name}: eps = {percent(certificate.total)}",
+        f"relative error {percent(certificate.total)} of {name}",
         {},
         gallery,
         results=forces_in_html(forces),

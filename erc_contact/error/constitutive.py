@@ -17,10 +17,10 @@ bounds the errors of u^ and of sigma^ with constant 1:
         + 2 int_GammaC (b(p) - b(p^))(|w_t - s| - |w^_t - s|)  <=  e^2.
 
 If the bound depends on the pressure, as Coulomb's does, the third term is a product of
-two errors and has no sign. Then e is a bound up to a term of higher order, not a
-guarantee. On a bilateral contact ``w_n = g``, as on a support. Compliant foundations
-have another last product (:mod:`.foundations`). With given strains eps_0 the strain in
-(16) and (17) is ``eps(u^) - eps_0``.
+two errors and has no sign. Then e is a bound up to this term, not a guarantee. On a
+bilateral contact ``w_n = g``, as on a support. Compliant foundations have another last
+product (:mod:`.foundations`). With given strains eps_0 the strain in (16) and (17) is
+``eps(u^) - eps_0``.
 
 Where moduli, gap or friction bound vary inside cells, the integrals are adapted to
 them, and e contains what they leave unknown. The part of the data that the mesh cannot

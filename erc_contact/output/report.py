@@ -25,6 +25,7 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
 from erc_contact.model.forces import Force
 from erc_contact.output.gallery import Gallery
+from erc_contact.output.verdict import NOT_KNOWN
 from erc_contact.output.view_page import in_frame
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
@@ -49,6 +50,9 @@ img { max-width: 100%; max-height: 42rem; display: block; margin: 0.5rem auto; }
 iframe { width: 100%; height: 34rem; max-height: 85vh; border: 1px solid var(--line);
   box-sizing: border-box; }
 figure { margin: 1rem 0; }
+.intervals { width: 100%; max-width: 30rem; font-size: 12px; fill: currentColor;
+  stroke: currentColor; } .intervals text { stroke: none; }
+.intervals .interval { stroke: #56b4e9; stroke-width: 8; }
 .broad img { max-width: none; width: 100%; min-width: 34rem; }
 figcaption { font-size: 0.9rem; color: var(--soft); } .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
@@ -109,14 +113,14 @@ def write_report(
 ) -> None:
     """Write the report of a run; collective.
 
-    It begins with the name of the folder and the date, says what was asked, what is
-    proved and what is not, and shows the pictures. It has neither the name of the
-    machine nor a path.
+    It begins with the name of the folder and the date, has forces with their intervals
+    on top, says what is proved and what is estimated, shows the run and its pictures,
+    and ends in what is not known. It has neither the name of the machine nor a path.
 
     Args:
         run: The run, or a certificate.
         path: The file, in the folder of the pictures.
-        title: Its heading.
+        title: Its heading behind the name of the folder.
         tables: Tables of its rows in HTML, by their headings.
         gallery: The pictures in the folder, or None.
         results: Forces with their intervals, as a table in HTML, which stands on top.
@@ -135,12 +139,13 @@ def write_report(
     def write() -> None:
         label = scene.label if scene is not None else str
         name = file.resolve().parent.name
-        introduction = [f"{name}, {date.today()}", without_paths(run.outcome), note]
+        introduction = [str(date.today()), without_paths(run.outcome), note]
         sections = {"": "".join(paragraph(text) for text in introduction if text)}
         if results:
             sections["Forces and their intervals"] = wide(label(results))
-        if claims:
-            sections["What the number means"] = wide(label(table(claims)), "verdict")
+        known = [claim for claim in claims if claim[0] != NOT_KNOWN]
+        if known:
+            sections["What the number means"] = wide(label(table(known)), "verdict")
         if scene is not None:
             words = in_words(scene)
             sections["Scene"] = wide(table(words, ("part", "what holds there")))
@@ -151,11 +156,14 @@ def write_report(
         if forces:
             rows = _forces(forces, _facing(run.error), on_rings=_is_of_rings(run.error))
             sections["Forces on the body"] = label(rows)
+        open_questions = [words for kind, words in claims if kind == NOT_KNOWN]
+        if open_questions:
+            sections["What is not known"] = "".join(paragraph(label(w)) for w in open_questions)
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}
         sections["Software and machine"] = wide(table(software.items()))
-        file.write_text(page_of_sections(title, sections))
+        file.write_text(page_of_sections(f"{name}: {title}", sections))
 
     on_root(comm, path, write)
 

@@ -284,7 +284,7 @@ class Evolution(RunResult):
         write_report(
             self,
             folder / "report.html",
-            f"Loading history {length}, each asked for {percent(self.accuracy)}",
+            f"loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": self._table()},
             gallery,
             results=forces_in_html(bounded_forces(self.error, names, resultant)),

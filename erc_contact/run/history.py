@@ -271,7 +271,7 @@ class History(RunResult):
 
     def _write_report(self, folder: Path, gallery: Gallery | None, **more: Any) -> None:
         """Write ``report.html``; collective."""
-        title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
+        title = f"relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
         tables = {"Meshes": self._table()}
         write_report(self, folder / "report.html", title, tables, gallery, **more)
 

@@ -161,7 +161,7 @@ class CoulombCertificate:
             )
         return (
             f"Nothing is proved of other solutions: {q} is not safely below 2, "
-            f"at most {CLAIMED_COUPLING:.3g}. e bounds up to a term of higher order."
+            f"at most {CLAIMED_COUPLING:.3g}. e bounds up to a product of two errors."
         )
 
 
@@ -181,7 +181,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
         With the estimate q = 0.484 (+- 0.01) < 2 every solution lies within 1.54 e ...
     """
     error = error_of(error)
-    e_alone = "e bounds it up to a term of higher order."
+    e_alone = "e bounds it up to a product of two errors."
     refuse_potential(error.solution.scene.material, "coulomb_certificate()", e_alone)
     pair = error.admissible
     model = pair.model
