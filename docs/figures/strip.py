@@ -26,7 +26,7 @@ DPI = 100
 GROUNDS = {"light": "default", "dark": "dark_background"}
 """Style of matplotlib for each kind of page."""
 LOOK = ["namedmesh.pictures.style", {"font.size": 22, "lines.linewidth": 3.0}]
-"""Font of all our pictures, large enough for pictures that are a quarter of the page."""
+"""Font of all our pictures, large enough for a picture of a quarter of the page."""
 
 
 def save(figure, name):

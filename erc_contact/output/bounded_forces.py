@@ -136,8 +136,8 @@ def _drawn(rows: Sequence[BoundedForce]) -> str:
     half = (DRAWN_WIDTH - NAME_WIDTH) / 2
     middle = NAME_WIDTH + half
 
-    def place(offset: float) -> str:
-        return f"{middle + INSIDE * half * offset / reach:.1f}"
+    def place(change: float) -> str:
+        return f"{middle + INSIDE * half * change / reach:.1f}"
 
     lines = []
     for number, (name, low, high) in enumerate(drawn):
@@ -148,9 +148,9 @@ def _drawn(rows: Sequence[BoundedForce]) -> str:
         lines.append(f'<circle cx="{place(0.0)}" cy="{y}" r="3"/>')
     axis = ROW_HEIGHT * len(drawn)
     lines.append(f'<line x1="{NAME_WIDTH}" x2="{DRAWN_WIDTH}" y1="{axis}" y2="{axis}"/>')
-    for offset in (-reach, 0.0, reach):
-        x = place(offset)
-        words = f"{offset:+.3g}" if offset else "0"
+    for change in (-reach, 0.0, reach):
+        x = place(change)
+        words = f"{change:+.3g}" if change else "0"
         lines.append(f'<line x1="{x}" x2="{x}" y1="{axis}" y2="{axis + 4}"/>')
         lines.append(f'<text x="{x}" y="{axis + 17}" text-anchor="middle">{words}</text>')
     words = "Exact solution less computed component [force]"

@@ -25,7 +25,6 @@ from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run
 from erc_contact.model.forces import Force
 from erc_contact.output.gallery import Gallery
-from erc_contact.output.verdict import NOT_KNOWN
 from erc_contact.output.view_page import in_frame
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.words import in_words
@@ -107,6 +106,7 @@ def write_report(
     *,
     results: str = "",
     claims: Sequence[tuple[str, str]] = (),
+    unknown: Sequence[str] = (),
     forces: Mapping[str, Force] | None = None,
     code: str = "",
     note: str = "",
@@ -124,8 +124,9 @@ def write_report(
         tables: Tables of its rows in HTML, by their headings.
         gallery: The pictures in the folder, or None.
         results: Forces with their intervals, as a table in HTML, which stands on top.
-        claims: What the error proves and what not, see
-            :func:`erc_contact.output.verdict.verdict`.
+        claims: What the error proves and what it estimates, each with its kind, see
+            :func:`erc_contact.output.verdict.parted`.
+        unknown: What is not known.
         forces: Forces on the body by their cause, see
             :func:`erc_contact.results.reactions`; the same on all ranks.
         code: The run as code, see :func:`run_as_code`.
@@ -143,9 +144,8 @@ def write_report(
         sections = {"": "".join(paragraph(text) for text in introduction if text)}
         if results:
             sections["Forces and their intervals"] = wide(label(results))
-        known = [claim for claim in claims if claim[0] != NOT_KNOWN]
-        if known:
-            sections["What the number means"] = wide(label(table(known)), "verdict")
+        if claims:
+            sections["What the number means"] = wide(label(table(claims)), "verdict")
         if scene is not None:
             words = in_words(scene)
             sections["Scene"] = wide(table(words, ("part", "what holds there")))
@@ -156,9 +156,8 @@ def write_report(
         if forces:
             rows = _forces(forces, _facing(run.error), on_rings=_is_of_rings(run.error))
             sections["Forces on the body"] = label(rows)
-        open_questions = [words for kind, words in claims if kind == NOT_KNOWN]
-        if open_questions:
-            sections["What is not known"] = "".join(paragraph(label(w)) for w in open_questions)
+        if unknown:
+            sections["What is not known"] = "".join(paragraph(label(words)) for words in unknown)
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}

@@ -6,7 +6,7 @@ cost little.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -35,6 +35,13 @@ MEANS = {
     "history": "slip at the end of the last step",
 }
 """Parts of the oscillation in words."""
+
+
+def parted(statements: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[str]]:
+    """Part statements into claims with their kinds and words of what is not known."""
+    claims = [statement for statement in statements if statement[0] != NOT_KNOWN]
+    unknown = [words for kind, words in statements if kind == NOT_KNOWN]
+    return claims, unknown
 
 
 def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
