@@ -1,4 +1,8 @@
-"""Goals: single numbers of the solution that a certified interval is asked of."""
+"""Goals: single numbers of the solution that a certified interval is asked of.
+
+Each class has the dimension of its number for prints, "" where it has none, or the data
+of the goal decide on it.
+"""
 
 from __future__ import annotations
 
