@@ -56,16 +56,18 @@ class Maximum:
         place: Where it is [length], shape (d,).
         values: The greatest value on each mesh of a run; empty if it is not known.
         sizes: Size of the element or facet where it is [length], for each mesh.
+        unit: Unit of the value as it stands behind it; "" if the scene has none.
     """
 
     value: float
     place: np.ndarray
     values: tuple[float, ...] = ()
     sizes: tuple[float, ...] = ()
+    unit: str = ""
 
     def __repr__(self) -> str:
         """Return value, place and trend in words."""
-        at_place = f"{self.value:.6g} at {place_words(self.place)}"
+        at_place = f"{self.value:.6g}{self.unit} at {place_words(self.place)}"
         if not self.values:
             return at_place
         trend = {
@@ -165,4 +167,5 @@ def find_maximum(
     # Rounded, so that the place does not depend on the ranks.
     rounded = (places / model.domain.extent).round(9)
     first = np.lexsort(rounded.T[::-1])[0]
-    return Maximum(top, places[first] + 0.0)
+    dimension = "length" if quantity in ("displacement", "slip", "gap") else "force/area"
+    return Maximum(top, places[first] + 0.0, unit=model.scene.unit(dimension))
