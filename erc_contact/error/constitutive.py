@@ -59,6 +59,7 @@ from erc_contact.error.oscillation import (
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.tiny_edges import tell_tiny_edges
 from erc_contact.model.contact.friction import depends_on_pressure
+from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.forces import Force
 from erc_contact.model.maximum import Maximum, find_maximum
@@ -67,7 +68,7 @@ from erc_contact.model.stress import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, at
-from erc_contact.results.profile import profile
+from erc_contact.results.profile import contact_area, profile
 from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.scene.potential import refuse_potential
@@ -214,6 +215,10 @@ class ConstitutiveError:
     def profile(self, contact: str) -> np.ndarray:
         """Return a profile, see :func:`erc_contact.results.profile`; collective."""
         return profile(self.admissible, contact)
+
+    def contact_area(self, contact: str) -> ContactArea:
+        """Return where a contact ends, :func:`erc_contact.results.contact_area`."""
+        return contact_area(self.admissible, contact, relative_error=self.total)
 
     def gap_deviation(self, contact: str) -> float:
         """Return :func:`erc_contact.results.gap_deviation` [length]; collective."""

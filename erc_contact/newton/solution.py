@@ -16,6 +16,7 @@ from erc_contact.base.views import view_of
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
+from erc_contact.model.contact_area import ContactArea, contact_area
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
@@ -262,16 +263,24 @@ class Solution:
         Raises:
             InputError: If no contact has this name.
         """
-        model = self.model
-        where = model.contact(contact)
-        points = profile_points(model.space)
-        r = profile_traction(model.space, where, self.traction(where))
-        r_n = split(r, where.trace.normals_at(points)).normal
-        pressure = -r_n
-        bound = self._bound(where, np.maximum(pressure, 0.0), points)
-        if where in model.ties:
-            bound = np.full_like(pressure, np.inf)
-        return profile_table(model.space, where, self.u, r, bound)
+        where = self.model.contact(contact)
+        r, bound = self._at_profile_points(where)
+        return profile_table(self.model.space, where, self.u, r, bound)
+
+    def contact_area(self, contact: str) -> ContactArea:
+        """Return the area of a contact and where it ends; collective.
+
+        The margins contain what the mesh leaves unknown near the ends, and not the
+        error of the solution, which an error knows (``error.contact_area``). See
+        :func:`erc_contact.results.contact_area`.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        where = self.model.contact(contact)
+        r, bound = self._at_profile_points(where)
+        can_open = self.model.can_open(where)
+        return contact_area(self.model.space, where, self.u, r, bound, can_open=can_open)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.
@@ -356,6 +365,19 @@ class Solution:
         multiplier = self.multipliers[place] if self.multipliers else None
         contacts, u = self.carried or (self.model.contacts, self.u)
         return self.method.traction(self.model, contacts[place], u, multiplier)
+
+    def _at_profile_points(self, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndarray]:
+        """Return traction and friction bound at the points of a profile [force/area].
+
+        Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
+        """
+        space = self.model.space
+        points = profile_points(space)
+        r = profile_traction(space, contact, self.traction(contact))
+        pressure = -split(r, contact.trace.normals_at(points)).normal
+        if contact in self.model.ties:
+            return r, np.full_like(pressure, np.inf)
+        return r, self._bound(contact, np.maximum(pressure, 0.0), points)
 
     def _bound(
         self, contact: ContactOnMesh, pressure: np.ndarray, points: np.ndarray

@@ -24,7 +24,7 @@ from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.output.view_page import VIEW_FILE, VIEW_WORDS, View
 from erc_contact.output.views import show_history
-from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
+from erc_contact.results import OPEN, SLIP, ContactArea, Force, Maximum, Values
 from erc_contact.run.columns import header, line, page_rows
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
@@ -140,6 +140,13 @@ class Evolution(RunResult):
         See :func:`erc_contact.results.profile`.
         """
         return [error.profile(contact) for error in self.errors]
+
+    def contact_area(self, contact: str) -> list[ContactArea]:
+        """Find the area of a contact and where it ends, at the end of each step.
+
+        See :func:`erc_contact.results.contact_area`; collective.
+        """
+        return [error.contact_area(contact) for error in self.errors]
 
     def at(self, points: Any) -> Values:
         """Evaluate displacement and stresses at the end of each step; collective.
