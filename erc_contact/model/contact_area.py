@@ -312,16 +312,16 @@ class _Curve:
         outside = outside[np.logical_and.accumulate(~self.is_closed[outside])]
         lengths = self.lengths
         step = (self.x.shape[1] - 1) // degree
-        shares = np.arange(1, degree + 1) / degree
-        starts = self.starts[outside] - self.starts[last + 1]
-        return end_of(
-            lengths[inside],
-            (lengths * self.pressures)[inside],
-            (starts[:, None] + lengths[outside, None] * shares).ravel(),
-            self.gaps[outside, step::step].ravel(),
-            of_line,
-            degree,
-        )
+        distances, gaps = np.zeros(0), np.zeros(0)
+        if len(outside):
+            # The first node is the end of the closed facets itself.
+            starts = self.starts[outside] - self.starts[last + 1]
+            parts = np.arange(1, degree + 1) / degree
+            nodes = starts[:, None] + lengths[outside, None] * parts
+            distances = np.append(0.0, nodes)
+            gaps = np.append(self.gaps[last, -1], self.gaps[outside, step::step])
+        forces = lengths * self.pressures
+        return end_of(lengths[inside], forces[inside], distances, gaps, of_line, degree)
 
     def _place(self, s: float) -> tuple[int, float]:
         """Return the facet at an arc length, and the share of the facet before it."""

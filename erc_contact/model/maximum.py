@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import of_all
 
@@ -160,9 +161,20 @@ def find_maximum(
     else:
         values = von_mises()
         x = space.cell_corners()[: model.domain.owned_cells].mean(axis=1)
+    return greatest_of(space, values, x)
+
+
+def greatest_of(space: Space, values: np.ndarray, x: np.ndarray) -> Maximum:
+    """Find the greatest of the values of all ranks, and its place; collective.
+
+    Args:
+        space: The mesh.
+        values: Values of this rank, shape (n,).
+        x: Their places [length], shape (n, d).
+    """
     top = space.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
     (places,) = of_all(space.comm, x[values >= top - EQUAL_MAXIMA * abs(top)])
     # Rounded, so that the place does not depend on the ranks.
-    rounded = (places / model.domain.extent).round(9)
+    rounded = (places / space.domain.extent).round(9)
     first = np.lexsort(rounded.T[::-1])[0]
     return Maximum(top, places[first] + 0.0)

@@ -140,15 +140,14 @@ def profile_table(
     """
     points = profile_points(space)
     facets = contact.facets
-    named = contact.named_corners
-    share = space.section.area_ratio(contact.trace.here.corners, named, points)
+    share = _share(space, contact)
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(space.d - 1, space.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
     w_n = split(w, n).normal
     w_t = contact.sign * slip_at(space, contact, u.x.array, r, points)
     slip = np.linalg.norm(w_t, axis=-1)
-    r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
+    r_n, r_t, shear = split(named_traction(space, contact, r), n)
     needed = contact.friction_set.gauge(r_t, n)
     along_shear = np.divide(shear, needed, out=np.ones_like(needed), where=needed > 0)
     gap = np.zeros(1)
@@ -160,15 +159,14 @@ def profile_table(
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
     status = facet_status(space, contact, u, r, bound, points, profile_weights(space))
-    columns = _places(space, contact)
+    columns = profile_places(space, contact)
     columns["gap"] = gap - w_n
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
     columns["shear"] = shear
     columns["friction_bound"] = share * along_shear * bound
     columns["status"] = status[:, None]
-    weight = measures(named)[:, None] * profile_weights(space)
-    columns["weight"] = space.section.times(weight, np.matmul(barycentric(points), named))
+    columns["weight"] = named_weights(space, contact)
     if contact.against is not None:
         nodal = u.x.array.reshape(-1, space.d)
         sides = [contact.trace.here.nodes, contact.trace.partners]
@@ -181,6 +179,30 @@ def profile_table(
     return _in_order(space, contact, columns)
 
 
+def named_traction(space: Space, contact: ContactOnMesh, r: np.ndarray) -> np.ndarray:
+    """Return the traction on the side that the scene names first [force/area].
+
+    Args:
+        space: The mesh.
+        contact: One of its contacts.
+        r: Traction at the :func:`profile_points` [force/area], shape (f, q, d).
+    """
+    return contact.sign * _share(space, contact)[..., None] * r
+
+
+def named_weights(space: Space, contact: ContactOnMesh) -> np.ndarray:
+    """Return the parts of a contact that the profile points stand for, (f, q)."""
+    named = contact.named_corners
+    weights = measures(named)[:, None] * profile_weights(space)
+    return space.section.times(weights, np.matmul(barycentric(profile_points(space)), named))
+
+
+def _share(space: Space, contact: ContactOnMesh) -> np.ndarray:
+    """Return areas of this side over areas of the named side [-], (f, q) or (f, 1)."""
+    corners = contact.trace.here.corners
+    return space.section.area_ratio(corners, contact.named_corners, profile_points(space))
+
+
 def slip_before_table(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Tabulate s along a contact [length], in the order of :func:`profile_table`.
 
@@ -190,7 +212,7 @@ def slip_before_table(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """
     shape = lagrange(space.d - 1, space.degree, profile_points(space))
     s = contact.sign * np.matmul(shape, contact.trace.slip_before)
-    columns = _places(space, contact)
+    columns = profile_places(space, contact)
     names = [f"s_{letter}" for letter in columns]
     columns |= {name: s[..., axis] for axis, name in enumerate(names)}
     table = _in_order(space, contact, columns)
@@ -232,7 +254,7 @@ def _in_order(space: Space, contact: ContactOnMesh, columns: dict[str, np.ndarra
     return result
 
 
-def _places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
+def profile_places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
     points = profile_points(space)
     x = space.evaluate(space.x, points, contact.facets)

@@ -17,11 +17,12 @@ from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
 from erc_contact.model.contact_area import ContactArea, contact_area
+from erc_contact.model.contact_force import ContactForce, contact_force
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.maximum import Maximum, find_maximum
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_faces import Motion, motion_of
-from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
+from erc_contact.model.points import along_line, at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
     profile_points,
     profile_table,
@@ -282,6 +283,18 @@ class Solution:
         can_open = self.model.can_open(where)
         return contact_area(self.model.space, where, self.u, r, bound, can_open=can_open)
 
+    def contact_force(self, contact: str) -> ContactForce:
+        """Return forces and pressures of a contact in a line; collective.
+
+        See :func:`erc_contact.results.contact_force`.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        where = self.model.contact(contact)
+        r, _ = self._at_profile_points(where)
+        return contact_force(self.model.space, where, r, self.contact_area(contact))
+
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.
 
@@ -323,18 +336,34 @@ class Solution:
             InputError: If the points have another shape or are not finite, or one lies
                 outside the mesh.
         """
-        model, d = self.model, self.model.space.d
-
-        def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-            # DOLFINx does not evaluate at no points.
-            u = np.zeros((0, d))
-            if len(x):
-                u = self.u.eval(in_space(x), cell).reshape(-1, d) + model.jumps_at(cell, x)
-            stress = elastic_stress_at(model, self.u, cell, x)
-            return np.hstack([u, stress])
-
-        u, stress = np.split(at_points(model.space, points, values), [d], axis=1)
+        model = self.model
+        rows = at_points(model.space, points, self._values_at)
+        u, stress = np.split(rows, [model.space.d], axis=1)
         return ElasticValues(u, tensors_of_points(model, stress))
+
+    def along(self, start: Any, stop: Any, count: int = 101) -> np.ndarray:
+        """Tabulate displacement and elastic stress along a straight line; collective.
+
+        See :func:`erc_contact.model.points.along_line`.
+
+        Args:
+            start: Where the line starts [length], shape (d,).
+            stop: Where it ends [length], shape (d,).
+            count: Number of its points, evenly distributed.
+
+        Raises:
+            InputError: If an end has another shape, or a point lies outside the mesh.
+        """
+        return along_line(self.model, (start, stop), count, self._values_at)
+
+    def _values_at(self, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return rows of u and the elastic stress at points of owned cells."""
+        model, d = self.model, self.model.space.d
+        # DOLFINx does not evaluate at no points.
+        u = np.zeros((0, d))
+        if len(x):
+            u = self.u.eval(in_space(x), cell).reshape(-1, d) + model.jumps_at(cell, x)
+        return np.hstack([u, elastic_stress_at(model, self.u, cell, x)])
 
     def show(self) -> Any:
         """Show the deformed body with its elastic stress in 3D; collective.

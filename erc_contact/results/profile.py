@@ -12,6 +12,8 @@ import numpy as np
 from erc_contact.admissible.pair import pair_of
 from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.contact_area import contact_area as area_of_contact
+from erc_contact.model.contact_force import ContactForce
+from erc_contact.model.contact_force import contact_force as force_of_contact
 from erc_contact.model.profile import profile_table
 
 
@@ -69,6 +71,33 @@ def contact_area(result: Any, name: str, *, relative_error: float = 0.0) -> Cont
         can_open=pair.model.can_open(traction.contact),
         relative_error=relative_error,
     )
+
+
+def contact_force(result: Any, name: str, *, relative_error: float = 0.0) -> ContactForce:
+    """Sum up normal and tangential force of a contact, and its pressure; collective.
+
+    ``print`` writes them in a line. :func:`erc_contact.results.force` has the resultant
+    with its moment, and :func:`erc_contact.resultant` intervals of its components.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+        name: Name of the contact; between two bodies the side on which the forces are.
+        relative_error: eps [-], for the area of the mean pressure, see
+            :func:`contact_area`.
+
+    Raises:
+        InputError: If no contact has this name.
+
+    Example:
+        >>> pressing = ec.results.contact_force(error, "bottom")
+        >>> bool(pressing.mean_pressure.value < pressing.greatest_pressure.value)
+        True
+    """
+    pair = pair_of(result)
+    traction = pair.traction(name)
+    r, _ = pair.at_profile_points(traction)
+    area = contact_area(pair, name, relative_error=relative_error)
+    return force_of_contact(pair.model.space, traction.contact, r, area)
 
 
 def contact_status(result: Any, name: str) -> np.ndarray:

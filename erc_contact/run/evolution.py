@@ -24,7 +24,7 @@ from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, verdict
 from erc_contact.output.view_page import VIEW_FILE, VIEW_WORDS, View
 from erc_contact.output.views import show_history
-from erc_contact.results import OPEN, SLIP, ContactArea, Force, Maximum, Values
+from erc_contact.results import OPEN, SLIP, ContactArea, ContactForce, Force, Maximum, Values
 from erc_contact.run.columns import header, line, page_rows
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
@@ -148,6 +148,13 @@ class Evolution(RunResult):
         """
         return [error.contact_area(contact) for error in self.errors]
 
+    def contact_force(self, contact: str) -> list[ContactForce]:
+        """Sum up forces and pressure of a contact at the end of each step; collective.
+
+        See :func:`erc_contact.results.contact_force`.
+        """
+        return [error.contact_force(contact) for error in self.errors]
+
     def at(self, points: Any) -> Values:
         """Evaluate displacement and stresses at the end of each step; collective.
 
@@ -168,6 +175,13 @@ class Evolution(RunResult):
             np.stack([of_step.stress for of_step in values]),
             np.stack([of_step.elastic_stress for of_step in values]),
         )
+
+    def along(self, start: Any, stop: Any, count: int = 101) -> list[np.ndarray]:
+        """Tabulate displacement and stress along a line at the end of each step.
+
+        See :func:`erc_contact.results.along`; collective.
+        """
+        return [error.along(start, stop, count) for error in self.errors]
 
     def maximum(self, quantity: str) -> list[Maximum]:
         """Find the greatest value of a quantity at the end of each step; collective.
