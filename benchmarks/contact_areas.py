@@ -281,9 +281,10 @@ def ellipses(rng: np.random.Generator) -> Problem:
 def layers(rng: np.random.Generator) -> Problem:
     """Press half of a layer on a rigid base, from which its ends lift off."""
     nu, thick = rng.uniform(0.0, 0.45), rng.uniform(0.7, 1.5)
-    # Wider loads have several roots of the half width in reach of the secant method.
-    loaded = thick * rng.uniform(0.2, 0.75)
-    true = receding(Layer(thick, 1.0, nu), None, loaded).half_width
+    # Wider loads have several roots in reach of the secant method.
+    loaded = thick * rng.uniform(0.4, 0.75)
+    # The waves of the integrals are those that a thickness of 10 needs.
+    true = receding(Layer(10.0, 1.0, nu), None, 10.0 * loaded / thick).half_width * thick / 10
     parts = {
         "middle": (0, 0, 0, thick),
         "pad": (0, thick, loaded, thick),

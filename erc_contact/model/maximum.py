@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from dolfinx import fem
@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.model import Model
+from erc_contact.model.singular import singular_place
 from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import of_all
@@ -57,16 +58,21 @@ class Maximum:
         place: Where it is [length], shape (d,).
         values: The greatest value on each mesh of a run; empty if it is not known.
         sizes: Size of the element or facet where it is [length], for each mesh.
+        beside: Of a von Mises stress, at what its cell lies where the exact stress may
+            be infinite, as "a re-entrant corner of 270 degrees"; empty elsewhere.
     """
 
     value: float
     place: np.ndarray
     values: tuple[float, ...] = ()
     sizes: tuple[float, ...] = ()
+    beside: str = ""
 
     def __repr__(self) -> str:
         """Return value, place and trend in words."""
         at_place = f"{self.value:.6g} at {place_words(self.place)}"
+        if self.beside:
+            at_place += f", beside {self.beside}, where the exact stress may be infinite"
         if not self.values:
             return at_place
         trend = {
@@ -161,7 +167,10 @@ def find_maximum(
     else:
         values = von_mises()
         x = space.cell_corners()[: model.domain.owned_cells].mean(axis=1)
-    return greatest_of(space, values, x)
+    greatest = greatest_of(space, values, x)
+    if quantity != "von Mises":
+        return greatest
+    return replace(greatest, beside=singular_place(model, greatest.place))
 
 
 def greatest_of(space: Space, values: np.ndarray, x: np.ndarray) -> Maximum:

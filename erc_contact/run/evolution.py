@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,8 @@ import numpy as np
 from erc_contact.base.progress import at
 from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.numbers import Bounds
+from erc_contact.error.stiffness import stiffness
 from erc_contact.output.bounded_forces import bounded_forces, contact_names, forces_in_html
 from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
@@ -175,6 +177,32 @@ class Evolution(RunResult):
             np.stack([of_step.stress for of_step in values]),
             np.stack([of_step.elastic_stress for of_step in values]),
         )
+
+    def stiffness(
+        self,
+        contact: str,
+        part: str,
+        direction: Sequence[float],
+        between: tuple[int, int] = (-2, -1),
+    ) -> Bounds:
+        """Compute the stiffness between two steps; collective.
+
+        It is the change of the force of a contact over the change of the mean
+        displacement of a part, see :func:`erc_contact.stiffness`.
+
+        Args:
+            contact: Name of the contact.
+            part: Name of the boundary part that moves.
+            direction: d numbers, of any length.
+            between: Numbers of both steps, in the order of the rows; by default the
+                last two.
+
+        Raises:
+            InputError: If a name or the direction is another one, or the part does not
+                move along it.
+        """
+        first, second = (self.errors[number] for number in between)
+        return stiffness(first, second, contact, part, direction)
 
     def along(self, start: Any, stop: Any, count: int = 101) -> list[np.ndarray]:
         """Tabulate displacement and stress along a line at the end of each step.

@@ -1,0 +1,154 @@
+"""Say whether a cell lies where the stress of linear elasticity may be infinite.
+
+That is at re-entrant corners and edges of a body, and where a support, a contact or a
+joint ends on its boundary. The greatest stress there tells the mesh and not the part.
+The mesh tells these places: by the angle that all cells around a corner fill, and by
+the parts that meet there.
+
+Symbols: d dimension. A ridge is what two facets share, a vertex in the plane and an
+edge in 3D; it has d-1 vertices.
+
+Source: M. L. Williams, Stress singularities resulting from various boundary conditions
+in angular corners of plates in extension, 1952.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from dolfinx import mesh as dmesh
+
+from erc_contact.model.model import Model
+from namedmesh.base.ranks import distinct_rows, of_all
+from namedmesh.for_solvers import boundary_sides
+from namedmesh.simplex import of_facets
+
+RE_ENTRANT = 200.0
+"""Angle of a body from which a corner of flat facets is re-entrant [degrees]."""
+REGULAR = 100.0
+"""Angle up to which a roller or a contact without friction may end [degrees].
+
+At a right angle it continues the body as a plane of symmetry does.
+"""
+SAME_PLACE = 1e-9
+"""Distance over the extent of the body that counts as none [-]."""
+
+
+def singular_place(model: Model, place: np.ndarray) -> str:
+    """Say at what the cell with its middle at a place lies, in words; collective.
+
+    Args:
+        model: The scene on a mesh.
+        place: The middle of a cell [length], shape (d,).
+
+    Returns:
+        A re-entrant corner, or the end of a part, as "a re-entrant corner of 270
+        degrees"; empty where the cell touches neither.
+    """
+    space = model.space
+    d = space.d
+    cells = space.owned_cells
+    corners = space.cell_corners()[cells]
+    vertices = space.global_numbers(space.V.dofmap.list[cells, : d + 1])
+    distance = np.linalg.norm(corners.mean(axis=1) - place, axis=1)
+    is_here = distance <= SAME_PLACE * model.domain.extent
+    near = distinct_rows(space.comm, vertices[is_here].ravel())
+
+    topology = space.mesh.topology
+    outer = dmesh.exterior_facet_indices(topology)
+    curved = model.domain.curved_facets
+    if curved is not None:
+        # Flat facets of a smooth surface meet at angles, too.
+        outer = np.setdiff1d(outer, curved.indices)
+    sides = np.column_stack(boundary_sides(space.mesh, outer))
+    outer_vertices = of_facets(vertices[sides[:, 0]], sides[:, 1])
+    ridges = _ridges_at(near, outer_vertices, d - 1)
+    outer_ridges = distinct_rows(space.comm, ridges)
+    angles = _angles(model, corners, vertices, near)
+    # Inside a body cells fill the whole angle.
+    at_boundary = {ridge: angles[ridge] for ridge in map(tuple, outer_ridges.tolist())}
+    greatest = max(at_boundary.values(), default=0.0)
+    if greatest > RE_ENTRANT:
+        kind = "corner" if d == 2 else "edge"
+        return f"a re-entrant {kind} of {greatest:.0f} degrees"
+    for name, words, limit in _parts(model):
+        of_part = model.domain.owned_facets(name)
+        held = of_facets(vertices[of_part[:, 0]], of_part[:, 1])
+        is_other = ~np.isin(space.facet_numbers(sides), space.facet_numbers(of_part))
+        others = distinct_rows(space.comm, outer_vertices[is_other].ravel())
+        ends = np.intersect1d(distinct_rows(space.comm, held.ravel()), others)
+        ends = np.intersect1d(ends, near)
+        if any(angle > limit for ridge, angle in at_boundary.items() if np.isin(ridge, ends).any()):
+            return words
+    return ""
+
+
+def _parts(model: Model) -> list[tuple[str, str, float]]:
+    """Return names of parts, in words what ends there, and up to what angle it may."""
+    parts = []
+    for support in model.scene.supports:
+        is_roller = None in getattr(support, "value", ())
+        limit = REGULAR if is_roller else 0.0
+        parts.append((support.facets, f"the end of the support {support.facets!r}", limit))
+    for contact in (*model.contacts, *model.ties):
+        slides = contact not in model.ties and contact.friction is None
+        for name in contact.side_names:
+            words = f"the end of the part {name!r} of a contact"
+            parts.append((name, words, REGULAR if slides else 0.0))
+    return [part for part in parts if part[0] in model.domain.names]
+
+
+def _ridges_at(near: np.ndarray, vertices: np.ndarray, size: int) -> np.ndarray:
+    """Return ridges, sorted, among vertices of facets or cells that touch some.
+
+    Args:
+        near: Numbers of the vertices that they touch.
+        vertices: Vertices of facets, shape (f, d).
+        size: Number of vertices of a ridge.
+
+    Returns:
+        Shape (n, size).
+    """
+    touching = vertices[np.isin(vertices, near).any(axis=1)]
+    choices = [touching[:, list(choice)] for choice in combinations(range(vertices.shape[1]), size)]
+    ridges = np.sort(np.concatenate(choices), axis=1)
+    return ridges[np.isin(ridges, near).any(axis=1)]
+
+
+def _angles(
+    model: Model, corners: np.ndarray, vertices: np.ndarray, near: np.ndarray
+) -> dict[tuple[int, ...], float]:
+    """Return the angles that cells fill around ridges with a near vertex; collective.
+
+    Args:
+        model: The scene on a mesh.
+        corners: Vertices of owned cells [length], shape (n, d+1, d).
+        vertices: Their global numbers, shape (n, d+1).
+        near: Numbers of the near vertices.
+
+    Returns:
+        Angles [degrees] by the sorted numbers of the vertices of the ridges.
+    """
+    d = model.space.d
+    touching = np.isin(vertices, near).any(axis=1)
+    x, numbers = corners[touching], vertices[touching]
+    ridges, angles = [], []
+    for ridge in map(list, combinations(range(d + 1), d - 1)):
+        first, second = (x[:, i] - x[:, ridge[0]] for i in range(d + 1) if i not in ridge)
+        if d == 3:
+            along = x[:, ridge[1]] - x[:, ridge[0]]
+            along /= np.linalg.norm(along, axis=1, keepdims=True)
+            first = first - (first * along).sum(axis=1, keepdims=True) * along
+            second = second - (second * along).sum(axis=1, keepdims=True) * along
+        lengths = np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+        cosine = np.clip((first * second).sum(axis=1) / lengths, -1.0, 1.0)
+        ridges.append(np.sort(numbers[:, ridge], axis=1))
+        angles.append(np.degrees(np.arccos(cosine)))
+    every_ridge, every_angle = of_all(
+        model.space.comm, np.concatenate(ridges), np.concatenate(angles)
+    )
+    different, place = np.unique(every_ridge, axis=0, return_inverse=True)
+    total = np.zeros(len(different))
+    np.add.at(total, place.ravel(), every_angle)
+    return dict(zip(map(tuple, different.tolist()), total.tolist(), strict=True))
