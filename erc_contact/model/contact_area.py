@@ -158,7 +158,7 @@ def contact_area(
     ]
     vertices, area, force, is_closed = of_all(space.comm, *(x[here.owned] for x in columns))
     total = float(area[is_closed].sum())
-    if not can_open or not is_closed.any():
+    if not can_open or is_closed.all() or not is_closed.any():
         return ContactArea(Estimate(total, 0.0), (), axisymmetric=False)
     count = FACETS[space.degree]
     layers = _layers(vertices, is_closed, count + 1)
@@ -178,12 +178,12 @@ def _layers(vertices: np.ndarray, is_closed: np.ndarray, count: int) -> list[np.
 
     Args:
         vertices: Vertices of the facets, shape (f, 3).
-        is_closed: Whether each is closed, shape (f,); at least one is.
+        is_closed: Whether each is closed, shape (f,); at least one is, and not all.
         count: Most layers.
 
     Returns:
-        Which facets are in each layer, at least one layer, of shape (f,). It is all
-        closed facets where none is open.
+        Which facets are in each layer, at least one layer, shape (f,). It is all closed
+        facets where no open facet touches them.
     """
     _, numbers = np.unique(vertices, return_inverse=True)
     numbers = numbers.reshape(vertices.shape)

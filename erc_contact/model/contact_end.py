@@ -40,6 +40,8 @@ Only weights of nodes need it.
 """
 LIMITS = (-1.0, 0.75)
 """Where a contact may end, outwards from the end of the closed facets [facets]."""
+MOST_BEYOND = 0.25
+"""What zeros beyond these limits add to a margin at most [facets]."""
 LEAST_MARGIN = 0.25
 """Margin of lines that all have the same zero [distance of nodes]."""
 
@@ -118,11 +120,13 @@ def end_of(
         (inside[:, : count + 1], outside[:, : (count + 1) * degree]),
     ]
     zeros = np.array([_zero(*piece, degree) for piece in pieces])
+    zeros = zeros[np.isfinite(zeros)]
     limits = degree * np.array(LIMITS)
-    found = np.clip(zeros[np.isfinite(zeros)], *limits)
-    if not len(found):
-        found = limits
-    return Estimate(unit * float(found.mean()), unit * float(np.ptp(found) + LEAST_MARGIN))
+    found = np.clip(zeros, *limits) if len(zeros) else limits
+    # Lines with a zero out of reach are none of a smooth contact.
+    beyond = float(abs(zeros - found).mean()) if len(zeros) else 0.0
+    margin = float(np.ptp(found)) + LEAST_MARGIN + min(beyond, degree * MOST_BEYOND)
+    return Estimate(unit * float(found.mean()), unit * margin)
 
 
 def _zero(inside: np.ndarray, outside: np.ndarray, degree: int) -> float:

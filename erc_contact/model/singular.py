@@ -63,23 +63,24 @@ def singular_place(model: Model, place: np.ndarray) -> str:
         outer = np.setdiff1d(outer, curved.indices)
     sides = np.column_stack(boundary_sides(space.mesh, outer))
     outer_vertices = of_facets(vertices[sides[:, 0]], sides[:, 1])
-    ridges = _ridges_at(near, outer_vertices, d - 1)
-    outer_ridges = distinct_rows(space.comm, ridges)
+
+    def ridges_of(facets: np.ndarray) -> set[tuple[int, ...]]:
+        """Return the ridges of facets that touch the cell, of all ranks."""
+        return set(map(tuple, distinct_rows(space.comm, _ridges_at(near, facets)).tolist()))
+
+    # Inside a body, where no facet of the boundary is, cells fill the whole angle.
+    outer_ridges = ridges_of(outer_vertices)
     angles = _angles(model, corners, vertices, near)
-    # Inside a body cells fill the whole angle.
-    at_boundary = {ridge: angles[ridge] for ridge in map(tuple, outer_ridges.tolist())}
-    greatest = max(at_boundary.values(), default=0.0)
+    greatest = max((angles[ridge] for ridge in outer_ridges), default=0.0)
     if greatest > RE_ENTRANT:
         kind = "corner" if d == 2 else "edge"
         return f"a re-entrant {kind} of {greatest:.0f} degrees"
     for name, words, limit in _parts(model):
         of_part = model.domain.owned_facets(name)
-        held = of_facets(vertices[of_part[:, 0]], of_part[:, 1])
+        held = ridges_of(of_facets(vertices[of_part[:, 0]], of_part[:, 1]))
         is_other = ~np.isin(space.facet_numbers(sides), space.facet_numbers(of_part))
-        others = distinct_rows(space.comm, outer_vertices[is_other].ravel())
-        ends = np.intersect1d(distinct_rows(space.comm, held.ravel()), others)
-        ends = np.intersect1d(ends, near)
-        if any(angle > limit for ridge, angle in at_boundary.items() if np.isin(ridge, ends).any()):
+        ends = held & ridges_of(outer_vertices[is_other])
+        if any(angles[ridge] > limit for ridge in ends):
             return words
     return ""
 
@@ -99,19 +100,15 @@ def _parts(model: Model) -> list[tuple[str, str, float]]:
     return [part for part in parts if part[0] in model.domain.names]
 
 
-def _ridges_at(near: np.ndarray, vertices: np.ndarray, size: int) -> np.ndarray:
-    """Return ridges, sorted, among vertices of facets or cells that touch some.
+def _ridges_at(near: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Return the ridges of facets with a near vertex, each sorted, shape (n, d-1).
 
     Args:
-        near: Numbers of the vertices that they touch.
-        vertices: Vertices of facets, shape (f, d).
-        size: Number of vertices of a ridge.
-
-    Returns:
-        Shape (n, size).
+        near: Numbers of the near vertices.
+        vertices: Vertices of the facets, shape (f, d).
     """
-    touching = vertices[np.isin(vertices, near).any(axis=1)]
-    choices = [touching[:, list(choice)] for choice in combinations(range(vertices.shape[1]), size)]
+    d = vertices.shape[1]
+    choices = [vertices[:, list(choice)] for choice in combinations(range(d), d - 1)]
     ridges = np.sort(np.concatenate(choices), axis=1)
     return ridges[np.isin(ridges, near).any(axis=1)]
 
