@@ -11,7 +11,7 @@ balance where their pressures alternate.
 
 Four lines are laid through nodes by least squares: on both sides, on each side alone,
 and on both sides through more nodes. The end is the mean of their zeros. Its margin is
-the range of the zeros and a quarter of the distance of nodes. It is an estimate, no
+the range of the zeros and three tenths of the distance of nodes. It is an estimate, no
 bound; ``benchmarks/contact_areas.py`` tells how often it holds. Where the pressure does
 not vanish, as under the edge of a punch, all zeros are far outside: the contact then
 ends with its part.
@@ -42,7 +42,7 @@ LIMITS = (-1.0, 0.75)
 """Where a contact may end, outwards from the end of the closed facets [facets]."""
 MOST_BEYOND = 0.25
 """What zeros beyond these limits add to a margin at most [facets]."""
-LEAST_MARGIN = 0.25
+LEAST_MARGIN = 0.3
 """Margin of lines that all have the same zero [distance of nodes]."""
 
 
