@@ -138,6 +138,13 @@ class Assembled:
             result[chosen] = shape.nearest(comm, points[chosen], its_marks[chosen])
         return result
 
+    def are_curved(self, marks: np.ndarray) -> np.ndarray:
+        """Tell which marks are marks of curved curves or surfaces, of their shape."""
+        result = np.zeros(marks.shape, dtype=bool)
+        for shape, its_marks in self._marks_of_members(marks):
+            result |= shape.are_curved(its_marks)
+        return result
+
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return unit normals of the true surfaces, nan where not known; collective."""
         result = np.full(points.shape, np.nan)

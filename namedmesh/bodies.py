@@ -32,6 +32,9 @@ class Geometry(Protocol):
         See :data:`namedmesh.surface.Nearest`.
         """
 
+    def are_curved(self, marks: np.ndarray) -> np.ndarray:
+        """Tell which marks are marks of curved curves or surfaces, of their shape."""
+
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return unit normals of the true surface, nan where not known; collective.
 
@@ -142,24 +145,39 @@ class Bodies(NamedMesh):
         Returns:
             Ratios [-], shape (n,); None where no side is curved on any rank.
         """
-        if self.offset is None or self.curved_facets is None:
-            return None
-        facets = facets_of_cells(self.mesh)[sides[:, 0], sides[:, 1]]
-        is_curved = np.isin(facets, self.curved_facets.indices)
+        is_curved = self.are_curved(sides)
         if not self.comm.allreduce(bool(is_curved.any()), MPI.LOR):
             return None
         ratio = np.ones(len(sides))
+        assert self.offset is not None
         ratio[is_curved] = area_ratio(self.offset, sides[is_curved])
         return ratio
 
-    def true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    def are_curved(self, sides: np.ndarray) -> np.ndarray:
+        """Tell which sides (cell, local facet) lie on curved surfaces that are known.
+
+        Args:
+            sides: The sides, shape (n, 2).
+        """
+        if self.curved_facets is None or self.geometry is None:
+            return np.zeros(len(sides), dtype=bool)
+        return self.geometry.are_curved(self._marks_of(sides))
+
+    def _marks_of(self, sides: np.ndarray) -> np.ndarray:
+        """Return the marks of sides (cell, local facet), shape (n,)."""
+        assert self.curved_facets is not None
+        numbers = facets_of_cells(self.mesh)[sides[:, 0], sides[:, 1]]
+        return np.asarray(tag_table(self.curved_facets)[numbers])
+
+    def true_normals(self, facets: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Return normals of the true surface at vertices of facets [-]; collective.
 
         gmsh is asked once for the facets of a part.
 
         Args:
             facets: Facets (cell, local facet), shape (n, 2).
-            corners: Their vertices [length], shape (n, d, d).
+            places: The places of their vertices on the true surface [length], shape (n,
+                d, d). From a rim that lies beside it, gmsh finds no way back.
 
         Returns:
             Unit normals, their signs open, nan where they are not known, (n, d, d).
@@ -167,7 +185,7 @@ class Bodies(NamedMesh):
         key = facets.tobytes()
         is_known = self.comm.allreduce(key in self._true_normals, MPI.LAND)
         if not is_known:
-            self._true_normals[key] = self._find_true_normals(facets, corners)
+            self._true_normals[key] = self._find_true_normals(facets, places)
         return self._true_normals[key]
 
     @cached_property
@@ -175,15 +193,14 @@ class Bodies(NamedMesh):
         """Keep what :meth:`true_normals` has found."""
         return {}
 
-    def _find_true_normals(self, facets: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    def _find_true_normals(self, facets: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Ask the true shape for normals, see :meth:`true_normals`; collective."""
         d = self.dim
         if self.curved_facets is None or self.geometry is None:
-            return np.full(corners.shape, np.nan)
-        numbers = facets_of_cells(self.mesh)[facets[:, 0], facets[:, 1]]
-        of_corners = np.repeat(tag_table(self.curved_facets)[numbers], d)
-        normals = self.geometry.normals(self.comm, corners.reshape(-1, d), of_corners)
-        return normals.reshape(corners.shape)
+            return np.full(places.shape, np.nan)
+        of_corners = np.repeat(self._marks_of(facets), d)
+        normals = self.geometry.normals(self.comm, places.reshape(-1, d), of_corners)
+        return normals.reshape(places.shape)
 
     @property
     def marks_of_sides(self) -> np.ndarray | None:

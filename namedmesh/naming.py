@@ -386,6 +386,10 @@ class NamedShape:
         """Return the nearest points of the true surface [length]; collective."""
         return np.asarray(self.shape.nearest(comm, points, marks))
 
+    def are_curved(self, marks: np.ndarray) -> np.ndarray:
+        """Tell which marks are marks of curved curves or surfaces, of their shape."""
+        return np.asarray(self.shape.are_curved(marks))
+
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return unit normals of the true surface, nan where not known; collective."""
         return np.asarray(self.shape.normals(comm, points, marks))

@@ -37,6 +37,12 @@ Each pair names the low and the high end of x, y or z. The last axis is up.
 SIDE_ROUND_OFF = 1e-12
 """Distance from a side of a brick that is round-off, as a share of its length [-]."""
 
+FAR = 0.02
+"""Distance of a closest point at which the ends or the rim are asked, too.
+
+It is a share of the diagonal of the box around the curve or surface [-].
+"""
+
 
 class _OneModel:
     """Represent the shape of bodies of one model of gmsh."""
@@ -111,6 +117,10 @@ class Brick(_OneModel):
         """Return the points themselves: the facets are the true surface."""
         return points
 
+    def are_curved(self, marks: np.ndarray) -> np.ndarray:
+        """Tell that no side is curved."""
+        return np.zeros(marks.shape, dtype=bool)
+
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return nan: the facets have the normals."""
         return np.full(points.shape, np.nan)
@@ -165,10 +175,14 @@ class Drawing(_OneModel):
 
         See :data:`namedmesh.surface.Nearest`.
         """
-        curved = np.isin(marks, list(self.curved)).any(axis=1)
+        curved = self.are_curved(marks).any(axis=1)
         result = points.copy()
         result[curved] = self._ask(comm, _nearest, points[curved], marks[curved])
         return result
+
+    def are_curved(self, marks: np.ndarray) -> np.ndarray:
+        """Tell which marks are marks of curved curves or surfaces, of their shape."""
+        return np.isin(marks, list(self.curved))
 
     def normals(self, comm: MPI.Comm, points: np.ndarray, marks: np.ndarray) -> np.ndarray:
         """Return unit normals of the true surface [-]; collective.
@@ -182,7 +196,7 @@ class Drawing(_OneModel):
             The normal at the nearest point, its sign open; nan on flat facets and where
             the surface has none, as at the tip of a cone. Shape (n, d).
         """
-        curved = np.isin(marks, list(self.curved))
+        curved = self.are_curved(marks)
         result = np.full(points.shape, np.nan)
         result[curved] = self._ask(comm, _normals, points[curved], marks[curved])
         return result
@@ -231,20 +245,61 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
     for row in np.unique(marks, axis=0):
         selected = np.all(marks == row, axis=1)
         faces = [(d - 1, tags[mark]) for mark in row if mark >= 0]
-        flat = in_space(x[selected]).ravel()
+        flat = in_space(x[selected])
         candidates = []
         for dim, tag in _common(model, faces):
-            if dim == 0:
-                closest = np.tile(model.getValue(0, tag, []), (len(x[selected]), 1))
-            else:
-                closest = np.reshape(model.getClosestPoint(dim, tag, flat)[0], (-1, 3))
-            candidates.append(closest[:, :d])
+            candidates.append(_closest(model, dim, tag, flat)[:, :d])
         # There may be several common places, or none: then points stay.
         if candidates:
             points = np.array(candidates)
             best = np.linalg.norm(points - x[selected], axis=2).argmin(axis=0)
             result[selected] = points[best, np.arange(len(best))]
     return result
+
+
+def _closest(model: Any, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
+    """Return the closest points on a corner, curve or surface [length], shape (n, 3).
+
+    gmsh knows points to which the way is at a right angle. A point beyond the end of a
+    curve, or beyond the rim of a surface, may have none but on the far side of the
+    body: its closest point is on the end, or on the rim.
+
+    Args:
+        model: gmsh's current model.
+        dim: Dimension of the entity.
+        tag: Its tag.
+        x: Points [length], shape (n, 3).
+    """
+    if dim == 0:
+        return np.tile(model.getValue(0, tag, []), (len(x), 1))
+    closest = np.reshape(model.getClosestPoint(dim, tag, x.ravel())[0], (-1, 3))
+    low, high = np.reshape(model.getBoundingBox(dim, tag), (2, 3))
+    distance = np.linalg.norm(closest - x, axis=1)
+    far = np.flatnonzero(distance > FAR * np.linalg.norm(high - low))
+    if not len(far):
+        return closest
+    for place in _ends(model, dim, tag):
+        of_end = _closest(model, *place, x[far])
+        its_distance = np.linalg.norm(of_end - x[far], axis=1)
+        closer = its_distance < distance[far]
+        closest[far[closer]] = of_end[closer]
+        distance[far[closer]] = its_distance[closer]
+    return closest
+
+
+def _ends(model: Any, dim: int, tag: int) -> set[tuple[int, int]]:
+    """Return the ends of a curve, or the curves of the rim of a surface.
+
+    A curve without length, as at the pole of a sphere, is its corner: gmsh knows no
+    point of it.
+    """
+    ends = {(dim - 1, int(end)) for end in model.getAdjacencies(dim, tag)[1]}
+    for end in list(ends):
+        corners = {int(corner) for corner in model.getAdjacencies(*end)[1]}
+        if dim == 2 and len(corners) == 1 and model.getType(*end) == "Unknown":
+            ends.remove(end)
+            ends.add((0, corners.pop()))
+    return ends
 
 
 def _common(model: Any, faces: list[tuple[int, int]]) -> list[tuple[int, int]]:

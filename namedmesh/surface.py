@@ -49,9 +49,11 @@ to the corner, and stays where there is neither.
 LEAST_VOLUME = 0.3
 """Share of its volume that each cell keeps when vertices move to the true surface [-].
 
-A vertex of a cell that would keep less does not move. This happens on a mesh that is
-too coarse for its curves.
+The vertices of a cell that would keep less move less, or not at all. This happens on a
+mesh that is too coarse for its curves.
 """
+LEAST_SHARE = 1 / 8
+"""Least share of its move that a vertex makes, if it moves at all [-]."""
 SETTLED = 1e-9
 """Move of a vertex that is too small to be made, as a share of the greatest coordinate.
 
@@ -161,12 +163,12 @@ def snap(mesh: dmesh.Mesh, marks: dmesh.MeshTags, shape: Any) -> None:
 
 def _tell_held_back(comm: MPI.Comm, wanted: np.ndarray, made: np.ndarray) -> None:
     """Tell how many vertices do not go where facets keep the volume; collective."""
-    stay = comm.allreduce(int((wanted != made).any(axis=1).sum()), MPI.SUM)
-    if stay:
+    held = comm.allreduce(int((wanted != made).any(axis=1).sum()), MPI.SUM)
+    if held:
         log_of(comm).info(
-            "%d vertices of curved sides stay on the true surface, as cells would be crushed: the "
-            "facets there do not keep the volume.",
-            stay,
+            "%d vertices of curved sides move less, as cells would be crushed: the facets there "
+            "do not keep the volume. The mesh is coarse for its curves.",
+            held,
         )
 
 
@@ -229,19 +231,22 @@ def _held_back(
     move[moved_nodes] = moves
     vector.scatter_forward()
     volume = determinants(before[cells])
+    share = np.ones((len(x), 1))
     # Each round holds back at least one vertex more.
     while True:
-        after = determinants((x + move)[cells])
+        made = share * move
+        after = determinants((x + made)[cells])
         crushed = np.unique(cells[after / volume < LEAST_VOLUME])
-        back = crushed[move[crushed].any(axis=1)]
+        back = crushed[made[crushed].any(axis=1)]
         if not lasting(mesh.comm).allreduce(len(back), MPI.SUM):
-            return move
-        # A vertex that one rank holds back stays on all of them.
-        stays = la.vector(geometry.index_map(), 1)
-        stays.array[back] = 1.0
-        stays.scatter_reverse(la.InsertMode.add)
-        stays.scatter_forward()
-        move[stays.array > 0] = 0.0
+            return made
+        # A vertex that one rank holds back is held back on all of them.
+        held = la.vector(geometry.index_map(), 1)
+        held.array[back] = 1.0
+        held.scatter_reverse(la.InsertMode.add)
+        held.scatter_forward()
+        is_held = held.array > 0
+        share[is_held] = np.where(share[is_held] > LEAST_SHARE, share[is_held] / 2, 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,8 +151,9 @@ def nodal_reactions(
     v = ufl.TestFunction(space.V)
 
     def residual_of(v: Ufl) -> np.ndarray:
-        loads = _assemble(space, model.right_side(v))
-        return _assemble(space, model.stiffness(u, v)) - loads
+        of_loads = _assemble(space, model.loads(v))
+        of_strains = _assemble(space, model.strain_loads(v))
+        return _assemble(space, model.stiffness(u, v)) - of_loads - of_strains
 
     residual = residual_of(v)
     several = _with_several_forces(model) if at_nodes else None

@@ -343,17 +343,15 @@ class Model:
         measure = self._measure(self.constitution.varies_in_cells)
         return ufl.inner(stress, self.space.section.strain(v)) * measure
 
-    def right_side(self, v: Ufl) -> Ufl | None:
-        """Return the UFL form of loads and given strains, or None without any."""
-        forms = (self.loads(v), self.strain_loads(v))
-        return sum_of([form for form in forms if form is not None])
-
     def _measure(self, varying: bool) -> Ufl:
         """Return dx for data that vary in cells or do not.
 
         The solver and the reconstruction integrate varying data by one rule, so that
         both know the same body.
         """
+        if self.linearised is not None:
+            # The form is made about no displacement, and stays.
+            varying = self.linearised.may_vary_in_cells
         return (
             self.space.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varying else self.space.dx
         )
@@ -365,13 +363,24 @@ class Model:
             strains: Whether they are with the forces of given strains.
         """
         b = self.space.function()
-        v = ufl.TestFunction(self.space.V)
-        loads = self.right_side(v) if strains else self.loads(v)
+        loads = self.loads(ufl.TestFunction(self.space.V))
         if loads is not None:
             fem.assemble_vector(b.x.array, compiled.form(loads))
+        if strains and self.strains is not None:
+            fem.assemble_vector(b.x.array, self._form_of_strains())
         if self.face_forces is not None:
             b.x.array[:] += self.face_forces.x.array
         return b
+
+    def _form_of_strains(self) -> fem.Form:
+        """Return the compiled form of the nodal forces of given strains [force]."""
+        kept = None if self.linearised is None else self.linearised.load_form
+        if kept is not None:
+            return kept
+        form = compiled.form(self.strain_loads(ufl.TestFunction(self.space.V)))
+        if self.linearised is not None:
+            self.linearised.load_form = form
+        return form
 
     def loads(
         self, v: Ufl, *, varying: bool = True, on: Collection[str | None] | None = None

@@ -70,11 +70,13 @@ class Solver(Protocol):
 
     nodal_first: ClassVar[bool]
     model: Model
-    guess: fem.Function
     forms: dict[Method, ContactForms]
 
     @property
     def elastic(self) -> ElasticSolver: ...  # noqa: D102
+
+    @property
+    def guess(self) -> fem.Function: ...  # noqa: D102
 
     def glued_state(self) -> Any:
         """Return the state with the contact glued."""
@@ -114,7 +116,7 @@ class ContactSolve:
         Raises:
             NotConverged: If none does, or the linear solver fails again and again.
         """
-        states = {"glued": self.solver.glued_state()}
+        states: dict[str, Any] = {}
         if start is not None and start.model.contacts:
             states["warm"] = self.solver.warm(start.model, start.u)
         slow = 0
@@ -137,6 +139,9 @@ class ContactSolve:
             nodal_first=nodal_first,
             convex=not grows,
         ):
+            if attempt.start == "glued" and "glued" not in states:
+                # It takes a solve, which a warm start hardly ever needs.
+                states["glued"] = self.solver.glued_state()
             if attempt.start not in states:
                 continue
             check_interrupts(self.model.space.comm)
@@ -313,14 +318,24 @@ def solution_of(
     model: Model,
     method: Method | None,
     start: Solution | None,
+    *,
+    checks: bool = True,
 ) -> Solution:
     """Solve a model with one kind of solver.
 
     The displacement has no part in motions that nothing holds.
+
+    Args:
+        kind: Makes the solver.
+        model: The scene on a mesh.
+        method: The contact method, None for the default.
+        start: A solution to start from, of any mesh of the body.
+        checks: Whether its loads and supports are checked: once for all linear bodies
+            of a law.
     """
     solver = kind(model)
     try:
-        solution = _solution_by(solver, method, start)
+        solution = _solution_by(solver, method, start, checks=checks)
     finally:
         solver.destroy()
         track_communicator(model.domain, model.space.mesh.comm)
@@ -328,7 +343,9 @@ def solution_of(
     return replace(solution, u=model.without_unheld(solution.u))
 
 
-def _solution_by(solver: Solver, method: Method | None, start: Solution | None) -> Solution:
+def _solution_by(
+    solver: Solver, method: Method | None, start: Solution | None, *, checks: bool
+) -> Solution:
     """Solve the model of a solver, with its anchors at rest."""
     model = solver.model
     elastic = solver.elastic
@@ -336,10 +353,12 @@ def _solution_by(solver: Solver, method: Method | None, start: Solution | None) 
     at_rest = displacement_at_rest(model, loads)
     if at_rest is not None:
         return _at_rest(at_rest, model, method or DEFAULT, elastic)
-    _check_size(model, loads, solver.guess)
+    if checks:
+        _check_size(model, loads, solver.guess)
     if not elastic.contact_size:
         return Solution(model, method or DEFAULT, solver.guess, (), "linear solve", elastic)
-    _check_statics(model, loads)
+    if checks:
+        _check_statics(model, loads)
     solution = ContactSolve(solver, method).solve(start)
     at_rest = displacement_back_at_rest(model, loads, solution.u)
     if at_rest is None:

@@ -125,7 +125,7 @@ class _Search:
                 self.solutions.append(x)
                 if len(self.solutions) > most:
                     break
-        states = [self.dense.solution(x) for x in self.solutions[1:]]
+        states = [self.dense.solution(x, rough=False) for x in self.solutions[1:]]
         self.dense.destroy()
         return states
 

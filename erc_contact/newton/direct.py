@@ -42,6 +42,8 @@ class Direct:
         forms: Equations of methods at its contacts that there are; others are added.
         tolerance: Distance to the solution that is enough [sqrt(force length)]; None
             for round-off.
+        rough: Whether the solution is on the way to another one: nobody asks whether it
+            is the only one.
 
     Attributes:
         elastic: Its elastic equations.
@@ -58,9 +60,12 @@ class Direct:
         elastic: Stiffness | None = None,
         forms: dict[Method, ContactForms] | None = None,
         tolerance: float | None = None,
+        *,
+        rough: bool = False,
     ) -> None:
         self.model = model
         self._tolerance = tolerance
+        self._rough = rough
         self.elastic = stiffness_of(model) if elastic is None else elastic
         loads = self.elastic.load_vector()
         self.carried = CarriedBodies(model, loads)
@@ -100,7 +105,7 @@ class Direct:
             start = problem.from_contact(state)
             u_A, outcome = solve_in_turn(problem, dense.solve, step, start, MPI.COMM_SELF)
             is_solved = step.final and outcome.converged
-            solved = dense.solution(u_A) if is_solved else None
+            solved = dense.solution(u_A, rough=self._rough) if is_solved else None
             dense.destroy()
             return u_A[: self.elastic.contact_size], outcome, solved
 

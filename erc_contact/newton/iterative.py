@@ -5,7 +5,7 @@ It works in parallel on any number of ranks.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -37,12 +37,12 @@ class Iterative:
         forms: Equations of methods at its contacts that there are; others are added.
         tolerance: Distance to the solution that is enough [sqrt(force length)]; None
             for round-off.
+        rough: Whether the solution is on the way to another one: nobody asks whether it
+            is the only one.
         hurried: Whether the first guess gives up early where multigrid is slow.
 
     Attributes:
         elastic: Its elastic equations.
-        guess: The displacement with the contact glued, where a gap is closed [length];
-            without contact the solution.
         forms: Equations of the methods that were tried, empty where bodies are carried.
         carried: Its bodies at their contacts.
     """
@@ -56,20 +56,28 @@ class Iterative:
         forms: dict[Method, ContactForms] | None = None,
         tolerance: float | None = None,
         *,
+        rough: bool = False,
         hurried: bool = False,
     ) -> None:
         self.model = model
         self._tolerance = tolerance
+        self._rough = rough
         self.elastic = multigrid_of(model, hurried=hurried) if elastic is None else elastic
         self._forces = self.elastic.load_vector()
         self._loads = self.elastic.right_side(self._forces.copy(), supports=True)
         self.carried = CarriedBodies(model, self._forces)
-        if self.elastic.contact_size:
-            self.guess = self._sprung(first_guess.across_gap(self.carried.model))
-        else:
-            self.guess = self.elastic.solve_glued(self._forces.copy(), tolerance=EXACT)
         self._forms, self.forms = self.carried.forms(forms)
         self._problems: dict[Method, FullSpace] = {}
+
+    @cached_property
+    def guess(self) -> fem.Function:
+        """Return the displacement with the contact glued [length].
+
+        A gap is closed there. Without contact it is the solution.
+        """
+        if not self.elastic.contact_size:
+            return self.elastic.solve_glued(self._forces.copy(), tolerance=EXACT)
+        return self._sprung(first_guess.across_gap(self.carried.model))
 
     def glued_state(self) -> fem.Function:
         """Return the state with the contact glued."""
@@ -103,7 +111,7 @@ class Iterative:
         if step.final and outcome.converged:
             u, carried = self.carried.whole(v)
             distance = problem.distance(x)
-            least = problem.least_singular_value(x)
+            least = 1.0 if self._rough else problem.least_singular_value(x)
             solution = DiscreteSolution(u, multipliers, distance, least, carried)
         x.destroy()
         return Attempted(outcome, v, solution)
@@ -111,7 +119,13 @@ class Iterative:
     def _full(self, forms: ContactForms) -> FullSpace:
         """Return the contact problem of some forms for all degrees of freedom."""
         return FullSpace(
-            self.carried.model, forms, self.elastic, self._loads, self._length, self._force
+            self.carried.model,
+            forms,
+            self.elastic,
+            self._loads,
+            self._length,
+            self._force,
+            rough=self._rough,
         )
 
     def _interior(self, step: Attempt, state: fem.Function) -> Attempted:

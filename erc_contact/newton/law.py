@@ -4,7 +4,9 @@ A potential is linearised about the strain of the last displacement, and the con
 problem of the linear body is solved by the methods of all linear bodies
 (:mod:`erc_contact.newton.contact_solve`). So contacts, friction, joints and ranks are
 theirs. Near the solution the steps converge quadratically. Each contact problem starts
-from the contact of the last one.
+from the contact of the last one. On the way they are solved roughly, to a share of the
+misfit that is expected of the step, as in inexact Newton methods (Dembo, Eisenstat and
+Steihaug, https://doi.org/10.1137/0719025).
 
 The *misfit* is what is left: the energy norm of ``psi'(eps(u)) - sigma``, with the
 stress sigma of the linear body, which is in equilibrium. It is measured in the metric
@@ -56,6 +58,10 @@ NEAR = 0.05
 """Accuracy of the share of a step [-]."""
 SHARE_OF_TOLERANCE = 0.7
 """Share of the tolerance of a solve that the law may leave; the contact has as much."""
+FORCING = 0.01
+"""Error of a contact problem on the way, over the misfit that is expected [-]."""
+LEAST_GAIN = 0.3
+"""Share of a misfit that a step is expected to leave at most [-]."""
 
 
 def solution_of_law(
@@ -98,10 +104,15 @@ def solution_of_law(
             about = before
             model.linearised.move(about)
     # The forms of all steps are alike.
-    kind = partial(kind, forms={}, tolerance=tolerance)
+    kind = partial(kind, forms={})
+    goal, size = SOLVED, 0.0
     while len(misfits) < LAW_STEPS:
         at(model.space.comm, f"law step {len(misfits) + 1}")
-        solution = solution_of(kind, model, method, start)
+        share_of_size = _rough_distance(misfits, goal)
+        is_rough = share_of_size is not None
+        distance = tolerance if share_of_size is None else share_of_size * size
+        step = partial(kind, tolerance=distance, rough=is_rough)
+        solution = solution_of(step, model, method, start, checks=not misfits)
         steps += solution.newton_steps
         change = _Change(model, about, solution.u)
         misfit, size = change.misfit()
@@ -109,7 +120,9 @@ def solution_of_law(
         log_of(model.space.comm).debug(
             "%d cells: law step %d, misfit %.1e", model.domain.cells, len(misfits), misfits[-1]
         )
-        if _ends(misfits, misfit, tolerance):
+        if tolerance is not None and size > 0.0:
+            goal = tolerance / size
+        if not is_rough and _ends(misfits, goal):
             told = ", ".join(f"{value:.0e}" for value in misfits)
             return replace(
                 solution,
@@ -133,13 +146,35 @@ def solution_of_law(
     )
 
 
-def _ends(misfits: list[float], misfit: float, tolerance: float | None) -> bool:
-    """Tell whether the steps end at a solution."""
-    if tolerance is not None and misfit <= tolerance:
-        return True
+def _rough_distance(misfits: list[float], goal: float) -> float | None:
+    """Return how far a contact problem on the way may be from its solution.
+
+    Newton's steps square the misfit. What a contact problem leaves is a part of the
+    next misfit. So a small share of the misfit is enough, if it falls by less than it
+    did before.
+
+    Args:
+        misfits: The misfits of the steps before, over the size of the stress [-].
+        goal: The misfit that is asked for, over the same [-].
+
+    Returns:
+        The distance over the size of the stress [-]; None for the first step, whose
+        size is not known, and for a step that may be the last.
+    """
+    if not misfits:
+        return None
+    gain = LEAST_GAIN
+    if len(misfits) > 1 and misfits[-1] < misfits[-2]:
+        gain = min(misfits[-1] / misfits[-2], LEAST_GAIN)
+    may_be_last = misfits[-1] * gain**2 <= goal or misfits[-1] <= STALLED
+    return None if may_be_last else max(FORCING * gain * misfits[-1], goal)
+
+
+def _ends(misfits: list[float], goal: float) -> bool:
+    """Tell whether the steps end at a solution; see :func:`_rough_distance`."""
     last = misfits[-1]
     is_stalled = len(misfits) > 1 and last <= STALLED and last > 0.5 * misfits[-2]
-    return last <= SOLVED or is_stalled
+    return last <= max(goal, SOLVED) or is_stalled
 
 
 class _Change:

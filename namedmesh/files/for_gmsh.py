@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ XAO_BEGINNING = re.compile(
     r"<shape\s+format=\"BREP\"\s*>\s*<!\[CDATA\["
 )
 """How a file of XAO begins that has its shape in itself."""
+ERROR = "Error: "
+"""How gmsh's sentences about errors begin."""
 
 
 @contextmanager
@@ -43,10 +45,13 @@ def called(path: Path, ending: str) -> Iterator[Path]:
 def merge_script(gmsh: Any, path: Path) -> None:
     """Run a script in gmsh's current model, without options that lie beside it.
 
-    The script may include others by names relative to its folder.
+    The script may include others by names relative to its folder. It is read to its
+    end: a parser that stops at an error keeps the text behind it, and reads that text
+    in front of the next script of this process.
 
     Raises:
         InputError: If its path has quotes or line ends.
+        ValueError: If gmsh finds an error in it, with the first of gmsh's sentences.
     """
     real = str(path.resolve())
     if not real.isprintable() or '"' in real:
@@ -54,7 +59,28 @@ def merge_script(gmsh: Any, path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         first = Path(folder) / "script.geo"
         first.write_text(f'Include "{real}";\n')
-        gmsh.merge(str(first))
+        aborts = gmsh.option.getNumber("General.AbortOnError")
+        gmsh.option.setNumber("General.AbortOnError", 0)
+        try:
+            said = _said_by(gmsh, lambda: gmsh.merge(str(first)))
+        finally:
+            gmsh.option.setNumber("General.AbortOnError", aborts)
+    for sentence in said:
+        if sentence.startswith(ERROR):
+            raise ValueError(sentence.removeprefix(ERROR))
+
+
+def _said_by(gmsh: Any, run: Callable[[], None]) -> list[str]:
+    """Return what gmsh says while something runs; a user's logger goes on."""
+    gmsh.logger.start()
+    # A logger that was on warns of the second start. A new one has said nothing.
+    before = len(gmsh.logger.get())
+    try:
+        run()
+        return list(gmsh.logger.get())[before:]
+    finally:
+        if not before:
+            gmsh.logger.stop()
 
 
 def check_xao(text: str) -> None:

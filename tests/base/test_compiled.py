@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from ffcx.naming import compute_signature
 from mpi4py import MPI
 from scenes import block
 
@@ -119,6 +120,20 @@ def test_keys_know_options_and_all_digits_of_points():
         ((x, points), {}, {"timeout": 1}),
     ]
     assert len({_key(*other) for other in [((x, points), {}, None), *others]}) == 4
+
+
+def test_variables_are_signed_alike_whatever_was_made_before():
+    """The numbers that UFL gives to variables in a process are not in the signature."""
+    x, points = ufl.SpatialCoordinate(block(2).mesh), np.array([[0.25, 0.25]])
+
+    def signature(factor: int) -> str:
+        first, second = ufl.variable(x[0]), ufl.variable(x[1])
+        slope = ufl.diff(first**2 * second ** (factor + 2), first)
+        with compiled._variables_by_order():
+            return compute_signature([(slope, points)], "")
+
+    assert signature(1) == signature(1)
+    assert signature(1) != signature(2)
 
 
 @pytest.mark.parametrize("parts", [("top",), ("left", "top"), ("top", "left")])

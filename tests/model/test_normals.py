@@ -18,11 +18,12 @@ from reference import nested, true_errors
 from scenes import certified
 
 import erc_contact as ec
-from erc_contact.model.contact.normals import normal_field
+from erc_contact.model.contact.normals import normal_field, normals_of_side
 from erc_contact.model.contact.trace import interpolate_normals
 from erc_contact.model.contact.turning import Turning
 from erc_contact.model.data.expressions import evaluate
 from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.normals import vertex_normals
 from namedmesh.simplex import barycentric, bernstein, lagrange, outward_normals, rule
 
@@ -495,3 +496,37 @@ def test_normals_are_exact_on_quadrics(kind):
         radial[..., 2] = slope * radius
     radial /= np.linalg.norm(radial, axis=2)[..., None]
     assert abs(found - radial).max() < 1e-9
+
+
+CONE = (
+    'SetFactory("OpenCASCADE"); Cone(1) = {0, 0, 0, 0, 0, 1, 0.5, 0.8};\n'
+    'Physical Surface("mantle") = {1}; Physical Surface("ends") = {2, 3};\n'
+    'Physical Volume("cone") = {1}; Mesh.MeshSizeMax = 0.6; Mesh.MeshSizeMin = 0.6;\n'
+)
+
+
+def test_normals_at_the_rims_of_a_cone(shared_tmp_path):
+    """Vertices of a rim lie beside the cone, in the planes of its ends.
+
+    From there gmsh finds a point on the far side of the cone, or none.
+    """
+    pytest.importorskip("gmsh")
+    path = shared_tmp_path / "cone.geo"
+    if COMM.rank == 0:
+        path.write_text(CONE)
+    COMM.barrier()
+    domain = ec.read_mesh(path, scripts=True)
+    space = Space(domain, 1)
+    facets = domain.facets("mantle")
+    corners = space.facet_corners(facets)
+    found = normals_of_side(space, facets, corners)
+    found /= np.linalg.norm(found, axis=-1, keepdims=True)
+    slope = 0.3
+    true = corners.copy()
+    true[..., 2] = -slope * np.linalg.norm(corners[..., :2], axis=-1)
+    true /= np.linalg.norm(true, axis=-1, keepdims=True)
+    owned = space.owned(facets)
+    assert COMM.allreduce(float(abs(found - true)[owned].max(initial=0.0)), MPI.MAX) < 1e-9
+    assert (
+        abs(np.linalg.norm(corners[..., :2], axis=-1) - 0.5 - slope * corners[..., 2]).max() > 0.01
+    )

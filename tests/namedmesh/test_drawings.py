@@ -331,6 +331,19 @@ def test_files_that_hold_nothing_are_told(name, folder):
         nm.read_mesh(folder / name, size=1.0, scripts=True)
 
 
+def test_script_after_a_script_with_an_error(folder):
+    """The parser of gmsh keeps the text behind an error, and must not read it in the next script."""
+    points = "Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {0, 1, 0}; "
+    lines = "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 1}; "
+    surface = 'Curve Loop(1) = {1 : 3}; Plane Surface(1) = {1}; Physical Curve("foot") = {1};\n'
+    (folder / "good.geo").write_text(points + lines + surface)
+    (folder / "bad.geo").write_text("Line(7) = {1, 2}\n" + points + lines + surface)
+    COMM.barrier()
+    with pytest.raises(nm.InputError, match="line 2: syntax error"):
+        nm.read_mesh(folder / "bad.geo", scripts=True)
+    assert list(nm.read_mesh(folder / "good.geo", scripts=True).names) == ["foot"]
+
+
 def test_sheets_that_enclose_nothing_are_refused(folder):
     draw = lambda occ: (occ.addRectangle(0, 0, 0, 1, 1), occ.addRectangle(0, 0, 1, 1, 1))  # noqa: E731
     with pytest.raises(nm.InputError, match="enclose no solid"):

@@ -44,6 +44,12 @@ INCLUSION = (
     'Physical Surface("bottom") = s(); Mesh.MeshSizeMax = 1;\n'
 )
 
+# The mesh has three to four facets around the tube.
+TORUS = (
+    'SetFactory("OpenCASCADE"); Torus(1) = {0, 0, 0, 0.54, 0.18}; Box(2) = {-1, -1, 0, 2, 2, 1};\n'
+    "BooleanIntersection(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };\n"
+    'Physical Surface("all") = Surface{:}; Mesh.MeshSizeMin = 0.27; Mesh.MeshSizeMax = 0.27;\n'
+)
 # Pin, sleeve and plate meet along one circle, and each two of them along a surface that ends there.
 PIN_IN_SLEEVE = (
     'SetFactory("OpenCASCADE"); Box(1) = {-2, -2, -1, 4, 4, 1}; Box(2) = {-2, -2, 0, 4, 4, 1};\n'
@@ -210,6 +216,22 @@ def test_coarse_inclusion_turns_no_cell_over(shared_tmp_path, measures):
             8.0, rel=1e-12
         )  # cells of negative volume would add to it
         assert measures.region(domain, "ball") == pytest.approx(np.pi / 6, rel=0.01)
+
+
+def test_tube_of_three_facets_is_refined_to_its_volume(shared_tmp_path, measures):
+    """No mesh of three facets around a tube can be refined from its volume to a round tube.
+
+    So its vertices move less than the volume asks for.
+    """
+    domain = from_script(TORUS, shared_tmp_path, "torus")
+    volume = np.pi**2 * 0.54 * 0.18**2
+    off = []
+    for _ in range(3 if COMM.size == 1 else 2):
+        off.append(abs(measures.region(domain) / volume - 1.0))
+        domain = domain.refined()
+    assert off[1] < off[0] / 4
+    if COMM.size == 1:
+        assert off[2] < off[1] / 8
 
 
 PUNCH = (

@@ -153,9 +153,27 @@ def together(
 
 def _compile(sources: dict[Any, Any], comm: MPI.Comm, options: Any) -> None:
     """Compile or load forms and expressions, given by their keys; collective."""
-    objects = compile_objects(comm, list(sources.values()), options, c_code)
+    with _variables_by_order():
+        objects = compile_objects(comm, list(sources.values()), options, c_code)
     for key, (compiled_object, library) in zip(sources, objects, strict=True):
         _known[key] = compiled_object, library, (None, None)
+
+
+def _variables_by_order() -> AbstractContextManager[None]:
+    """Sign the variables of an expression by their order within a context.
+
+    UFL numbers its variables in each process, as they are made. FFCx counts the
+    variables of a form anew, but not the variables of an expression: the same law would
+    be compiled again whenever other scenes came before it.
+    """
+    if refused():
+        return nullcontext()
+    return replaced(ufl.classes.Label, "_ufl_signature_data_", _number_label)
+
+
+def _number_label(label: Ufl, numbers: dict[Any, int]) -> tuple[str, int]:
+    """Return what is signed of a variable: its number among all that were signed."""
+    return "Label", numbers.setdefault(label, len(numbers))
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:

@@ -58,17 +58,21 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
     if spread(space.comm, flat) > SAME_NORMAL:
         vertices = space.facet_nodes(facets)[:, : space.d]
         estimated = vertex_normals(space.comm, corners, vertices, flat)
-    true = space.domain.true_normals(facets, corners)
+    if not space.comm.allreduce(bool(space.domain.are_curved(facets).any()), MPI.LOR):
+        return estimated
+    places = space.true_places(facets)[:, : space.d]
+    true = space.domain.true_normals(facets, places)
     outward = np.where(np.einsum("fid,fd->fi", true, flat) < 0, -1.0, 1.0)[..., None] * true
-    is_known = ~np.isnan(outward)
-    result = np.where(is_known, outward, estimated)
-    if not space.comm.allreduce(bool(is_known.any()), MPI.LOR):
-        return result
-    return _of_moved_vertices(space, facets, corners, result)
+    result = np.where(np.isnan(outward), estimated, outward)
+    return _of_moved_vertices(space, facets, corners - places, places, result)
 
 
 def _of_moved_vertices(
-    space: Space, facets: np.ndarray, corners: np.ndarray, normals: np.ndarray
+    space: Space,
+    facets: np.ndarray,
+    moves: np.ndarray,
+    places: np.ndarray,
+    normals: np.ndarray,
 ) -> np.ndarray:
     """Scale normals as vertices lie beside the true surface; collective.
 
@@ -82,15 +86,17 @@ def _of_moved_vertices(
     Args:
         space: The mesh.
         facets: Facets (cell, local facet), ghosts included, shape (f, 2).
-        corners: Their vertices [length], shape (f, d, d).
+        moves: Vectors from the true surface to their vertices [length], shape (f, d,
+            d).
+        places: The places of the vertices on the true surface [length], shape (f, d,
+            d).
         normals: Unit normals there, shape (f, d, d).
 
     Returns:
         Normals of at most the length 1, shape (f, d, d).
     """
     d = space.d
-    places = space.true_places(facets)[:, :d]
-    height = ((corners - places) * normals).sum(axis=-1)
+    height = (moves * normals).sum(axis=-1)
     first, second = np.triu_indices(d, 1)
     turn = normals[:, second] - normals[:, first]
     along = ((places[:, second] - places[:, first]) * turn).sum(axis=-1)

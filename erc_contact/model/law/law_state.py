@@ -41,23 +41,31 @@ class LawState:
         moved: What the interpolation on another mesh changed: the root of the mean
             square of the difference at points, over the root of the mean square of the
             state [-].
+        is_zero: Whether the body has not been loaded before.
     """
 
-    def __init__(self, space: Space, values: fem.Function, moved: float = 0.0) -> None:
+    def __init__(
+        self, space: Space, values: fem.Function, moved: float = 0.0, *, is_zero: bool = False
+    ) -> None:
         self.space = space
         self.values = values
         (self.size,) = values.ufl_shape
-        self.varies_in_cells = values.ufl_element().embedded_superdegree > 0
+        is_polynomial = values.ufl_element().embedded_superdegree > 0
+        self.varies_in_cells = is_polynomial and not is_zero
         self.moved = moved
+        self.is_zero = is_zero
         self._at = Everywhere(values, values.function_space.mesh)
 
     @classmethod
     def at_rest(cls, space: Space, potential: Remembering) -> LawState:
         """Return the state of a body that has not been loaded: zero."""
-        return cls(space, polynomials_in_cells(space, size_of(potential.state)))
+        values = polynomials_in_cells(space, size_of(potential.state))
+        return cls(space, values, is_zero=True)
 
     def at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the entries at points (n, q, d) of cells (n,), shape (n, q, size)."""
+        if self.is_zero:
+            return np.zeros((*x.shape[:2], self.size))
         return self._at(x, cells)
 
     def ranges(self, corners: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

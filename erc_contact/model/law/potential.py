@@ -87,6 +87,7 @@ class Linearised:
         section: What the body is.
         u: The displacement [length].
         at_rest: Whether it has not been moved: C is psi'' without strain.
+        load_form: The compiled form of its nodal forces, once it is made.
     """
 
     def __init__(
@@ -99,6 +100,7 @@ class Linearised:
         self.section = space.section
         self.u = space.function()
         self.at_rest = True
+        self.load_form: fem.Form | None = None
         self._strain = StrainOf(space, self.u)
 
     def move(self, u: fem.Function) -> None:
@@ -112,6 +114,11 @@ class Linearised:
         """Tell whether C varies inside cells."""
         strain_varies = self._space.degree > 1 and not self.at_rest
         return self.law.varies_in_cells or self.section.varies or strain_varies
+
+    @property
+    def may_vary_in_cells(self) -> bool:
+        """Tell whether C varies inside cells about some displacement: forms stay."""
+        return self.law.varies_in_cells or self.section.varies or self._space.degree > 1
 
     # -- after a load step
 
