@@ -63,9 +63,10 @@ from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.contact_force import ContactForce
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.forces import Force
-from erc_contact.model.maximum import Maximum, find_maximum
+from erc_contact.model.greatest import find_maximum
+from erc_contact.model.maximum import Maximum
 from erc_contact.model.model import Model
-from erc_contact.model.stress import von_mises
+from erc_contact.model.von_mises import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
 from erc_contact.results.points import Values, along, at
@@ -264,7 +265,7 @@ class ConstitutiveError:
         :meth:`profile`.
 
         Args:
-            quantity: A quantity of :func:`erc_contact.model.maximum.find_maximum`.
+            quantity: A quantity of :func:`erc_contact.model.greatest.find_maximum`.
             stress: Which stress has it, see :func:`erc_contact.results.mean_stress`.
 
         Raises:

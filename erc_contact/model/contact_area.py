@@ -2,8 +2,7 @@
 
 Their ends lie inside facets, see :mod:`erc_contact.model.contact_end`.
 
-Symbols: u displacement, r contact traction, d dimension, k degree, f facets, q points
-of a facet, c facets of a curve.
+Symbols: k degree, f facets, q points of a facet, c facets of a curve.
 """
 
 from __future__ import annotations
@@ -12,21 +11,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from dolfinx import fem
+from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.status import OPEN, facet_status
-from erc_contact.model.contact.trace import split
 from erc_contact.model.contact_end import FACETS, Estimate, end_of
-from erc_contact.model.profile import profile_points, profile_table, profile_weights
 from erc_contact.model.section import Section
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
-from namedmesh.simplex import measures
 
 TOUCH = 1e-9
 """Distance of facets that are neighbours, over the extent of the body [-]."""
+KNOWN = Estimate(0.0, 0.0)
+"""An end at the end of the facets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,58 +112,41 @@ class ContactArea:
         return Estimate(float(ends[outermost, 0]), float(margins[outermost]))
 
 
-def contact_area(
-    space: Space,
-    contact: ContactOnMesh,
-    u: fem.Function,
-    r: np.ndarray,
-    bound: np.ndarray,
-    *,
-    can_open: bool,
-    relative_error: float = 0.0,
+def area_of_facets(
+    comm: MPI.Comm,
+    vertices: np.ndarray,
+    areas: np.ndarray,
+    forces: np.ndarray,
+    is_closed: np.ndarray,
+    degree: int,
+    share: float,
 ) -> ContactArea:
-    """Find where a contact ends; collective, the same on all ranks.
+    """Find the area of a contact in 3D; collective, the same on all ranks.
 
     Args:
-        space: The mesh.
-        contact: One of its contacts.
-        u: Displacement [length].
-        r: Contact traction at the points of profiles [force/area], shape (f, q, d).
-        bound: Friction bound there [force/area], shape (f, q).
-        can_open: Whether the contact may open; if not, its area is the area of its
-            part.
-        relative_error: eps of the solution [-]. An energy that is off by eps^2 moves
-            the ends by a like part of their distance, which the margins contain.
+        comm: Communicator of the mesh.
+        vertices: Global numbers of the vertices of the facets of this rank, without
+            ghosts, shape (f, 3).
+        areas: Their areas [area], shape (f,).
+        forces: Normal forces on them [force], shape (f,).
+        is_closed: Whether each is closed, shape (f,).
+        degree: Degree k of the displacement.
+        share: Part of the area that the margin contains beside what the mesh leaves
+            unknown at the border.
     """
-    share = relative_error**2
-    if space.d == 2:
-        table = profile_table(space, contact, u, r, bound)
-        strips = tuple(_strips(space, table, share, can_open=can_open))
-        total = sum(strip.area.value for strip in strips)
-        margin = sum(strip.area.margin for strip in strips)
-        return ContactArea(Estimate(total, margin), strips, space.section.axisymmetric)
-    points, weights = profile_points(space), profile_weights(space)
-    pressure = -split(r, contact.trace.normals_at(points)).normal @ weights
-    status = facet_status(space, contact, u, r, bound, points, weights)
-    here = contact.trace.here
-    columns = [
-        space.global_numbers(here.nodes[:, : space.d]),
-        measures(contact.named_corners),
-        pressure * measures(here.corners),
-        status != OPEN,
-    ]
-    vertices, area, force, is_closed = of_all(space.comm, *(x[here.owned] for x in columns))
-    total = float(area[is_closed].sum())
-    if not can_open or is_closed.all() or not is_closed.any():
+    columns = of_all(comm, vertices, areas, forces, is_closed)
+    vertices, areas, forces, is_closed = columns
+    total = float(areas[is_closed].sum())
+    if is_closed.all() or not is_closed.any():
         return ContactArea(Estimate(total, 0.0), (), axisymmetric=False)
-    count = FACETS[space.degree]
+    count = FACETS[degree]
     layers = _layers(vertices, is_closed, count + 1)
-    sizes, forces = (np.array([x[layer].sum() for layer in layers]) for x in (area, force))
+    sizes, pressed = (np.array([x[layer].sum() for layer in layers]) for x in (areas, forces))
     nothing = np.zeros(0)
-    end = end_of(sizes, forces, nothing, nothing, count, space.degree)
-    margin = end.margin + share * total
-    beyond = _up_to(Estimate(end.value, margin), float(area[~is_closed].sum()))
-    return ContactArea(Estimate(total + beyond.value, beyond.margin), (), axisymmetric=False)
+    end = end_of(sizes, pressed, nothing, nothing, count, degree)
+    end = Estimate(end.value, end.margin + share * total)
+    end = _up_to(end, float(areas[~is_closed].sum()))
+    return ContactArea(Estimate(total + end.value, end.margin), (), axisymmetric=False)
 
 
 def _layers(vertices: np.ndarray, is_closed: np.ndarray, count: int) -> list[np.ndarray]:
@@ -207,42 +186,27 @@ def _up_to(end: Estimate, limit: float) -> Estimate:
     return Estimate((low + high) / 2, (high - low) / 2)
 
 
-def _strips(space: Space, table: np.ndarray, share: float, *, can_open: bool) -> Iterator[Strip]:
-    """Yield the strips of a contact in the plane or of rings, as a profile has them.
+def area_of_strips(
+    space: Space, table: np.ndarray, is_closed: np.ndarray, share: float, *, can_open: bool
+) -> ContactArea:
+    """Find the strips of a contact in the plane or of rings, from its profile.
 
     Args:
         space: The mesh.
-        table: The profile of the contact.
-        share: Part of the length of a strip by which its ends may move.
-        can_open: Whether the contact may open.
+        table: The profile, the same on all ranks.
+        is_closed: Whether each facet is closed, in its order, shape (f,).
+        share: Part of the length of a strip that the margins of both ends contain
+            beside what the mesh leaves unknown there.
+        can_open: Whether the contact may open; if not, it ends with its part.
     """
-    for curve in _curves(space, table):
-        backwards = curve.mirrored()
+    strips = []
+    for curve in _curves(table, is_closed, TOUCH * space.domain.extent):
         for first, last in curve.runs():
-            length = curve.lengths[first : last + 1].sum()
-            ends = []
-            for way, outermost in ((backwards, len(curve.lengths) - 1 - first), (curve, last)):
-                end = Estimate(0.0, 0.0)
-                if can_open:
-                    end = way.end(outermost, last - first + 1, space.degree)
-                    end = Estimate(end.value, end.margin + share * length / 2)
-                    if outermost == len(curve.lengths) - 1:
-                        end = _up_to(end, 0.0)
-                ends.append(end)
-            before, after = ends
-            start = Estimate(curve.starts[first] - before.value, before.margin)
-            stop = Estimate(curve.starts[last + 1] + after.value, after.margin)
-            sizes = []
-            for sign in (0, 1):
-                low = curve.area_up_to(space.section, start.value - sign * start.margin)
-                high = curve.area_up_to(space.section, stop.value + sign * stop.margin)
-                sizes.append(high - low)
-            yield Strip(
-                np.stack([curve.point(start.value), curve.point(stop.value)]),
-                np.array([start.margin, stop.margin]),
-                Estimate(float(stop.value - start.value), float(start.margin + stop.margin)),
-                Estimate(float(sizes[0]), float(sizes[1] - sizes[0])),
-            )
+            ends = curve.ends(first, last, space.degree, share) if can_open else (KNOWN, KNOWN)
+            strips.append(curve.strip(space.section, first, last, *ends))
+    area = sum(strip.area.value for strip in strips)
+    margin = sum(strip.area.margin for strip in strips)
+    return ContactArea(Estimate(area, margin), tuple(strips), space.section.axisymmetric)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,6 +261,48 @@ class _Curve:
         firsts, lasts = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
         return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
 
+    def ends(self, first: int, last: int, degree: int, share: float) -> tuple[Estimate, Estimate]:
+        """Estimate both ends of a run of closed facets, outwards from its facets.
+
+        Args:
+            first: The first facet of the run.
+            last: The last facet.
+            degree: Degree k of the displacement.
+            share: Part of the length of the run that both margins contain.
+        """
+        count = last - first + 1
+        extra = share * float(self.lengths[first : last + 1].sum()) / 2
+        ends = []
+        for curve, outermost in ((self.mirrored(), len(self.areas) - 1 - first), (self, last)):
+            end = curve.end(outermost, count, degree)
+            end = Estimate(end.value, end.margin + extra)
+            is_last = outermost == len(self.areas) - 1
+            ends.append(_up_to(end, 0.0) if is_last else end)
+        return ends[0], ends[1]
+
+    def strip(
+        self, section: Section, first: int, last: int, before: Estimate, after: Estimate
+    ) -> Strip:
+        """Return the strip of a run of closed facets.
+
+        Args:
+            section: The body of which the mesh is a section.
+            first: The first facet of the run.
+            last: The last facet.
+            before: How far the strip begins before the first facet [length].
+            after: How far it ends after the last one.
+        """
+        start = Estimate(self.starts[first] - before.value, before.margin)
+        stop = Estimate(self.starts[last + 1] + after.value, after.margin)
+        area = self.area_up_to(section, stop.value) - self.area_up_to(section, start.value)
+        most = self.area_up_to(section, stop.high) - self.area_up_to(section, start.low)
+        return Strip(
+            np.stack([self.point(start.value), self.point(stop.value)]),
+            np.array([start.margin, stop.margin]),
+            Estimate(float(stop.value - start.value), float(start.margin + stop.margin)),
+            Estimate(area, most - area),
+        )
+
     def end(self, last: int, count: int, degree: int) -> Estimate:
         """Estimate the end of a run of closed facets, from the end of its last facet.
 
@@ -344,16 +350,20 @@ class _Curve:
         return float(self.areas[:facet].sum() + part[0])
 
 
-def _curves(space: Space, table: np.ndarray) -> Iterator[_Curve]:
-    """Yield the curves of a contact in 2D, from its profile."""
-    q = len(profile_points(space))
+def _curves(table: np.ndarray, is_closed: np.ndarray, touch: float) -> Iterator[_Curve]:
+    """Yield the curves of a contact in 2D.
+
+    Args:
+        table: The profile of the contact.
+        is_closed: Whether each facet is closed, shape (f,).
+        touch: Distance of facets that are neighbours [length].
+    """
+    q = len(table) // max(len(is_closed), 1)
     x = np.stack([table["x"], table["y"]], axis=1).reshape(-1, q, 2)
     weights = table["weight"].reshape(-1, q)
     areas = weights.sum(axis=1)
     pressures = (weights * table["pressure"].reshape(-1, q)).sum(axis=1) / areas
-    gaps = table["gap"].reshape(-1, q)
-    facets = _Curve(x, pressures, gaps, areas, table["status"].reshape(-1, q)[:, 0] != OPEN)
-    touch = TOUCH * space.domain.extent
+    facets = _Curve(x, pressures, table["gap"].reshape(-1, q), areas, is_closed)
     is_break = np.linalg.norm(x[1:, 0] - x[:-1, -1], axis=1) > touch
     for part in np.split(np.arange(len(x)), np.flatnonzero(is_break) + 1):
         curve = facets.taken(part)

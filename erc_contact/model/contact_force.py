@@ -1,7 +1,6 @@
 """Sum up the tractions of a contact: forces, their ratio, mean and greatest pressure.
 
-Symbols: r contact traction, p pressure, r_t shear, d dimension, f facets, q points of a
-facet.
+Symbols: p pressure, r_t shear, d dimension, n points.
 """
 
 from __future__ import annotations
@@ -11,12 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.trace import split
-from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.contact_end import Estimate
 from erc_contact.model.maximum import Maximum, greatest_of
-from erc_contact.model.profile import named_traction, named_weights, profile_places, profile_points
 from erc_contact.model.space import Space
 
 
@@ -63,29 +58,31 @@ class ContactForce:
         )
 
 
-def contact_force(
-    space: Space, contact: ContactOnMesh, r: np.ndarray, area: ContactArea
+def force_of_points(
+    space: Space,
+    pressures: np.ndarray,
+    shears: np.ndarray,
+    weights: np.ndarray,
+    x: np.ndarray,
+    area: Estimate,
 ) -> ContactForce:
-    """Sum up the tractions of a contact; collective, the same on all ranks.
+    """Sum up the tractions at points of a contact; collective, the same on all ranks.
 
     Args:
         space: The mesh.
-        contact: One of its contacts.
-        r: Contact traction at the points of profiles [force/area], shape (f, q, d).
-        area: Its area.
+        pressures: Pressures at points of this rank, without ghosts [force/area], (n,).
+        shears: r_t there [force/area], shape (n, d).
+        weights: Parts of the contact that they stand for [area], shape (n,).
+        x: Their places [length], shape (n, d).
+        area: Area of the contact.
     """
-    normals = contact.sign * contact.trace.normals_at(profile_points(space))
-    r_n, r_t, _ = split(named_traction(space, contact, r), normals)
-    owned = contact.trace.here.owned
-    pressure, weights = -r_n[owned], named_weights(space, contact)[owned]
-    local = [float((weights * pressure).sum()), *(weights[..., None] * r_t[owned]).sum(axis=(0, 1))]
-    normal, *tangential = space.comm.allreduce(np.array(local), MPI.SUM)
+    local = np.append(weights @ shears, weights @ pressures)
+    *tangential, normal = space.comm.allreduce(local, MPI.SUM)
     mean = Estimate(np.nan, 0.0)
-    if area.area.value > 0:
-        mean = Estimate(normal / area.area.value, 0.0)
-        # The force is what it is, so that a smaller area has a greater mean.
-        most = normal / area.area.low if area.area.low > 0 else np.inf
-        mean = Estimate(mean.value, most - mean.value)
-    x = np.stack(list(profile_places(space, contact).values()), axis=-1)[owned]
-    greatest = greatest_of(space, pressure.ravel(), x.reshape(-1, space.d))
+    if area.value > 0:
+        # The force is known better: the least area has the greatest mean.
+        middle = normal / area.value
+        most = normal / area.low if area.low > 0 else np.inf
+        mean = Estimate(float(middle), float(most - middle))
+    greatest = greatest_of(space, pressures, x)
     return ContactForce(float(normal), np.array(tangential), mean, greatest)

@@ -1,25 +1,16 @@
-"""Find the greatest value of a quantity in the body or on its contacts."""
+"""Hold the greatest of values over all ranks, with its place and its trend."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError
-from erc_contact.model.model import Model
-from erc_contact.model.singular import singular_place
 from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import of_all
 
-IN_BODY = ("displacement", "von Mises")
-"""Quantities of the body."""
-ON_CONTACT = ("pressure", "shear", "slip", "gap")
-"""Quantities of contacts."""
 EQUAL_MAXIMA = 1e-9
 """Relative difference up to which values count as equal to the greatest [-].
 
@@ -118,59 +109,6 @@ class Maximum:
                 slope, _ = np.polyfit(np.log(h), np.log(values[-number:]), 1)
                 return -float(slope)
         return None
-
-
-def find_maximum(
-    model: Model,
-    quantity: str,
-    displacement: fem.Function,
-    von_mises: Callable[[], np.ndarray],
-    profile: Callable[[str], np.ndarray],
-) -> Maximum:
-    """Find the greatest value of a quantity, and where it is; collective.
-
-    All ranks get the same, for any number of ranks.
-
-    Args:
-        model: The scene on a mesh.
-        quantity: One of
-
-            - "displacement": length of the displacement at the nodes [length],
-            - "von Mises": von Mises stress of a cell, at its middle [force/area],
-            - "pressure", "shear" [force/area], "slip" or "gap" [length]: absolute value
-              at the points of the profiles of all contacts.
-        displacement: Displacement [length].
-        von_mises: Gives the von Mises stress of each owned cell [force/area], shape
-            (owned,).
-        profile: Gives the profile of a contact by its name.
-
-    Raises:
-        InputError: If the quantity is another one, or the scene has no contact.
-    """
-    space = model.space
-    quantities = (*IN_BODY, *ON_CONTACT)
-    if quantity not in quantities:
-        allowed = ", ".join(map(repr, quantities))
-        raise InputError(f"maximum: the quantity is {quantity!r}; allowed are {allowed}.")
-    if quantity in ON_CONTACT:
-        if not model.contacts:
-            raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
-        profiles = [profile(contact.name) for contact in model.contacts]
-        values = np.concatenate([abs(table[quantity]) for table in profiles])
-        axes = ["x", "y", "z"][: space.d]
-        x = np.column_stack([np.concatenate([table[axis] for table in profiles]) for axis in axes])
-    elif quantity == "displacement":
-        owned = space.V.dofmap.index_map.size_local
-        nodal = displacement.x.array.reshape(-1, space.d)[:owned]
-        values = np.linalg.norm(nodal, axis=1)
-        x = space.V.tabulate_dof_coordinates()[:owned, : space.d]
-    else:
-        values = von_mises()
-        x = space.cell_corners()[: model.domain.owned_cells].mean(axis=1)
-    greatest = greatest_of(space, values, x)
-    if quantity != "von Mises":
-        return greatest
-    return replace(greatest, beside=singular_place(model, greatest.place))
 
 
 def greatest_of(space: Space, values: np.ndarray, x: np.ndarray) -> Maximum:

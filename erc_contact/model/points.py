@@ -16,7 +16,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
-from erc_contact.model.stress import stress_in_space, von_mises
+from erc_contact.model.von_mises import von_mises
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import in_space
@@ -113,7 +113,7 @@ def _places(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def along_line(
-    model: Model,
+    space: Space,
     ends: tuple[Any, Any],
     count: int,
     values: Callable[[np.ndarray, np.ndarray], np.ndarray],
@@ -121,11 +121,12 @@ def along_line(
     """Tabulate displacement and stress along a straight line; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         ends: The points where it starts and ends [length], shape (d,) each.
         count: Number of points, evenly distributed, at least 2.
         values: Gets owned cells (m,) and a point in each (m, d); returns rows of the
-            displacement [length] and of the stress in Mandel components [force/area].
+            displacement [length] and of the stress tensor in 3D [force/area], shape (m,
+            d + 9).
 
     Returns:
         A structured array for numpy and pandas, the same on all ranks, with the columns
@@ -140,7 +141,7 @@ def along_line(
     Raises:
         InputError: If an end has another shape, or a point lies outside the mesh.
     """
-    d = model.space.d
+    d = space.d
     start, stop = (np.asarray(end, dtype=float) for end in ends)
     if start.shape != (d,) or stop.shape != (d,) or count < 2:
         raise InputError(
@@ -150,17 +151,12 @@ def along_line(
     shares = np.linspace(0.0, 1.0, count)
     points = start + shares[:, None] * (stop - start)
 
-    def in_space_of(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-        rows = values(cell, x)
-        stress = stress_in_space(model, rows[:, d:], cell.astype(np.int32))
-        return np.hstack([rows[:, :d], stress.reshape(-1, 9)])
-
-    u, stress = np.split(at_points(model.space, points, in_space_of), [d], axis=1)
+    u, stress = np.split(at_points(space, points, values), [d], axis=1)
     tensors = stress.reshape(-1, 3, 3)
     columns = {"s": shares * np.linalg.norm(stop - start)}
     columns |= dict(zip("xyz", points.T, strict=False))
     columns |= {f"u_{axis}": u[:, i] for i, axis in enumerate("xyz"[:d])}
-    is_turned = model.space.section.axisymmetric
+    is_turned = space.section.axisymmetric
     names = {"rr": (0, 0), "zz": (1, 1), "hoop": (2, 2), "rz": (0, 1)}
     if not is_turned:
         names = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1)}

@@ -17,9 +17,12 @@ from dolfinx import fem
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.contact_values import slip_at
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.status import facet_status
+from erc_contact.model.contact.status import OPEN, facet_status
 from erc_contact.model.contact.trace import split, tangents
 from erc_contact.model.contact.turning import turning_of
+from erc_contact.model.contact_area import ContactArea, area_of_facets, area_of_strips
+from erc_contact.model.contact_end import Estimate
+from erc_contact.model.contact_force import ContactForce, force_of_points
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
@@ -177,6 +180,76 @@ def profile_table(
             for axis, letter in enumerate("xyz"[: space.d]):
                 columns[f"{name}_{letter}"] = displacement[..., axis]
     return _in_order(space, contact, columns)
+
+
+def contact_area(
+    space: Space,
+    contact: ContactOnMesh,
+    u: fem.Function,
+    r: np.ndarray,
+    bound: np.ndarray,
+    *,
+    can_open: bool,
+    relative_error: float = 0.0,
+) -> ContactArea:
+    """Find where a contact ends; collective, the same on all ranks.
+
+    Args:
+        space: The mesh.
+        contact: One of its contacts.
+        u: Displacement [length].
+        r: Contact traction at the :func:`profile_points` [force/area], shape (f, q, d).
+        bound: Friction bound there [force/area], shape (f, q).
+        can_open: Whether the contact may open; if not, its area is the area of its
+            part.
+        relative_error: eps of the solution [-]. An energy that is off by eps^2 moves
+            the ends by a like part of their distance, which the margins contain.
+    """
+    share = relative_error**2
+    if space.d == 2:
+        table = profile_table(space, contact, u, r, bound)
+        is_closed = table["status"].reshape(-1, len(profile_points(space)))[:, 0] != OPEN
+        return area_of_strips(space, table, is_closed, share, can_open=can_open)
+    points, weights = profile_points(space), profile_weights(space)
+    pressures = -split(r, contact.trace.normals_at(points)).normal @ weights
+    is_closed = facet_status(space, contact, u, r, bound, points, weights) != OPEN
+    if not can_open:
+        is_closed[:] = True
+    here = contact.trace.here
+    return area_of_facets(
+        space.comm,
+        space.global_numbers(here.nodes[:, : space.d])[here.owned],
+        measures(contact.named_corners)[here.owned],
+        (pressures * measures(here.corners))[here.owned],
+        is_closed[here.owned],
+        space.degree,
+        share,
+    )
+
+
+def contact_force(
+    space: Space, contact: ContactOnMesh, r: np.ndarray, area: Estimate
+) -> ContactForce:
+    """Sum up the tractions of a contact; collective, the same on all ranks.
+
+    Args:
+        space: The mesh.
+        contact: One of its contacts.
+        r: Contact traction at the :func:`profile_points` [force/area], shape (f, q, d).
+        area: Its area.
+    """
+    normals = contact.sign * contact.trace.normals_at(profile_points(space))
+    r_n, r_t, _ = split(named_traction(space, contact, r), normals)
+    x = np.stack(list(profile_places(space, contact).values()), axis=-1)
+    owned = contact.trace.here.owned
+    return force_of_points(
+        space,
+        -r_n[owned].ravel(),
+        r_t[owned].reshape(-1, space.d),
+        named_weights(space, contact)[owned].ravel(),
+        x[owned].reshape(-1, space.d),
+        area,
+    )
 
 
 def named_traction(space: Space, contact: ContactOnMesh, r: np.ndarray) -> np.ndarray:

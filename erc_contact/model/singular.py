@@ -14,50 +14,49 @@ in angular corners of plates in extension, 1952.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 from dolfinx import mesh as dmesh
 
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.base.ranks import distinct_rows, of_all
 from namedmesh.for_solvers import boundary_sides
 from namedmesh.simplex import of_facets
 
 RE_ENTRANT = 200.0
 """Angle of a body from which a corner of flat facets is re-entrant [degrees]."""
-REGULAR = 100.0
-"""Angle up to which a roller or a contact without friction may end [degrees].
-
-At a right angle it continues the body as a plane of symmetry does.
-"""
+Part = tuple[str, str, float]
+"""Type of a part of the boundary that may end: its name, in words what its end is, and
+up to which angle of the body there the stress is finite [degrees]."""
 SAME_PLACE = 1e-9
 """Distance over the extent of the body that counts as none [-]."""
 
 
-def singular_place(model: Model, place: np.ndarray) -> str:
+def singular_place(space: Space, place: np.ndarray, parts: Sequence[Part]) -> str:
     """Say at what the cell with its middle at a place lies, in words; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         place: The middle of a cell [length], shape (d,).
+        parts: The parts of the boundary that may end at a singular place.
 
     Returns:
-        A re-entrant corner, or the end of a part, as "a re-entrant corner of 270
-        degrees"; empty where the cell touches neither.
+        A re-entrant corner, as "a re-entrant corner of 270 degrees", or the words of a
+        part that ends there; empty where the cell touches neither.
     """
-    space = model.space
     d = space.d
     cells = space.owned_cells
     corners = space.cell_corners()[cells]
     vertices = space.global_numbers(space.V.dofmap.list[cells, : d + 1])
     distance = np.linalg.norm(corners.mean(axis=1) - place, axis=1)
-    is_here = distance <= SAME_PLACE * model.domain.extent
+    is_here = distance <= SAME_PLACE * space.domain.extent
     near = distinct_rows(space.comm, vertices[is_here].ravel())
 
     topology = space.mesh.topology
     outer = dmesh.exterior_facet_indices(topology)
-    curved = model.domain.curved_facets
+    curved = space.domain.curved_facets
     if curved is not None:
         # Flat facets of a smooth surface meet at angles, too.
         outer = np.setdiff1d(outer, curved.indices)
@@ -70,34 +69,19 @@ def singular_place(model: Model, place: np.ndarray) -> str:
 
     # Inside a body, where no facet of the boundary is, cells fill the whole angle.
     outer_ridges = ridges_of(outer_vertices)
-    angles = _angles(model, corners, vertices, near)
+    angles = _angles(space, corners, vertices, near)
     greatest = max((angles[ridge] for ridge in outer_ridges), default=0.0)
     if greatest > RE_ENTRANT:
         kind = "corner" if d == 2 else "edge"
         return f"a re-entrant {kind} of {greatest:.0f} degrees"
-    for name, words, limit in _parts(model):
-        of_part = model.domain.owned_facets(name)
+    for name, words, limit in parts:
+        of_part = space.domain.owned_facets(name)
         held = ridges_of(of_facets(vertices[of_part[:, 0]], of_part[:, 1]))
         is_other = ~np.isin(space.facet_numbers(sides), space.facet_numbers(of_part))
         ends = held & ridges_of(outer_vertices[is_other])
         if any(angles[ridge] > limit for ridge in ends):
             return words
     return ""
-
-
-def _parts(model: Model) -> list[tuple[str, str, float]]:
-    """Return names of parts, in words what ends there, and up to what angle it may."""
-    parts = []
-    for support in model.scene.supports:
-        is_roller = None in getattr(support, "value", ())
-        limit = REGULAR if is_roller else 0.0
-        parts.append((support.facets, f"the end of the support {support.facets!r}", limit))
-    for contact in (*model.contacts, *model.ties):
-        slides = contact not in model.ties and contact.friction is None
-        for name in contact.side_names:
-            words = f"the end of the part {name!r} of a contact"
-            parts.append((name, words, REGULAR if slides else 0.0))
-    return [part for part in parts if part[0] in model.domain.names]
 
 
 def _ridges_at(near: np.ndarray, vertices: np.ndarray) -> np.ndarray:
@@ -114,12 +98,12 @@ def _ridges_at(near: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _angles(
-    model: Model, corners: np.ndarray, vertices: np.ndarray, near: np.ndarray
+    space: Space, corners: np.ndarray, vertices: np.ndarray, near: np.ndarray
 ) -> dict[tuple[int, ...], float]:
     """Return the angles that cells fill around ridges with a near vertex; collective.
 
     Args:
-        model: The scene on a mesh.
+        space: The mesh.
         corners: Vertices of owned cells [length], shape (n, d+1, d).
         vertices: Their global numbers, shape (n, d+1).
         near: Numbers of the near vertices.
@@ -127,7 +111,7 @@ def _angles(
     Returns:
         Angles [degrees] by the sorted numbers of the vertices of the ridges.
     """
-    d = model.space.d
+    d = space.d
     touching = np.isin(vertices, near).any(axis=1)
     x, numbers = corners[touching], vertices[touching]
     ridges, angles = [], []
@@ -142,9 +126,7 @@ def _angles(
         cosine = np.clip((first * second).sum(axis=1) / lengths, -1.0, 1.0)
         ridges.append(np.sort(numbers[:, ridge], axis=1))
         angles.append(np.degrees(np.arccos(cosine)))
-    every_ridge, every_angle = of_all(
-        model.space.comm, np.concatenate(ridges), np.concatenate(angles)
-    )
+    every_ridge, every_angle = of_all(space.comm, np.concatenate(ridges), np.concatenate(angles))
     different, place = np.unique(every_ridge, axis=0, return_inverse=True)
     total = np.zeros(len(different))
     np.add.at(total, place.ravel(), every_angle)

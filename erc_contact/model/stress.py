@@ -1,4 +1,4 @@
-"""Complete stresses of cells to tensors in 3D, with their von Mises stress."""
+"""Complete stresses of cells to tensors in 3D."""
 
 from __future__ import annotations
 
@@ -32,8 +32,7 @@ def stress_in_space(
     """
     space = model.space
     d = space.d
-    if cells is None:
-        cells = space.owned_cells
+    cells = space.owned_cells if cells is None else cells.astype(np.int32)
     basis, rows = space.section.basis, space.section.rows
     full = np.zeros((len(stress), 3, 3))
     full[:, :rows, :rows] = np.tensordot(stress, basis, axes=1)
@@ -63,21 +62,6 @@ def stress_in_space(
             pressed = -modulus * model.strains.normal
             full[:, 2, 2] += space.evaluate(pressed, nodes(d, 0), cells)[:, 0]
     return full
-
-
-def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Compute von Mises stresses ``sqrt(3/2) |dev sigma|`` [force/area], shape (n,).
-
-    A stress out of plane that is not known (nan) counts as 0. The result is then the
-    von Mises stress of the part in plane.
-
-    Args:
-        stress: Tensors [force/area], shape (n, 3, 3).
-    """
-    finite = np.nan_to_num(stress)
-    trace = np.einsum("nii->n", finite)
-    deviator = finite - trace[:, None, None] / 3 * np.eye(3)
-    return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
 def tells_out_of_plane(model: Model) -> bool:

@@ -16,20 +16,24 @@ from erc_contact.base.views import view_of
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
-from erc_contact.model.contact_area import ContactArea, contact_area
-from erc_contact.model.contact_force import ContactForce, contact_force
+from erc_contact.model.contact_area import ContactArea
+from erc_contact.model.contact_force import ContactForce
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
-from erc_contact.model.maximum import Maximum, find_maximum
+from erc_contact.model.greatest import find_maximum
+from erc_contact.model.maximum import Maximum
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_faces import Motion, motion_of
 from erc_contact.model.points import along_line, at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
+    contact_area,
+    contact_force,
     profile_points,
     profile_table,
     profile_traction,
     slip_before_table,
 )
-from erc_contact.model.stress import stress_in_space, von_mises
+from erc_contact.model.stress import stress_in_space
+from erc_contact.model.von_mises import von_mises
 from erc_contact.newton.distortion import Distortion, measure
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
@@ -293,7 +297,7 @@ class Solution:
         """
         where = self.model.contact(contact)
         r, _ = self._at_profile_points(where)
-        return contact_force(self.model.space, where, r, self.contact_area(contact))
+        return contact_force(self.model.space, where, r, self.contact_area(contact).area)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.
@@ -316,7 +320,7 @@ class Solution:
         """Return the greatest value of a quantity and its place; collective.
 
         It may be the "von Mises" stress, the "pressure", ...: see
-        :func:`erc_contact.model.maximum.find_maximum`. "displacement" reads u, "von
+        :func:`erc_contact.model.greatest.find_maximum`. "displacement" reads u, "von
         Mises" the elastic stress at the middle of each cell, and quantities of contacts
         read :meth:`profile`.
         """
@@ -354,7 +358,14 @@ class Solution:
         Raises:
             InputError: If an end has another shape, or a point lies outside the mesh.
         """
-        return along_line(self.model, (start, stop), count, self._values_at)
+        model, d = self.model, self.model.space.d
+
+        def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+            u, mandel = np.split(self._values_at(cell, x), [d], axis=1)
+            stress = stress_in_space(model, mandel, cell)
+            return np.hstack([u, stress.reshape(-1, 9)])
+
+        return along_line(model.space, (start, stop), count, values)
 
     def _values_at(self, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return rows of u and the elastic stress at points of owned cells."""

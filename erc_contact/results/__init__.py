@@ -12,7 +12,7 @@ from erc_contact.model.contact_force import ContactForce
 from erc_contact.model.forces import Force
 from erc_contact.model.maximum import Maximum
 from erc_contact.model.motions.rigid_faces import Motion
-from erc_contact.model.stress import von_mises
+from erc_contact.model.von_mises import von_mises
 from erc_contact.results.forces import force, reactions, whole_force
 from erc_contact.results.points import Values, along, at
 from erc_contact.results.profile import contact_area, contact_force, contact_status, profile

@@ -13,6 +13,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.model.points import along_line, at_points, elastic_stress_at, tensors_of_points
+from erc_contact.model.stress import stress_in_space
 from namedmesh.simplex import barycentric, bernstein, lagrange
 
 BORDER = 1e-9
@@ -93,9 +94,11 @@ def along(result: Any, start: Any, stop: Any, count: int = 101) -> np.ndarray:
     d, s = pair.model.space.d, pair.stress.shape[3]
 
     def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-        return _values(pair, cell, x)[:, : d + s]
+        u, mandel, _ = np.split(_values(pair, cell, x), [d, d + s], axis=1)
+        stress = stress_in_space(pair.model, mandel, cell)
+        return np.hstack([u, stress.reshape(-1, 9)])
 
-    return along_line(pair.model, (start, stop), count, values)
+    return along_line(pair.model.space, (start, stop), count, values)
 
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -11,9 +11,9 @@ import numpy as np
 
 from erc_contact.admissible.pair import pair_of
 from erc_contact.model.contact_area import ContactArea
-from erc_contact.model.contact_area import contact_area as area_of_contact
 from erc_contact.model.contact_force import ContactForce
-from erc_contact.model.contact_force import contact_force as force_of_contact
+from erc_contact.model.profile import contact_area as area_of_contact
+from erc_contact.model.profile import contact_force as force_of_contact
 from erc_contact.model.profile import profile_table
 
 
@@ -96,7 +96,7 @@ def contact_force(result: Any, name: str, *, relative_error: float = 0.0) -> Con
     pair = pair_of(result)
     traction = pair.traction(name)
     r, _ = pair.at_profile_points(traction)
-    area = contact_area(pair, name, relative_error=relative_error)
+    area = contact_area(pair, name, relative_error=relative_error).area
     return force_of_contact(pair.model.space, traction.contact, r, area)
 
 

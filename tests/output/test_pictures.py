@@ -33,9 +33,9 @@ from erc_contact.output.contact_plots import (
     contact_curves,
 )
 from erc_contact.output.deformed import magnification
-from erc_contact.output.windows import near_window
 from erc_contact.output.foundations import UNSEEN, foundation_of, round_factor
 from erc_contact.output.gathered import whole_contact, whole_contacts
+from erc_contact.output.windows import near_window
 from erc_contact.results.stresses import cell_stresses, linear_mises, vertex_stress
 from namedmesh.pictures import new_figure
 
