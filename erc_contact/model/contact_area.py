@@ -134,8 +134,7 @@ def area_of_facets(
         share: Part of the area that the margin contains beside what the mesh leaves
             unknown at the border.
     """
-    columns = of_all(comm, vertices, areas, forces, is_closed)
-    vertices, areas, forces, is_closed = columns
+    vertices, areas, forces, is_closed = of_all(comm, vertices, areas, forces, is_closed)
     total = float(areas[is_closed].sum())
     if is_closed.all() or not is_closed.any():
         return ContactArea(Estimate(total, 0.0), (), axisymmetric=False)
@@ -213,7 +212,7 @@ def area_of_strips(
 class _Curve:
     """Hold the facets of a contact in 2D that follow each other.
 
-    A closed curve begins with an open facet, if it has one.
+    A closed curve begins and ends with the same open facets, if it has any.
 
     Attributes:
         x: Places of the points of the facets [length], shape (c, q, 2).
@@ -261,6 +260,32 @@ class _Curve:
         firsts, lasts = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0) - 1
         return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
 
+    def end(self, last: int, count: int, degree: int) -> Estimate:
+        """Estimate the end of a run of closed facets, from the end of its last facet.
+
+        Args:
+            last: The last facet.
+            count: Number of facets of the run.
+            degree: Degree of the displacement.
+        """
+        # Half of the facets belong to the other end.
+        of_line = min(FACETS[degree], max(count // 2, 1))
+        inside = last - np.arange(min(of_line + 1, count))
+        outside = np.arange(last + 1, min(last + 2 + of_line, len(self.areas)))
+        outside = outside[np.logical_and.accumulate(~self.is_closed[outside])]
+        lengths = self.lengths
+        step = (self.x.shape[1] - 1) // degree
+        distances, gaps = np.zeros(0), np.zeros(0)
+        if len(outside):
+            # The first node is the end of the closed facets itself.
+            starts = self.starts[outside] - self.starts[last + 1]
+            parts = np.arange(1, degree + 1) / degree
+            nodes = starts[:, None] + lengths[outside, None] * parts
+            distances = np.append(0.0, nodes)
+            gaps = np.append(self.gaps[last, -1], self.gaps[outside, step::step])
+        forces = lengths * self.pressures
+        return end_of(lengths[inside], forces[inside], distances, gaps, of_line, degree)
+
     def ends(self, first: int, last: int, degree: int, share: float) -> tuple[Estimate, Estimate]:
         """Estimate both ends of a run of closed facets, outwards from its facets.
 
@@ -303,32 +328,6 @@ class _Curve:
             Estimate(area, most - area),
         )
 
-    def end(self, last: int, count: int, degree: int) -> Estimate:
-        """Estimate the end of a run of closed facets, from the end of its last facet.
-
-        Args:
-            last: The last facet.
-            count: Number of facets of the run.
-            degree: Degree of the displacement.
-        """
-        # Half of the facets belong to the other end.
-        of_line = min(FACETS[degree], max(count // 2, 1))
-        inside = last - np.arange(min(of_line + 1, count))
-        outside = np.arange(last + 1, min(last + 2 + of_line, len(self.areas)))
-        outside = outside[np.logical_and.accumulate(~self.is_closed[outside])]
-        lengths = self.lengths
-        step = (self.x.shape[1] - 1) // degree
-        distances, gaps = np.zeros(0), np.zeros(0)
-        if len(outside):
-            # The first node is the end of the closed facets itself.
-            starts = self.starts[outside] - self.starts[last + 1]
-            parts = np.arange(1, degree + 1) / degree
-            nodes = starts[:, None] + lengths[outside, None] * parts
-            distances = np.append(0.0, nodes)
-            gaps = np.append(self.gaps[last, -1], self.gaps[outside, step::step])
-        forces = lengths * self.pressures
-        return end_of(lengths[inside], forces[inside], distances, gaps, of_line, degree)
-
     def _place(self, s: float) -> tuple[int, float]:
         """Return the facet at an arc length, and the share of the facet before it."""
         facet = int(np.searchsorted(self.starts[1:-1], s, side="right"))
@@ -369,5 +368,8 @@ def _curves(table: np.ndarray, is_closed: np.ndarray, touch: float) -> Iterator[
         curve = facets.taken(part)
         is_loop = np.linalg.norm(curve.x[-1, -1] - curve.x[0, 0]) <= touch
         if is_loop and not curve.is_closed.all():
-            curve = curve.taken(np.roll(np.arange(len(part)), -int(curve.is_closed.argmin())))
+            # What is open follows the last run of closed facets once more.
+            order = np.roll(np.arange(len(part)), -int(curve.is_closed.argmin()))
+            opened = order[np.logical_and.accumulate(~curve.is_closed[order])]
+            curve = curve.taken(np.append(order, opened))
         yield curve

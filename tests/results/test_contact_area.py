@@ -2,12 +2,14 @@
 
 Properties: of pressures like xi^(1/2) and gaps like xi^(3/2) the end is found inside a
 facet, within its margin; on a coarse mesh it is within its margin of the end on a fine
-one, in the plane, of rings and in 3D, also mirrored; a contact that is closed all over
+one, in the plane, of rings and in 3D, also mirrored, and on a curve that is closed; a contact that is closed all over
 has the area of its part, exactly, as a bilateral one has; mean pressure times area is
 the normal force, which balances the load; a line has the values at its points; the
 stiffness of a block in uniaxial strain is its modulus over its height, and an interval
 holds it; a von Mises stress at a re-entrant corner and at a clamped end says so.
 """
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +18,9 @@ from mpi4py import MPI
 from scenes import flat_block, measured
 
 import erc_contact as ec
+from erc_contact.model.contact_area import area_of_strips
 from erc_contact.model.contact_end import end_of
+from erc_contact.model.section import Section
 from namedmesh.gmsh_session import session
 
 COMM = MPI.COMM_WORLD
@@ -124,6 +128,29 @@ def test_a_contact_that_is_closed_has_the_area_of_its_part(d):
         assert pressing.ratio <= 0.3 * (1 + 1e-9)
         assert pressing.greatest_pressure.value >= pressing.mean_pressure.value
         assert "ratio" in str(pressing)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("turn", [0.0, 1.6, 3.1, 4.8])
+def test_a_closed_curve_has_its_strip_wherever_it_begins(turn):
+    """The profile of a disc in a hole begins at its lowest x, which may be in contact."""
+    angle = np.linspace(-np.pi, np.pi, 121)
+    x = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    table = np.zeros(240, dtype=[(name, float) for name in ("x", "y", "weight", "pressure", "gap")])
+    ends = np.stack([x[:-1], x[1:]], axis=1).reshape(-1, 2)
+    table["x"], table["y"] = ends.T
+    table["weight"] = np.repeat(np.linalg.norm(np.diff(x, axis=0), axis=1), 2) / 2
+    away = 0.52 - abs(np.angle(np.exp(1j * (np.arctan2(ends[:, 1], ends[:, 0]) - turn))))
+    table["pressure"] = np.sqrt(np.maximum(away, 0.0))
+    table["gap"] = np.maximum(-away, 0.0) ** 1.5
+    is_closed = table["pressure"].reshape(-1, 2).max(axis=1) > 0
+    space = SimpleNamespace(
+        domain=SimpleNamespace(extent=2.0), section=Section(None, 2, 1, 2.0), degree=1
+    )
+    area = area_of_strips(space, table, is_closed, 0.0, can_open=True)
+    (strip,) = area.strips
+    assert abs(area.area.value - 1.04) < area.area.margin < 0.1
+    assert np.all(strip.margins > 0)
 
 
 def test_an_open_contact_has_no_area():
