@@ -21,6 +21,9 @@ from namedmesh.base.ranks import of_all
 
 TOUCH = 1e-9
 """Distance of facets that are neighbours, over the extent of the body [-]."""
+Run = tuple[int, int, Estimate, Estimate]
+"""Type of a run of closed facets: its first and last facet, how far the contact goes on
+before the first, and how far after the last facet."""
 KNOWN = Estimate(0.0, 0.0)
 """An end at the end of the facets."""
 
@@ -190,6 +193,8 @@ def area_of_strips(
 ) -> ContactArea:
     """Find the strips of a contact in the plane or of rings, from its profile.
 
+    Strips whose margins meet are one.
+
     Args:
         space: The mesh.
         table: The profile, the same on all ranks.
@@ -200,9 +205,16 @@ def area_of_strips(
     """
     strips = []
     for curve in _curves(table, is_closed, TOUCH * space.domain.extent):
+        found: list[Run] = []
         for first, last in curve.runs():
             ends = curve.ends(first, last, space.degree, share) if can_open else (KNOWN, KNOWN)
-            strips.append(curve.strip(space.section, first, last, *ends))
+            run = (first, last, *ends)
+            if found and curve.meet(found[-1], run):
+                # Whether anything is open between them is not known.
+                start, _, before, _ = found.pop()
+                run = (start, last, before, run[3])
+            found.append(run)
+        strips += [curve.strip(space.section, *run) for run in found]
     area = sum(strip.area.value for strip in strips)
     margin = sum(strip.area.margin for strip in strips)
     return ContactArea(Estimate(area, margin), tuple(strips), space.section.axisymmetric)
@@ -305,14 +317,24 @@ class _Curve:
             ends.append(_up_to(end, 0.0) if is_last else end)
         return ends[0], ends[1]
 
+    def meet(self, run: Run, after: Run) -> bool:
+        """Tell whether the margins of two runs of closed facets meet between them.
+
+        Args:
+            run: A run.
+            after: The run after it.
+        """
+        between = self.starts[after[0]] - self.starts[run[1] + 1]
+        return bool(run[3].high + after[2].high >= between)
+
     def strip(
         self, section: Section, first: int, last: int, before: Estimate, after: Estimate
     ) -> Strip:
-        """Return the strip of a run of closed facets.
+        """Return the strip from one closed facet to another one.
 
         Args:
             section: The body of which the mesh is a section.
-            first: The first facet of the run.
+            first: The first facet.
             last: The last facet.
             before: How far the strip begins before the first facet [length].
             after: How far it ends after the last one.

@@ -130,10 +130,11 @@ def test_a_contact_that_is_closed_has_the_area_of_its_part(d):
         assert "ratio" in str(pressing)
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize("turn", [0.0, 1.6, 3.1, 4.8])
-def test_a_closed_curve_has_its_strip_wherever_it_begins(turn):
-    """The profile of a disc in a hole begins at its lowest x, which may be in contact."""
+def around_disc(turn, opened=()):
+    """The contact of a disc in a hole, over an angle of 0.52 on each side of a direction.
+
+    Some facets without pressure are in it, by their numbers from its middle.
+    """
     angle = np.linspace(-np.pi, np.pi, 121)
     x = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     table = np.zeros(240, dtype=[(name, float) for name in ("x", "y", "weight", "pressure", "gap")])
@@ -143,14 +144,29 @@ def test_a_closed_curve_has_its_strip_wherever_it_begins(turn):
     away = 0.52 - abs(np.angle(np.exp(1j * (np.arctan2(ends[:, 1], ends[:, 0]) - turn))))
     table["pressure"] = np.sqrt(np.maximum(away, 0.0))
     table["gap"] = np.maximum(-away, 0.0) ** 1.5
-    is_closed = table["pressure"].reshape(-1, 2).max(axis=1) > 0
-    space = SimpleNamespace(
-        domain=SimpleNamespace(extent=2.0), section=Section(None, 2, 1, 2.0), degree=1
-    )
-    area = area_of_strips(space, table, is_closed, 0.0, can_open=True)
+    pressure = table["pressure"].reshape(-1, 2)
+    pressure[pressure.mean(axis=1).argmax() + np.array(opened, dtype=int)] = 0.0
+    domain = SimpleNamespace(extent=2.0)
+    space = SimpleNamespace(domain=domain, section=Section(None, 2, 1, 2.0), degree=1)
+    return area_of_strips(space, table, pressure.max(axis=1) > 0, 0.0, can_open=True)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("turn", [0.0, 1.6, 3.1, 4.8])
+def test_a_closed_curve_has_its_strip_wherever_it_begins(turn):
+    """The profile of a closed curve begins at its lowest x, which may be in contact."""
+    area = around_disc(turn)
     (strip,) = area.strips
     assert abs(area.area.value - 1.04) < area.area.margin < 0.1
     assert np.all(strip.margins > 0)
+
+
+@pytest.mark.serial
+def test_strips_whose_margins_meet_are_one():
+    assert len(around_disc(1.6, opened=[0]).strips) == 1
+    apart = around_disc(1.6, opened=[-4, -3, -2, -1, 0, 1, 2, 3, 4])
+    assert len(apart.strips) == 2
+    refused(lambda: apart.half_width, "2 strips")
 
 
 def test_an_open_contact_has_no_area():
