@@ -322,7 +322,7 @@ class Model:
     def stiffness(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``a(u, v) = int C eps(u) : eps(v)``, with the springs."""
         stress = self._stress_of(self.space.section.strain(u))
-        measure = self._measure(self.constitution.stiffness.varies_in_cells)
+        measure = self._measure(self.constitution.stiffness.form_varies)
         form = ufl.inner(stress, self.space.section.strain(v)) * measure
         for spring in self.springs:
             form += spring.work(u, v)
@@ -340,7 +340,7 @@ class Model:
             stress = self.space.on_meridian(self.strains.given_stress)
         else:
             stress = self._stress_of(self.strains.tensor)
-        measure = self._measure(self.constitution.varies_in_cells)
+        measure = self._measure(self.constitution.form_varies)
         return ufl.inner(stress, self.space.section.strain(v)) * measure
 
     def _measure(self, varying: bool) -> Ufl:
@@ -349,9 +349,6 @@ class Model:
         The solver and the reconstruction integrate varying data by one rule, so that
         both know the same body.
         """
-        if self.linearised is not None:
-            # The form is made about no displacement, and stays.
-            varying = self.linearised.may_vary_in_cells
         return (
             self.space.dx(metadata={"quadrature_degree": DATA_DEGREE}) if varying else self.space.dx
         )
@@ -367,20 +364,13 @@ class Model:
         if loads is not None:
             fem.assemble_vector(b.x.array, compiled.form(loads))
         if strains and self.strains is not None:
-            fem.assemble_vector(b.x.array, self._form_of_strains())
+            if self.strains.load_form is None:
+                v = ufl.TestFunction(self.space.V)
+                self.strains.load_form = compiled.form(self.strain_loads(v))
+            fem.assemble_vector(b.x.array, self.strains.load_form)
         if self.face_forces is not None:
             b.x.array[:] += self.face_forces.x.array
         return b
-
-    def _form_of_strains(self) -> fem.Form:
-        """Return the compiled form of the nodal forces of given strains [force]."""
-        kept = None if self.linearised is None else self.linearised.load_form
-        if kept is not None:
-            return kept
-        form = compiled.form(self.strain_loads(ufl.TestFunction(self.space.V)))
-        if self.linearised is not None:
-            self.linearised.load_form = form
-        return form
 
     def loads(
         self, v: Ufl, *, varying: bool = True, on: Collection[str | None] | None = None

@@ -19,6 +19,7 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.model import Model
 from erc_contact.model.motions.body_words import boundary_parts, lying_words
+from erc_contact.newton.curve_ends import beyond_curves
 from erc_contact.newton.displaced import MISSING, missing_moments
 from erc_contact.newton.distortion import ROTATION, STRAIN, Distortion
 from erc_contact.newton.solution import Solution
@@ -104,6 +105,7 @@ def _other_doubts(solution: Solution) -> Doubts:
     lying = lying_words(model.space, *model.bodies)
     if lying:
         found["lying", ""] = lying
+    found |= beyond_curves(solution)
     for contact in model.contacts:
         found |= _of_contact(model, contact, solution, moved)
     return found | _of_pairs(model, solution, moved)

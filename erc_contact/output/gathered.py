@@ -144,6 +144,10 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
     slip = slip_at(space, contact, u, r, space.facet_points)
     nodes = traction.nodes
     partners = contact.trace.partners
+    drawn = (contact.to_partners * contact.trace.normals).sum(axis=-1)
+    if contact.gap_beside_facets is not None:
+        # Facets stand for the true surfaces.
+        drawn += space.evaluate(contact.gap_beside_facets, space.facet_points, contact.facets)
     place = space.true_places(contact.facets)
     if contact.is_exchanged:
         place = place + contact.to_partners
@@ -162,7 +166,7 @@ def whole_contact(admissible: Admissible, traction: ContactTraction) -> WholeCon
         status=admissible.status(admissible.traction(contact.name))[owned],
         slip=contact.sign * slip[owned],
         place=place[owned],
-        drawn=(contact.to_partners * contact.trace.normals).sum(axis=-1)[owned],
+        drawn=drawn[owned],
         partners=space.global_numbers(partners[owned[: len(partners)]]),
     )
     if not parts:

@@ -189,6 +189,20 @@ def test_distances_are_bounded_without_a_search(d, degree):
     assert (bound - excess).max() < 0.01 * scale
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_gap_of_round_bodies_is_the_distance_of_their_surfaces(degree):
+    """A pin in a bore, not the polygons of their meshes, whose gap is up to 2e-3 off."""
+    domain = discs(0.5, 0.8, (0.2, 0.2)).joined("pin rim", "ring bore", apart=0.35)
+    supports = [ec.Displacement("ring outer", (0.0, 0.0))]
+    contact = ec.Contact("pin rim", against="ring bore", friction=0.1)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=contact)
+    model = bind(scene, domain, degree)
+    (contact,) = model.contacts
+    points = np.linspace(0.0, 1.0, 7)[:, None]
+    gap = model.space.evaluate(contact.gap, points, contact.facets)
+    assert abs(gap - 0.3).max(initial=0.0) < 1e-4
+
+
 # -- patches
 # ---------------------------------------------------------------------------------------------------
 

@@ -137,6 +137,21 @@ def test_a_bar_that_is_pulled_and_pressed():
     assert ec.results.state(evolution, "accumulated") == pytest.approx(accumulated, rel=1e-8)
 
 
+@pytest.mark.serial
+def test_plastic_strain_beyond_the_curve_is_told(caplog):
+    """A bar that is pulled to a plastic strain of 3%, by a curve to 2% and by a longer one."""
+    bar = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))
+    supports = [ec.Symmetry(side) for side in ("left", "front", "bottom")]
+    supports.append(ec.Displacement("top", (None, None, 0.04)))
+    longer = ec.HardeningCurve([*CURVE.plastic_strain, 0.1], [*CURVE.stress, 2.1])
+    told = []
+    for curve in (CURVE, longer):
+        caplog.clear()
+        ec.solve(ec.Scene(ec.Plastic(200.0, 0.3, hardening=curve), supports), bar)
+        told.append("beyond the last point of the hardening curve, 0.02" in caplog.text)
+    assert told == [True, False]
+
+
 @pytest.mark.parametrize("hard", [ec.Elastic(1000.0, 0.3), ec.Plastic(1000.0, 0.3, 0.4, 20.0)])
 def test_regions_harden_in_their_own_way(hard):
     """In two layers under a pressure, each as if it stood alone: its stress is the same."""

@@ -22,6 +22,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.contact.distance import Distance, between_surfaces
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import Friction, bind_friction
 from erc_contact.model.contact.friction_set import DISC, Disc, Ellipse
@@ -94,12 +95,11 @@ def bind_contact(
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
     trace = Trace(here, there, normals.direction, corner_normals=of_corners)
-    between = None
+    distance = Distance()
     if space.domain.distance(contact.facets, contact.against) > 0:
-        # Facing facets are one facet in their parameters, so this is linear on each. A
-        # jump that is equal to it brings both points together.
-        vectors, between = normal_field(space, facets, trace.to_partners)
-        gaps.append(ufl.dot(vectors, normal))
+        distance = _distance_of(space, trace, normal)
+        gaps += distance.gaps
+        given_gaps += distance.gaps[1:]
     motion = None
     if contact.motion is not None:
         motion = components(space, contact.motion, f"{what}: motion")
@@ -133,14 +133,15 @@ def bind_contact(
         friction=friction,
         gap=sum_of(gaps),
         given_gap=sum_of(given_gaps),
-        gap_varies=callable(contact.gap) or motion is not None or between is not None,
+        gap_beside_facets=distance.beside_facets,
+        gap_varies=callable(contact.gap) or motion is not None or bool(distance.gaps),
         bilateral=contact.bilateral,
         stiffness=stiffnesses.get("normal"),
         tangential_stiffness=stiffnesses.get("tangential"),
         lost=lost,
         gap_vectors=of_gap,
         moved=moved,
-        between=between,
+        between=distance.between,
     )
 
 
@@ -165,6 +166,16 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     if is_later:
         return contact.against, there, here
     return contact.facets, here, there
+
+
+def _distance_of(space: Space, trace: Trace, normal: Ufl) -> Distance:
+    """Measure the gap between two bodies along a unit normal, UFL; collective."""
+    # Facing facets are one facet in their parameters, so this is linear on each. A jump
+    # that is equal to it brings both points together.
+    vectors, between = normal_field(space, trace.here.facets, trace.to_partners)
+    added = between_surfaces(space, trace)
+    beside_facets = None if added is None else ufl.dot(added, normal)
+    return Distance(ufl.dot(vectors, normal), beside_facets, between)
 
 
 def _mean_moduli(space: Space, here: Side, there: Side) -> np.ndarray:

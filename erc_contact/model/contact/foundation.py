@@ -47,8 +47,11 @@ class ContactOnMesh:
         gap: Gap [length], UFL; None where it is zero. On facets of two bodies along
             which normals turn it is ``g |M|``, see
             ``erc_contact.model.contact.normals``.
-        given_gap: The part of the gap that the scene gives, and the motion of a
-            foundation, UFL; None without. What is left is the distance of two bodies.
+        given_gap: The part of the gap that the scene gives, the motion of a foundation,
+            and what true surfaces add, UFL; None without. What is left is the distance
+            of the facets of two bodies.
+        gap_beside_facets: What true surfaces add to the distance of facets, UFL; None
+            where they are not known.
         gap_varies: Whether the gap is a callable.
         bilateral: Whether the contact cannot open.
         stiffness: Stiffness k_n of a compliant foundation along the normal
@@ -85,6 +88,7 @@ class ContactOnMesh:
     friction: Friction | None = None
     gap: Ufl | None = None
     given_gap: Ufl | None = None
+    gap_beside_facets: Ufl | None = None
     gap_varies: bool = False
     stiffness: Ufl | None = None
     tangential_stiffness: Ufl | None = None

@@ -460,14 +460,15 @@ class Trace:
         """
         return self.at_partners(self.there.corners) - self.here.corners[self.facing]
 
-    def at_partners(self, of_vertices: np.ndarray) -> np.ndarray:
-        """Return values at vertices of the other side in the order of this side.
+    def at_partners(self, of_there: np.ndarray) -> np.ndarray:
+        """Return values at nodes of the other side in the order of this side.
 
         Args:
-            of_vertices: Values at the vertices of its facets, shape (f, d, ...).
+            of_there: Values at the nodes of its facets, or at the vertices, which come
+                first, shape (f, m or d, ...).
         """
-        facing = np.argsort(self._order_there, axis=1)[:, : self.here.d, None]
-        return np.take_along_axis(of_vertices, facing, axis=1)
+        facing = np.argsort(self._order_there, axis=1)[:, : of_there.shape[1], None]
+        return np.take_along_axis(of_there, facing, axis=1)
 
     @cached_property
     def _order_there(self) -> np.ndarray:

@@ -79,6 +79,11 @@ class Constitution:
         given = self._given is not None and self._given.varies_in_cells
         return given or self.stiffness.varies_in_cells
 
+    @property
+    def form_varies(self) -> bool:
+        """Tell whether they may vary inside cells while a form of them stays."""
+        return self.varies_in_cells or self.stiffness.form_varies
+
     def stress(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress ``C (eps - eps_0)`` of a strain [force/area]."""
         if self._given is not None:
@@ -155,6 +160,11 @@ class ElasticMatrix:
         # numpy is four times as slow as compiled code in its hundreds of operations.
         matrix = _matrix(material, d, inverse, self._numbers)
         self._matrix = OfNumbers(matrix, lasting(mesh.comm), is_matrix=True)
+
+    @property
+    def form_varies(self) -> bool:
+        """Tell whether it may vary inside cells while a form of it stays."""
+        return self.varies_in_cells
 
     @property
     def plain(self) -> np.ndarray | None:

@@ -223,6 +223,11 @@ class TangentMatrix(ElasticMatrix):
         """Tell whether C varies inside cells."""
         return self._linearised.varies_in_cells
 
+    @property
+    def form_varies(self) -> bool:
+        """Tell whether C varies inside cells about some displacement."""
+        return self._linearised.may_vary_in_cells
+
     def of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix, see :meth:`.constitution.ElasticMatrix.of_material`."""
         if not self.varies_in_cells:

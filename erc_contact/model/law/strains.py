@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from erc_contact.base.exceptions import InputError
@@ -51,11 +52,13 @@ class Strains:
 
     Attributes:
         varies_in_cells: Whether the strain varies inside cells.
+        load_form: The compiled form of its nodal forces, once it is made.
     """
 
     def __init__(self, tensor: Ufl, normal: Ufl, mesh: dmesh.Mesh, basis: np.ndarray) -> None:
         self.tensor = tensor
         self.normal = normal
+        self.load_form: fem.Form | None = None
         self.varies_in_cells = varies_in_cells(tensor)
         components = [ufl.inner(ufl.as_matrix(unit.tolist()), tensor) for unit in basis]
         self._components = Everywhere(ufl.as_vector(components), mesh)
