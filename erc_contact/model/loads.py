@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from ufl.algorithms import extract_type
 
 from erc_contact.base.exceptions import InputError
@@ -104,36 +103,9 @@ def _density(space: Space, load: Load) -> Ufl:
         density = space.indicator(space.domain.region(region)) * density
     # A pressure acts on the vector area, which facets share with the true surface.
     if load.facets is not None and not extract_type(density, ufl.FacetNormal):
-        factor = area_factor(space, load.facets)
+        factor = space.area_factor(load.facets)
         density = density if factor is None else factor * density
     return space.on_meridian(density)
-
-
-def area_factor(space: Space, part: str) -> fem.Function | None:
-    """Return the area of the true surface over the area of facets [-]; collective.
-
-    They differ by O(h^2) on a curved part, and a force per area has its resultant on
-    the true surface. A cell with two facets of the part has the mean of both.
-
-    Args:
-        space: The mesh.
-        part: Name of the part.
-
-    Returns:
-        A factor of each cell, 1 without facets of the part; None on a flat part.
-    """
-    sides = space.domain.facets(part)
-    ratio = space.domain.area_ratio(sides)
-    if ratio is None:
-        return None
-    factor = space.domain.function("DG", 0)
-    flat = space.facet_areas(sides)
-    sums = np.zeros((2, len(factor.x.array)))
-    np.add.at(sums[0], sides[:, 0], flat)
-    np.add.at(sums[1], sides[:, 0], ratio * flat)
-    factor.x.array[:] = np.divide(sums[1], sums[0], out=np.ones_like(sums[0]), where=sums[0] > 0)
-    factor.x.scatter_forward()
-    return factor
 
 
 class HoopLoad:

@@ -282,6 +282,33 @@ class Space:
             return self.V.tabulate_dof_coordinates()[self.facet_nodes(facets), : self.d]
         return self.evaluate(self.x + self.domain.offset, self.facet_points, facets)
 
+    def area_factor(self, part: str) -> fem.Function | None:
+        """Return the area of the true surface over the area of facets [-]; collective.
+
+        They differ by O(h^2) on a curved part, and a force per area has its resultant
+        on the true surface. A cell with two facets of the part has the mean of both.
+
+        Args:
+            part: Name of the part.
+
+        Returns:
+            A factor of each cell, 1 without facets of the part; None on a flat part.
+        """
+        sides = self.domain.facets(part)
+        ratio = self.domain.area_ratio(sides)
+        if ratio is None:
+            return None
+        factor = self.domain.function("DG", 0)
+        flat = self.facet_areas(sides)
+        sums = np.zeros((2, len(factor.x.array)))
+        np.add.at(sums[0], sides[:, 0], flat)
+        np.add.at(sums[1], sides[:, 0], ratio * flat)
+        factor.x.array[:] = np.divide(
+            sums[1], sums[0], out=np.ones_like(sums[0]), where=sums[0] > 0
+        )
+        factor.x.scatter_forward()
+        return factor
+
     def cell_corners(self) -> np.ndarray:
         """Return vertices of cells in DOLFINx's order [length], (cells, d+1, d)."""
         return self.mesh.geometry.x[cell_nodes(self.mesh.geometry), : self.d]

@@ -3,16 +3,19 @@
 Symbols: n outward normal, k_n and k_t stiffness along it and along the facet
 [force/length^3], ``K = k_n n n^T + k_t (I - n n^T)``, t traction on the body, f facets,
 m nodes of a facet, d dimension. Of an axisymmetric body K and t are times the
-circumference (:mod:`erc_contact.model.meridian`).
+circumference (:mod:`erc_contact.model.meridian`). On a curved part K is times the area
+of the true surface over the area of a facet, as a load is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import ufl
+from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
@@ -33,6 +36,8 @@ class BoundSpring:
         normal: k_n [force/length^3].
         tangential: k_t [force/length^3].
         space: The mesh.
+        factor: The area of the true surface over the area of facets by cells [-]; None
+            on a flat part, see :meth:`.Space.area_factor`.
     """
 
     name: str
@@ -41,6 +46,13 @@ class BoundSpring:
     normal: float
     tangential: float
     space: Space
+    factor: fem.Function | None = None
+
+    @cached_property
+    def ratio(self) -> np.ndarray:
+        """Return the factor of each facet [-], shape (f,)."""
+        cells = self.side.facets[:, 0]
+        return np.ones(len(cells)) if self.factor is None else self.factor.x.array[cells]
 
     def work(self, u: Ufl, v: Ufl) -> Ufl:
         """Return the UFL form ``int K u . v``."""
@@ -51,6 +63,8 @@ class BoundSpring:
         u_n = ufl.dot(u, n)
         v_n = ufl.dot(v, n)
         density = (k_n - k_t) * u_n * v_n + k_t * ufl.inner(u, v)
+        if self.factor is not None:
+            density *= self.factor
         return self.space.on_meridian(density) * ds
 
     def pull(self, u: np.ndarray) -> np.ndarray:
@@ -79,7 +93,7 @@ class BoundSpring:
         of_u = np.matmul(coefficients(d - 1, self.side.degree), nodal)
         u_n, u_t, _ = split(of_u, self.direction[:, None, :])
         along = u_n[..., None] * self.direction[:, None, :]
-        return self.normal * along + self.tangential * u_t
+        return self.ratio[:, None, None] * (self.normal * along + self.tangential * u_t)
 
     def _weights(self, points: np.ndarray) -> np.ndarray:
         """Return the weights of points of the facets, see :meth:`.Section.weight`."""
@@ -88,7 +102,7 @@ class BoundSpring:
     def is_stiffer(self, stiffness: float, than: np.ndarray) -> np.ndarray:
         """Tell where k is more than a stiffness of each facet, shape (f,)."""
         middle = np.full((1, self.side.d - 1), 1 / self.side.d)
-        return stiffness * self._weights(middle)[:, 0, 0] > than
+        return self.ratio * stiffness * self._weights(middle)[:, 0, 0] > than
 
     def resist(self, motions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the parts of motions that the springs resist, of any stiffness.
@@ -124,7 +138,7 @@ class BoundSpring:
         for part, k in ((t_n, self.normal), (size, self.tangential)):
             if k > 0:
                 result += part**2 / k
-        return result / self._weights(points)[..., 0]
+        return result / (self.ratio[:, None] * self._weights(points)[..., 0])
 
 
 def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[BoundSpring]:
@@ -140,7 +154,7 @@ def bind_springs(space: Space, springs: Sequence[Spring], modulus: Ufl) -> list[
         facets = space.domain.facets(spring.facets)
         side = space.side(facets, modulus)
         direction = space.outward_normals(facets)
-        bound.append(
-            BoundSpring(spring.facets, side, direction, spring.normal, spring.tangential, space)
-        )
+        stiffnesses = spring.normal, spring.tangential
+        factor = space.area_factor(spring.facets)
+        bound.append(BoundSpring(spring.facets, side, direction, *stiffnesses, space, factor))
     return bound

@@ -12,6 +12,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from scenes import certified, mostly_serial
 
 import erc_contact as ec
 
+MESHES = Path(__file__).parents[2] / "meshes"
 E, NU = 1000.0, 0.3
 
 
@@ -64,6 +66,18 @@ def test_bar_on_springs(degree):
     work = pull * moved + 2.0 * (pull + 2.0) / k
     assert ec.potential_energy(error).value == pytest.approx(-work / 2, rel=1e-12)
     assert ec.work_of_loads(error).value == pytest.approx(work, rel=1e-12)
+
+
+def test_springs_on_a_circle_have_its_length():
+    """Half of a stiff disc moves by its weight over the springs around it; facets are shorter."""
+    pytest.importorskip("gmsh")
+    domain = ec.read_mesh(MESHES / "half_disc.geo", scripts=True)
+    weight, k = 3.0, 50.0
+    stiff = ec.Elastic(1e9, NU)
+    springs = ec.Spring("arc", k, k)
+    error = certified(ec.Scene(stiff, loads=ec.BodyForce((0.0, -weight)), springs=springs), domain)
+    moved = error.solution.at([[0.0, 0.5]]).displacement[0, 1]
+    assert moved == pytest.approx(-weight * np.pi / 2 / (k * np.pi), rel=1e-4)
 
 
 def test_springs_alone_hold_a_body():

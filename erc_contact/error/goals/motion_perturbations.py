@@ -19,7 +19,6 @@ from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.load_work import load_size, work_of_load
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.model.data.users import vector
-from erc_contact.model.loads import area_factor
 from erc_contact.model.motions.rigid_faces import RigidFace
 from erc_contact.scene.goal import Functional, MeanDisplacement, Rotation
 from erc_contact.scene.load import Load, Traction
@@ -40,7 +39,7 @@ def mean_displacement(base: BaseScene, goal: MeanDisplacement, a: np.ndarray) ->
     facets = model.domain.owned_facets(goal.part)
     points, weights = rule(space.d - 1, space.degree + 1)
     of_points = space.facet_weights(facets, points, weights)
-    factor = area_factor(space, goal.part)
+    factor = space.area_factor(goal.part)
     if factor is not None:
         of_points = of_points * factor.x.array[facets[:, 0], None]
     area = space.comm.allreduce(float(of_points.sum()), MPI.SUM)
