@@ -24,6 +24,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/autofrettage")
 INNER, OUTER = 20.0, 40.0
 PRESSURE = 280.0
@@ -55,7 +57,7 @@ def treated(law):
 
     def scene_at(time):
         load = ec.Traction("left", pressure=PRESSURE * min(time, 2.0 - time))
-        return ec.Scene(law, ends, load)
+        return ec.Scene(law, ends, load, units="mm, N, MPa")
 
     return ec.evolve(scene_at, tube, [0.8, 1.0, 2.0], accuracy=0.03, degree=2)
 
@@ -73,8 +75,9 @@ for name, law in LAWS.items():
     moved[name] = [float(values.displacement[0, 0]) for values in ends]
 
 # %%
-# The hoop stress that is left.
+# The stress that is left in the body, and its hoop component.
 
+ec.output.draw_deformed(evolution.error, FOLDER / "deformed.png")
 if evolution.errors[-1].domain.comm.rank == 0:
     FOLDER.mkdir(parents=True, exist_ok=True)
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")

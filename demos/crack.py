@@ -74,7 +74,15 @@ scene = ec.Scene(
 history = ec.adapt(scene, plate, accuracy=0.0003, degree=2)
 
 # %%
-# The slip along the crack, and the closed form.
+# The mesh around the crack, the slip along the crack, and the closed form.
+
+figure, axes = plt.subplots(figsize=(6.0, 5.0), layout="constrained")
+ec.output.draw_error(history.error, ax=axes)
+axes.plot([-np.cos(LEAN), np.cos(LEAN)], [-np.sin(LEAN), np.sin(LEAN)], "k-", lw=1.5)
+axes.set(xlim=(-1.4, 1.4), ylim=(-1.4, 1.4))
+if plate.comm.rank == 0:
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    figure.savefig(FOLDER / "near.png", dpi=150, bbox_inches="tight")
 
 lip = history.profile("upper lip")
 s = lip["x"] * np.cos(LEAN) + lip["y"] * np.sin(LEAN)

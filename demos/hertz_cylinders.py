@@ -8,7 +8,12 @@ force :math:`P` per length. Hertz's contact has the half-width :math:`a` and pre
 .. math::
 
     a^2 = \frac{4 P R}{\pi E^*}, \quad
-    p = p_0 \sqrt{1 - x^2/a^2}, \quad p_0 = \frac{2 P}{\pi a}, \quad
+    p = p_0 \sqrt{1 - x^2/a^2}, \quad p_0 = \frac{2 P}{\pi a},
+
+with
+
+.. math::
+
     \frac1R = \frac1{R_1} + \frac1{R_2}, \quad
     \frac1{E^*} = \frac{1 - \nu_1^2}{E_1} + \frac{1 - \nu_2^2}{E_2} .
 

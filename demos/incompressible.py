@@ -1,6 +1,6 @@
 r"""
-Rubber: elements that lock, and how one sees it
-===============================================
+Rubber: elements that lock, and how that shows
+==============================================
 
 Rubber keeps its volume: Poisson's ratio is almost 1/2. A thin pad of it between two
 rough plates cannot bulge but at its free sides. So it is far stiffer than its modulus
@@ -17,7 +17,7 @@ sections stay plane.
 Linear triangles have a hard time here. Each of them must keep its area, and a mesh then
 has hardly a motion left that is not zero: it *locks*, is far too stiff, and yet looks
 smooth. A user who knows no other value has no way to see it. Here the error in the
-constitutive relation tells: it stays large at any mesh that one can afford. Elements of
+constitutive relation tells: it stays large on any mesh of a usual size. Elements of
 degree 2 do not lock.
 
 Source: A. N. Gent, P. B. Lindley, "The compression of bonded rubber blocks", Proc.

@@ -15,7 +15,7 @@ Persson (1964) found the half of the angle of contact :math:`\varepsilon`, with
 
 .. math::
 
-    \frac{c E'}{Q} = \frac{2 - \ln(1 + b^2) - 2 b^4}{\pi b^2 (1 + b^2)}, \qquad
+    \frac{c E'}{Q} = \frac{2 - \ln(1 + b^2) - 2 b^4}{\pi b^2 (1 + b^2)}, \quad
     \frac{p_0 R}{Q} = \frac{2 b}{\pi \sqrt{1 + b^2}} + \frac{1}{2 \pi b^2 (1 + b^2)}
     \ln \frac{\sqrt{1 + b^2} + b}{\sqrt{1 + b^2} - b} .
 

@@ -67,7 +67,7 @@ rough, bonded = runs[2], runs[3]
 rough.save(FOLDER, pictures=True)
 
 # %%
-# Turned by three quarters, one sees it as it is.
+# The body turned by three quarters.
 
 draw_revolved(rough.error, FOLDER / "revolved.png")
 

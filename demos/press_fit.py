@@ -14,11 +14,14 @@ outer radius :math:`R_o` meet where the pressure is
 
     p = \frac{\delta\, E'}{R} \left( \frac{R_o^2 + R^2}{R_o^2 - R^2} + 1
     \right)^{-1}, \qquad
-    u_{shaft}(r) = -\frac{p\, r}{E'} (1 - \nu'), \qquad
+    u_{shaft}(r) = -\frac{p\, r}{E'} (1 - \nu'),
+
+.. math::
+
     \sigma_\theta(r) = \frac{p R^2}{R_o^2 - R^2} \left( 1 + \frac{R_o^2}{r^2} \right),
 
-the last one in the hub. Both bodies together have moved by :math:`\delta`, whose work
-:math:`\pi R\, p\, \delta` is the energy that the fit stores.
+the last formula in the hub. Both bodies together have moved by :math:`\delta`, whose
+work :math:`\pi R\, p\, \delta` is the energy that the fit stores.
 
 A torque adds the shear :math:`T / 2 \pi R^2` in the joint. It is the same all around,
 so nothing slips until everything does, at

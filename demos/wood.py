@@ -21,6 +21,8 @@ import numpy as np
 
 import erc_contact as ec
 
+plt.style.use("namedmesh.pictures.style")
+
 FOLDER = Path("results/wood")
 R, WIDTH, THICK, PLATE = 40.0, 60.0, 20.0, 5.0
 DEPTH = 0.2
@@ -44,6 +46,7 @@ def pressed(angle):
         {"board": spruce, "plate": ec.Elastic(210e3, 0.3)},
         ec.Displacement("top", (0.0, -DEPTH)),
         contacts=ec.Contact("bottom", friction=0.3, gap=lambda x: x[0] ** 2 / (2 * R)),
+        units="mm, N/mm, MPa",
     )
     return ec.adapt(scene, body.named(regions=layers), accuracy=0.1, degree=2)
 
@@ -54,8 +57,9 @@ forces = {name: run.force("bottom").force for name, run in runs.items()}
 profiles = {name: run.profile("bottom") for name, run in runs.items()}
 
 # %%
-# The pressure of the roller.
+# The board with leaning fibres, and the pressure of the roller in all three.
 
+ec.output.draw_deformed(runs["leaning"].error, FOLDER / "deformed.png")
 if runs["lying"].error.domain.comm.rank == 0:
     FOLDER.mkdir(parents=True, exist_ok=True)
     figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")

@@ -32,6 +32,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "sphinxcontrib.bibtex",
     "downloads",
+    "links",
     "rendered",
     "subjects",
 ]

@@ -25,6 +25,8 @@ SIZE = 4.0, 3.0
 DPI = 100
 GROUNDS = {"light": "default", "dark": "dark_background"}
 """Style of matplotlib for each kind of page."""
+LOOK = ["namedmesh.pictures.style", {"font.size": 22, "lines.linewidth": 3.0}]
+"""Font of all our pictures, large enough for a picture of a quarter of the page."""
 
 
 def save(figure, name):
@@ -84,8 +86,8 @@ def draw_traction(error):
     axes.plot(contact["x"], contact["shear"], "C1", label="shear")
     bound = contact["friction_bound"]
     axes.fill_between(contact["x"], -bound, bound, color="gray", alpha=0.3, label="friction bound")
-    axes.set(xlabel="x [mm]", ylabel="[MPa]")
-    axes.legend(frameon=False)
+    axes.set(xlabel="x [mm]", ylabel="[MPa]", ylim=(None, 400.0))
+    axes.legend(frameon=False, fontsize=19, handlelength=1.0)
     return figure
 
 
@@ -96,8 +98,8 @@ def draw_interval(errors, bounds):
     low = np.array([each.low for each in bounds])
     high = np.array([each.high for each in bounds])
     axes.fill_between(percent, low, high, color="C0", alpha=0.35)
-    axes.plot(percent, (low + high) / 2, "C0o-", ms=3)
-    axes.set(xlabel="error [%]", ylabel="pressing force [N]")
+    axes.plot(percent, (low + high) / 2, "C0o-", ms=6)
+    axes.set(xlabel="error [%]", ylabel="force [N/mm]")
     axes.invert_xaxis()
     return figure
 
@@ -123,6 +125,6 @@ FOLDER.mkdir(exist_ok=True)
 draw_clamp()
 draw_mesh(error)
 for ground, style in GROUNDS.items():
-    with plt.style.context(style):
+    with plt.style.context([style, *LOOK]):
         save(draw_traction(error), f"traction-{ground}")
         save(draw_interval(errors, bounds), f"interval-{ground}")

@@ -19,7 +19,7 @@ from erc_contact.model.preload import shifts_of
 from erc_contact.output.bounded_forces import BoundedForce, forces_in_columns, forces_in_html
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.report import write_report
-from erc_contact.output.verdict import verdict
+from erc_contact.output.verdict import parted, verdict
 from erc_contact.run.history import add_error
 from namedmesh.base.percent import percent, place_words
 from namedmesh.base.ranks import gather_rows
@@ -71,14 +71,16 @@ def certify_file(arguments: Namespace) -> int:
     gallery = Gallery(error.domain, folder, 0.0, every=True)
     add_error(gallery, error, "certificate.error")
     path = folder / "report.html"
+    claims, unknown = parted([*_assumed(deck), *_in_its_cells(certificate), *verdict(error)])
     write_report(
         Certified(error, words),
         path,
-        f"{name}: eps = {percent(certificate.total)}",
+        f"relative error {percent(certificate.total)} of {name}",
         {},
         gallery,
         results=forces_in_html(forces),
-        claims=[*_assumed(deck), *_in_its_cells(certificate), *verdict(error)],
+        claims=claims,
+        unknown=unknown,
     )
     say(f"Report: {path}")
     return int(certificate.total > arguments.accuracy)

@@ -62,6 +62,7 @@ Hild, Hjiaj, (16), for e.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -147,7 +148,9 @@ def resultant(error: ConstitutiveError | Run, contact: str, direction: Sequence[
     proved = middle.resolved and square.resolved and (from_loads or error.guaranteed)
     rho = np.sqrt(_square(error) / 2 - error.bulk_error**2 / 4)
     radius = float(rho * size) + middle.bound
-    return Bounds(middle.value, middle.value - radius, middle.value + radius, proved, weighted)
+    low = middle.value - radius
+    high = middle.value + radius
+    return Bounds(middle.value, low, high, proved, weighted, model.scene.unit("force"))
 
 
 def potential_energy(error: ConstitutiveError | Run) -> Bounds:
@@ -185,7 +188,8 @@ def potential_energy(error: ConstitutiveError | Run) -> Bounds:
     unknown = J.bound + error.round_off * (error.scale + error.absolute)
     high = J.value + unknown
     low = J.value - unknown - error.absolute**2 / 2 - facets
-    return Bounds(high, low, high + facets, J.resolved and error.guaranteed)
+    proved = J.resolved and error.guaranteed
+    return Bounds(high, low, high + facets, proved, unit=model.scene.unit("force length"))
 
 
 def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
@@ -214,7 +218,7 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
     refuse_potential(scene.material, "work_of_loads()", "potential_energy() has an interval.")
     _raise_if_no_cone(scene)
     J = potential_energy(error)
-    return Bounds(-2 * J.value, -2 * J.high, -2 * J.low, J.guaranteed)
+    return replace(J, value=-2 * J.value, low=-2 * J.high, high=-2 * J.low)
 
 
 def _raise_if_no_cone(scene: Scene) -> None:

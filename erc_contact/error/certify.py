@@ -130,9 +130,9 @@ class Certificate:
         words = [f"eps = {percent(self.relative)}: {shares}."]
         words.append(f"Most of it is {self.cause}: {ADVICE[self.cause]}.")
         if self.off_supports > 0:
-            words.append(f"u differs from the supports by up to {self.off_supports:.3g}.")
+            words.append(f"u differs from the supports by up to {self._off_supports}.")
         if self.penetration > 0:
-            words.append(f"u penetrates by up to {self.penetration:.3g}.")
+            words.append(f"u penetrates by up to {self._penetration}.")
         if self.interpolated:
             words.append(
                 "It is the error in the cells of the file, up to the transfer from them at "
@@ -146,9 +146,19 @@ class Certificate:
         rows += [(name, percent(self.share(part))) for name, part in self.causes.items()]
         if self.interpolated:
             rows += [("the transfer", percent(self.share(self.transfer)))]
-        rows += [("off the supports", f"{self.off_supports:.3g}")]
-        rows += [("penetration", f"{self.penetration:.3g}")]
+        rows += [("off the supports", self._off_supports)]
+        rows += [("penetration", self._penetration)]
         return table(rows, caption="Certificate")
+
+    @property
+    def _off_supports(self) -> str:
+        """Write the difference to the supports with its unit."""
+        return f"{self.off_supports:.3g}{self.error.solution.scene.unit('length')}"
+
+    @property
+    def _penetration(self) -> str:
+        """Write the penetration with its unit."""
+        return f"{self.penetration:.3g}{self.error.solution.scene.unit('length')}"
 
     def share(self, part: float) -> float:
         """Return a part of e over the scale of eps [-]."""

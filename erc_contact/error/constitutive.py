@@ -17,10 +17,10 @@ bounds the errors of u^ and of sigma^ with constant 1:
         + 2 int_GammaC (b(p) - b(p^))(|w_t - s| - |w^_t - s|)  <=  e^2.
 
 If the bound depends on the pressure, as Coulomb's does, the third term is a product of
-two errors and has no sign. Then e is a bound up to a term of higher order, not a
-guarantee. On a bilateral contact ``w_n = g``, as on a support. Compliant foundations
-have another last product (:mod:`.foundations`). With given strains eps_0 the strain in
-(16) and (17) is ``eps(u^) - eps_0``.
+two errors and has no sign. Then e is a bound up to this term, not a guarantee. On a
+bilateral contact ``w_n = g``, as on a support. Compliant foundations have another last
+product (:mod:`.foundations`). With given strains eps_0 the strain in (16) and (17) is
+``eps(u^) - eps_0``.
 
 Where moduli, gap or friction bound vary inside cells, the integrals are adapted to
 them, and e contains what they leave unknown. The part of the data that the mesh cannot
@@ -132,7 +132,7 @@ class ConstitutiveError:
         if self.scale == 0:
             return f"<ConstitutiveError: no stress but round-off, eps = 0, e = 0, {size}>"
         eps = percent(self.relative)
-        return f"<ConstitutiveError: eps = {eps}{geometry}, e = {self.absolute:.4g}, {size}>"
+        return f"<ConstitutiveError: eps = {eps}{geometry}, e = {self._in_words}, {size}>"
 
     def _repr_html_(self) -> str:
         """Show the error in a notebook; nothing is collective."""
@@ -147,9 +147,14 @@ class ConstitutiveError:
         rows: list[tuple[str, object]] = []
         for name, part in parts.items():
             rows.append((name, percent(part / scale)))
-        rows.append(("e", f"{self.absolute:.4g}"))
+        rows.append(("e", self._in_words))
         rows += [("cells", self.domain.cells), ("degree", self.degree)]
         return table(rows, caption="Error in the constitutive relation")
+
+    @property
+    def _in_words(self) -> str:
+        """Write e with its unit."""
+        return f"{self.absolute:.4g}{self.model.scene.unit('sqrt(force length)')}"
 
     @property
     def relative(self) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from mpi4py import MPI
@@ -29,6 +29,7 @@ class Bounds:
             r.phi``, where phi changes from the direction to this value across the
             facets at the edge. The rest of the resultant has no finite bound; it is
             smaller on finer meshes.
+        unit: Unit of the number as it stands behind it; "" if the scene has none.
 
     Example:
         >>> bounds = ec.potential_energy(error)
@@ -43,6 +44,7 @@ class Bounds:
     high: float
     guaranteed: bool
     weighted: bool = False
+    unit: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Make all numbers numbers of Python, which print as people write them."""
@@ -74,7 +76,8 @@ class Bounds:
         size = max(abs(self.low), abs(self.high))
         if 0.0 < width < size < np.inf:
             digits = min(max(4, 3 - int(np.floor(np.log10(width / size)))), 15)
-        low, high, value = (f"{end:.{digits}g}" for end in (self.low, self.high, self.value))
+        numbers = (self.low, self.high, self.value)
+        low, high, value = (f"{number:.{digits}g}{self.unit}" for number in numbers)
         return low, high, value
 
     def narrowed(self, second: Bounds) -> Bounds:
@@ -87,7 +90,7 @@ class Bounds:
         if self.guaranteed != second.guaranteed or low > high:
             return min(self, second, key=lambda bounds: bounds.high - bounds.low)
         weighted = self.weighted or second.weighted
-        return Bounds((low + high) / 2, low, high, self.guaranteed, weighted)
+        return replace(self, value=(low + high) / 2, low=low, high=high, weighted=weighted)
 
     @property
     def relative(self) -> float:

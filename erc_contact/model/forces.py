@@ -13,7 +13,7 @@ nodes of a facet.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import ufl
@@ -27,6 +27,7 @@ from erc_contact.model.contact.ties import Claim, tie_forces
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.scene import BALANCE, BODY_FORCE, TRACTIONS
+from erc_contact.scene.units import in_units, unit_of
 from namedmesh.base.html import table
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import coefficients, lagrange, rule
@@ -42,38 +43,65 @@ class Force:
             the ring, ``int p dA`` of a press fit, which hoop stresses balance.
         moment: Moment about the origin [force length], shape (1,) in 2D, (3,) in 3D; 0
             of an axisymmetric body.
+        units: Units of length, force and stress, as of :class:`Scene`.
+
+    Example:
+        >>> print(solution.force("bottom"))
+        force (..., 25.1...), moment 12.5...
     """
 
     force: np.ndarray
     moment: np.ndarray
+    units: str = field(default="", repr=False)
+
+    def __str__(self) -> str:
+        """Write force and moment, of a history a line for each step."""
+        lines = []
+        for force, moment in self._in_digits():
+            numbers = [f"({', '.join(row)})" if len(row) > 1 else row[0] for row in (force, moment)]
+            lines.append(
+                f"force {numbers[0]}{unit_of('force', self.units)}, "
+                f"moment {numbers[1]}{unit_of('force length', self.units)}"
+            )
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return force and moment as a table in a notebook."""
         rows = []
-        for name, values in (("force", self.force), ("moment", self.moment)):
-            rows.append((name, *(f"{value:.5g}" for value in values)))
+        for force, moment in self._in_digits():
+            rows.append((in_units("force [force]", self.units), *force))
+            rows.append((in_units("moment [force length]", self.units), *moment))
         return table(rows)
+
+    def _in_digits(self) -> list[tuple[list[str], list[str]]]:
+        """Return the components of force and moment in words, of each step."""
+        of_steps = zip(np.atleast_2d(self.force), np.atleast_2d(self.moment), strict=True)
+        return [
+            ([f"{value:.5g}" for value in force], [f"{value:.5g}" for value in moment])
+            for force, moment in of_steps
+        ]
 
     def __add__(self, other: Force) -> Force:
         """Return the sum of two forces with their moments."""
-        return Force(self.force + other.force, self.moment + other.moment)
+        return Force(self.force + other.force, self.moment + other.moment, self.units)
 
 
-def total_force(space: Space, nodes: np.ndarray, forces: np.ndarray) -> Force:
+def total_force(model: Model, nodes: np.ndarray, forces: np.ndarray) -> Force:
     """Compute resultant and moment of forces at nodes over all ranks; collective.
 
     Args:
-        space: The mesh.
+        model: The scene on a mesh.
         nodes: Nodes of this rank, shape (n,).
         forces: Forces at them [force], shape (n, d).
     """
+    space = model.space
     x = space.V.tabulate_dof_coordinates()[nodes]
     moment = np.cross(x, in_space(forces)).sum(axis=0)
     if space.d == 2:
         moment = moment[[2]] * (not space.axisymmetric)
     local = np.concatenate([forces.sum(axis=0), moment])
     total = space.comm.allreduce(local, MPI.SUM)
-    return Force(total[: space.d], total[space.d :])
+    return Force(total[: space.d], total[space.d :], model.scene.units)
 
 
 def by_cause(
@@ -225,25 +253,25 @@ def part_force(model: Model, part: str, nodal: dict[str, np.ndarray]) -> Force:
     """
     space = model.space
     if any(part in tie.side_names for tie in model.ties):
-        return _of_nodes(space, nodal[part])
+        return _of_nodes(model, nodal[part])
     model.domain.tag(part)
     loads = _assemble(space, model.loads(ufl.TestFunction(space.V), on=[part]))
-    return _of_nodes(space, loads + nodal.get(part, 0.0))
+    return _of_nodes(model, loads + nodal.get(part, 0.0))
 
 
 def body_force(model: Model) -> Force:
     """Compute resultant and moment of the loads in the body; collective."""
     loads = model.loads(ufl.TestFunction(model.space.V), on=[None])
-    return _of_nodes(model.space, _assemble(model.space, loads))
+    return _of_nodes(model, _assemble(model.space, loads))
 
 
-def _of_nodes(space: Space, forces: np.ndarray) -> Force:
+def _of_nodes(model: Model, forces: np.ndarray) -> Force:
     """Compute resultant and moment of nodal forces (nodes, d); collective.
 
     The force of each node comes from its owner.
     """
-    owned = np.arange(space.V.dofmap.index_map.size_local)
-    return total_force(space, owned, forces[owned])
+    owned = np.arange(model.space.V.dofmap.index_map.size_local)
+    return total_force(model, owned, forces[owned])
 
 
 def _assemble(space: Space, form: Ufl | None) -> np.ndarray:

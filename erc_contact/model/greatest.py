@@ -71,7 +71,8 @@ def find_maximum(
     else:
         values = von_mises()
         x = space.cell_corners()[: model.domain.owned_cells].mean(axis=1)
-    greatest = greatest_of(space, values, x)
+    dimension = "length" if quantity in ("displacement", "slip", "gap") else "force/area"
+    greatest = greatest_of(space, values, x, model.scene.unit(dimension))
     if quantity != "von Mises":
         return greatest
     return replace(greatest, beside=singular_place(space, greatest.place, _parts(model)))

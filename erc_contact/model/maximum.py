@@ -49,6 +49,7 @@ class Maximum:
         place: Where it is [length], shape (d,).
         values: The greatest value on each mesh of a run; empty if it is not known.
         sizes: Size of the element or facet where it is [length], for each mesh.
+        unit: Unit of the value as it stands behind it; "" if the scene has none.
         beside: Of a von Mises stress, at what its cell lies where the exact stress may
             be infinite, as "a re-entrant corner of 270 degrees"; empty elsewhere.
     """
@@ -57,11 +58,12 @@ class Maximum:
     place: np.ndarray
     values: tuple[float, ...] = ()
     sizes: tuple[float, ...] = ()
+    unit: str = ""
     beside: str = ""
 
     def __repr__(self) -> str:
         """Return value, place and trend in words."""
-        at_place = f"{self.value:.6g} at {place_words(self.place)}"
+        at_place = f"{self.value:.6g}{self.unit} at {place_words(self.place)}"
         if self.beside:
             at_place += f", beside {self.beside}, where the exact stress may be infinite"
         if not self.values:
@@ -111,17 +113,18 @@ class Maximum:
         return None
 
 
-def greatest_of(space: Space, values: np.ndarray, x: np.ndarray) -> Maximum:
+def greatest_of(space: Space, values: np.ndarray, x: np.ndarray, unit: str = "") -> Maximum:
     """Find the greatest of the values of all ranks, and its place; collective.
 
     Args:
         space: The mesh.
         values: Values of this rank, shape (n,).
         x: Their places [length], shape (n, d).
+        unit: Unit of the values as it stands behind them.
     """
     top = space.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
     (places,) = of_all(space.comm, x[values >= top - EQUAL_MAXIMA * abs(top)])
     # Rounded, so that the place does not depend on the ranks.
     rounded = (places / space.domain.extent).round(9)
     first = np.lexsort(rounded.T[::-1])[0]
-    return Maximum(top, places[first] + 0.0)
+    return Maximum(top, places[first] + 0.0, unit=unit)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -16,6 +17,14 @@ type BoundsOf = Callable[[ConstitutiveError, str, tuple[float, ...]], Bounds]
 
 NEGLIGIBLE = 1e-6
 """Component of a force over the greatest force that is not listed [-]."""
+DRAWN_WIDTH = 360
+"""Width of the drawing of intervals [pixels]."""
+NAME_WIDTH = 140
+"""Width of the names in it [pixels]."""
+ROW_HEIGHT = 22
+"""Height of a component in it [pixels]."""
+INSIDE = 0.8
+"""Share of its width that the widest interval takes [-]."""
 ROUND_OFF = 1e-5
 """Distance to an interval over its ends that is none: files have six digits [-]."""
 
@@ -108,4 +117,45 @@ def forces_in_columns(rows: Sequence[BoundedForce]) -> str:
 def forces_in_html(rows: Sequence[BoundedForce]) -> str:
     """Return a table of forces for a report; empty if there are none."""
     header = ("part", "axis", "computed [force]", "exact solution [force]")
-    return table([row.row for row in rows], header) if rows else ""
+    return table([row.row for row in rows], header) + _drawn(rows) if rows else ""
+
+
+def _drawn(rows: Sequence[BoundedForce]) -> str:
+    """Draw how far each component of the exact solution may be from what is computed.
+
+    The drawing is SVG in the colour of the text; empty if no row has an interval.
+    """
+    drawn = []
+    for row in rows:
+        if row.bounds is not None and np.isfinite([row.bounds.low, row.bounds.high]).all():
+            zero = row.bounds.value if row.computed is None else row.computed
+            drawn.append((f"{row.part} {row.axis}", row.bounds.low - zero, row.bounds.high - zero))
+    reach = max((max(abs(low), abs(high)) for _, low, high in drawn), default=0.0)
+    if reach == 0.0:
+        return ""
+    half = (DRAWN_WIDTH - NAME_WIDTH) / 2
+    middle = NAME_WIDTH + half
+
+    def place(change: float) -> str:
+        return f"{middle + INSIDE * half * change / reach:.1f}"
+
+    lines = []
+    for number, (name, low, high) in enumerate(drawn):
+        y = ROW_HEIGHT * number + ROW_HEIGHT // 2
+        ends = f'x1="{place(low)}" x2="{place(high)}" y1="{y}" y2="{y}"'
+        lines.append(f'<text x="0" y="{y + 4}">{escape(name)}</text>')
+        lines.append(f'<line {ends} class="interval"/>')
+        lines.append(f'<circle cx="{place(0.0)}" cy="{y}" r="3"/>')
+    axis = ROW_HEIGHT * len(drawn)
+    lines.append(f'<line x1="{NAME_WIDTH}" x2="{DRAWN_WIDTH}" y1="{axis}" y2="{axis}"/>')
+    for change in (-reach, 0.0, reach):
+        x = place(change)
+        words = f"{change:+.3g}" if change else "0"
+        lines.append(f'<line x1="{x}" x2="{x}" y1="{axis}" y2="{axis + 4}"/>')
+        lines.append(f'<text x="{x}" y="{axis + 17}" text-anchor="middle">{words}</text>')
+    words = "Exact solution less computed component [force]"
+    height = axis + ROW_HEIGHT
+    return (
+        f'<figure><svg class="intervals" viewBox="0 0 {DRAWN_WIDTH} {height}" role="img" '
+        f'aria-label="{words}">{"".join(lines)}</svg><figcaption>{words}.</figcaption></figure>'
+    )

@@ -49,6 +49,9 @@ img { max-width: 100%; max-height: 42rem; display: block; margin: 0.5rem auto; }
 iframe { width: 100%; height: 34rem; max-height: 85vh; border: 1px solid var(--line);
   box-sizing: border-box; }
 figure { margin: 1rem 0; }
+.intervals { width: 100%; max-width: 30rem; font-size: 12px; fill: currentColor;
+  stroke: currentColor; } .intervals text { stroke: none; }
+.intervals .interval { stroke: #56b4e9; stroke-width: 8; }
 .broad img { max-width: none; width: 100%; min-width: 34rem; }
 figcaption { font-size: 0.9rem; color: var(--soft); } .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.9rem; font-variant-numeric: tabular-nums; }
@@ -103,25 +106,27 @@ def write_report(
     *,
     results: str = "",
     claims: Sequence[tuple[str, str]] = (),
+    unknown: Sequence[str] = (),
     forces: Mapping[str, Force] | None = None,
     code: str = "",
     note: str = "",
 ) -> None:
     """Write the report of a run; collective.
 
-    It begins with the name of the folder and the date, says what was asked, what is
-    proved and what is not, and shows the pictures. It has neither the name of the
-    machine nor a path.
+    It begins with the name of the folder and the date, has forces with their intervals
+    on top, says what is proved and what is estimated, shows the run and its pictures,
+    and ends in what is not known. It has neither the name of the machine nor a path.
 
     Args:
         run: The run, or a certificate.
         path: The file, in the folder of the pictures.
-        title: Its heading.
+        title: Its heading behind the name of the folder.
         tables: Tables of its rows in HTML, by their headings.
         gallery: The pictures in the folder, or None.
         results: Forces with their intervals, as a table in HTML, which stands on top.
-        claims: What the error proves and what not, see
-            :func:`erc_contact.output.verdict.verdict`.
+        claims: What the error proves and what it estimates, each with its kind, see
+            :func:`erc_contact.output.verdict.parted`.
+        unknown: What is not known.
         forces: Forces on the body by their cause, see
             :func:`erc_contact.results.reactions`; the same on all ranks.
         code: The run as code, see :func:`run_as_code`.
@@ -135,7 +140,7 @@ def write_report(
     def write() -> None:
         label = scene.label if scene is not None else str
         name = file.resolve().parent.name
-        introduction = [f"{name}, {date.today()}", without_paths(run.outcome), note]
+        introduction = [str(date.today()), without_paths(run.outcome), note]
         sections = {"": "".join(paragraph(text) for text in introduction if text)}
         if results:
             sections["Forces and their intervals"] = wide(label(results))
@@ -151,11 +156,13 @@ def write_report(
         if forces:
             rows = _forces(forces, _facing(run.error), on_rings=_is_of_rings(run.error))
             sections["Forces on the body"] = label(rows)
+        if unknown:
+            sections["What is not known"] = "".join(paragraph(label(words)) for words in unknown)
         if code:
             sections["How to reproduce it"] = f"<pre>{escape(code)}</pre>"
         software = {**versions(), **machine(), "ranks": str(comm.size)}
         sections["Software and machine"] = wide(table(software.items()))
-        file.write_text(page_of_sections(title, sections))
+        file.write_text(page_of_sections(f"{name}: {title}", sections))
 
     on_root(comm, path, write)
 

@@ -6,7 +6,7 @@ cost little.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 import numpy as np
@@ -37,6 +37,13 @@ MEANS = {
 """Parts of the oscillation in words."""
 
 
+def parted(statements: Sequence[tuple[str, str]]) -> tuple[list[tuple[str, str]], list[str]]:
+    """Part statements into claims with their kinds and words of what is not known."""
+    claims = [statement for statement in statements if statement[0] != NOT_KNOWN]
+    unknown = [words for kind, words in statements if kind == NOT_KNOWN]
+    return claims, unknown
+
+
 def verdict(error: ConstitutiveError) -> list[tuple[str, str]]:
     """Make statements about an error, each with its kind; collective.
 
@@ -62,7 +69,11 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
             "e^2/2 bounds how far the potential energy of u^ and the complementary energy of "
             "sigma^ are from their least values, together"
         )
-    size = f"e = {error.absolute:.4g} is {percent(error.relative)} of {norm} = {error.scale:.4g}"
+    unit = error.solution.scene.unit("sqrt(force length)")
+    size = (
+        f"e = {error.absolute:.4g}{unit} is {percent(error.relative)} of {norm} = "
+        f"{error.scale:.4g}{unit}"
+    )
     if not error.pressure_dependent:
         if error.guaranteed:
             proved = (
@@ -79,8 +90,8 @@ def _of_the_bound(error: ConstitutiveError) -> list[tuple[str, str]]:
     contacts = ", ".join(model.contact(name).title for name in error.pressure_dependent)
     term = (
         f"{size}. {bounds}, up to a third term: the friction bound of {contacts} depends on the "
-        "pressure. The term is a product of two errors and has no sign. It is of higher order, "
-        "and it is not proved to be harmless."
+        "pressure. The term is a product of two errors and has no sign. It is not proved to be "
+        "small."
     )
     certificate = (
         "Whether more is proved with this friction: ec.coulomb_certificate(error) computes it. A "

@@ -60,7 +60,7 @@ def force(result: Any, part: str) -> Force:
     # polynomials.
     hats = bernstein(d - 1, 1, nodes(d - 1, k)).T @ coefficients(d - 1, k).T
     forces = np.matmul(hats, sign[:, None, None] * pair.facet_moments[facets])
-    return total_force(space, corners.ravel(), forces.reshape(-1, d))
+    return total_force(model, corners.ravel(), forces.reshape(-1, d))
 
 
 def reactions(result: Any) -> dict[str, Force]:
@@ -80,7 +80,7 @@ def _body_force(pair: Admissible) -> Force:
     vertices = pair.cell_geometry.vertices[:owned]
     # Means of the load times the hat functions are forces at the vertices.
     forces = np.matmul(mass(space.d, 1, space.degree - 1), pair.cell_forces[:owned])
-    return total_force(space, vertices.ravel(), forces.reshape(-1, space.d))
+    return total_force(pair.model, vertices.ravel(), forces.reshape(-1, space.d))
 
 
 def whole_force(result: Any, part: str) -> Force:
@@ -110,7 +110,7 @@ def whole_force(result: Any, part: str) -> Force:
         # A reflection changes the sign of a moment, which is a cross product.
         moment += np.linalg.det(linear) * (turned @ own_moment)
         moment += np.cross(*in_space(np.array([shift, pulled])))
-    return Force(whole, moment[-len(of_part.moment) :])
+    return Force(whole, moment[-len(of_part.moment) :], of_part.units)
 
 
 def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:

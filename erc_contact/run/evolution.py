@@ -23,7 +23,7 @@ from erc_contact.output.gallery import Gallery
 from erc_contact.output.pictures import add_states
 from erc_contact.output.report import evolution_as_code, keep_domain, write_record, write_report
 from erc_contact.output.series import write_series
-from erc_contact.output.verdict import of_gaps, verdict
+from erc_contact.output.verdict import of_gaps, parted, verdict
 from erc_contact.output.view_page import VIEW_FILE, VIEW_WORDS, View
 from erc_contact.output.views import show_history
 from erc_contact.results import OPEN, SLIP, ContactArea, ContactForce, Force, Maximum, Values
@@ -235,13 +235,14 @@ class Evolution(RunResult):
         for reactions in of_steps:
             causes |= dict.fromkeys(reactions)
         balance = of_steps[0]["balance"]
-        zero = Force(np.zeros_like(balance.force), np.zeros_like(balance.moment))
+        zero = Force(np.zeros_like(balance.force), np.zeros_like(balance.moment), balance.units)
         history = {}
         for cause in causes:
             forces = [reactions.get(cause, zero) for reactions in of_steps]
             history[cause] = Force(
                 np.stack([reaction.force for reaction in forces]),
                 np.stack([reaction.moment for reaction in forces]),
+                balance.units,
             )
         return history
 
@@ -325,18 +326,19 @@ class Evolution(RunResult):
         length = f"to t = {self.steps[-1].time:g} in {len(self.steps)} steps"
         arguments = {"accuracy": self.accuracy, **self.settings}
         domain_code = keep_domain(self.domain, folder)
-        claims = [*verdict(self.error), *of_gaps(self.error)]
+        claims, unknown = parted([*verdict(self.error), *of_gaps(self.error)])
         # Each component of a force takes an elastic solve.
         asked = gallery is not None and gallery.has_all_time
         names = contact_names(self.error) if asked else []
         write_report(
             self,
             folder / "report.html",
-            f"Loading history {length}, each asked for {percent(self.accuracy)}",
+            f"loading history {length}, each asked for {percent(self.accuracy)}",
             {"Steps": self._table()},
             gallery,
             results=forces_in_html(bounded_forces(self.error, names, resultant)),
             claims=claims,
+            unknown=unknown,
             forces=forces,
             code=evolution_as_code(self.scene_at, self.domain, domain_code, arguments),
             note=NOTE,

@@ -28,7 +28,7 @@ from erc_contact.output.paraview import write_fields
 from erc_contact.output.pictures import add_states, draw_error
 from erc_contact.output.report import keep_domain, run_as_code, write_record, write_report
 from erc_contact.output.series import write_meshes
-from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, verdict
+from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, parted, verdict
 from erc_contact.output.view_page import add_view
 from erc_contact.results import OPEN, ContactArea, ContactForce, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
@@ -261,13 +261,21 @@ class History(RunResult):
         quantities = PEAKS if model.contacts else ["von Mises"]
         maxima = {name: self.maximum(name) for name in quantities}
         slips = of_slips(self.best, small_slips(self.best)) if self.bounds is None else []
-        claims = [*verdict(self.best), *of_gaps(self.best), *slips, *of_maxima(maxima)]
+        claims, unknown = parted(
+            [*verdict(self.best), *of_gaps(self.best), *slips, *of_maxima(maxima)]
+        )
         # Each component of a force takes an elastic solve.
         asked = gallery is not None and gallery.has_all_time
         names = contact_names(self.best) if asked else []
         results = forces_in_html(bounded_forces(self.best, names, resultant))
         self._write_report(
-            folder, gallery, results=results, claims=claims, forces=forces, code=code
+            folder,
+            gallery,
+            results=results,
+            claims=claims,
+            unknown=unknown,
+            forces=forces,
+            code=code,
         )
 
     def _save_table(self, folder: Path, forces: Mapping[str, Force]) -> None:
@@ -293,7 +301,7 @@ class History(RunResult):
 
     def _write_report(self, folder: Path, gallery: Gallery | None, **more: Any) -> None:
         """Write ``report.html``; collective."""
-        title = f"Relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
+        title = f"relative error {percent(self.best.total)}, asked for {percent(self.accuracy)}"
         tables = {"Meshes": self._table()}
         write_report(self, folder / "report.html", title, tables, gallery, **more)
 

@@ -1,9 +1,14 @@
-"""Goals: single numbers of the solution that a certified interval is asked of."""
+"""Goals: single numbers of the solution that a certified interval is asked of.
+
+Each class has the dimension of its number for prints, "" where it has none, or the data
+of the goal decide on it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from erc_contact.base.code import code_of
 from erc_contact.base.exceptions import InputError
@@ -83,6 +88,8 @@ class Resultant(_PartInDirection):
         Resultant(part='top', direction=(0.0, 1.0))
     """
 
+    dimension: ClassVar[str] = "force"
+
 
 @dataclass(frozen=True)
 class MeanDisplacement(_PartInDirection):
@@ -99,6 +106,8 @@ class MeanDisplacement(_PartInDirection):
         >>> ec.MeanDisplacement("right", (0.0, 1.0))
         MeanDisplacement(part='right', direction=(0.0, 1.0))
     """
+
+    dimension: ClassVar[str] = "length"
 
 
 @dataclass(frozen=True)
@@ -142,6 +151,8 @@ class Moment(_PartAboutAxis):
         Moment(part='top', axis=None, about=(0.0, 0.0))
     """
 
+    dimension: ClassVar[str] = "force length"
+
     about: Sequence[float] | None = None
 
 
@@ -163,6 +174,8 @@ class Rotation(_PartAboutAxis):
         >>> ec.Rotation("top")
         Rotation(part='top', axis=None)
     """
+
+    dimension: ClassVar[str] = ""
 
 
 @dataclass(frozen=True)
@@ -187,6 +200,8 @@ class Slip(_OfPart):
         >>> ec.Slip("bottom")
         Slip(part='bottom', direction=None)
     """
+
+    dimension: ClassVar[str] = "length"
 
     direction: Sequence[float] | None = None
 
@@ -216,6 +231,8 @@ class Opening(_OfPart):
         Opening(part='bottom')
     """
 
+    dimension: ClassVar[str] = "length"
+
 
 @dataclass(frozen=True)
 class BoltForce(_OfPart):
@@ -233,6 +250,8 @@ class BoltForce(_OfPart):
         BoltForce(part='upper end')
     """
 
+    dimension: ClassVar[str] = "force"
+
 
 @dataclass(frozen=True)
 class Shortening(_OfPart):
@@ -249,6 +268,8 @@ class Shortening(_OfPart):
         >>> ec.Shortening("upper end")
         Shortening(part='upper end')
     """
+
+    dimension: ClassVar[str] = "length"
 
 
 @dataclass(frozen=True, repr=False)
@@ -275,6 +296,8 @@ class Functional:
         >>> ec.Functional(ec.Traction("right", (0.0, 1.0)))
         Functional(load=ec.Traction(facets='right', value=(0.0, 1.0)))
     """
+
+    dimension: ClassVar[str] = ""
 
     load: Load
 
@@ -321,6 +344,8 @@ class StressIntensity:
         StressIntensity(tip=(0.5, 0.0), direction=(1.0, 0.0), radius=0.3, mode='I')
     """
 
+    dimension: ClassVar[str] = ""
+
     tip: Sequence[float]
     direction: Sequence[float]
     radius: float
@@ -354,6 +379,8 @@ class Energy:
         >>> ec.adapt(scene, block, accuracy=0.1, goal=ec.Energy()).reached
         True
     """
+
+    dimension: ClassVar[str] = "force length"
 
 
 GOALS = (

@@ -37,7 +37,7 @@ from erc_contact.scene.potential import (
 from erc_contact.scene.strain import GivenStrain
 from erc_contact.scene.support import Displacement, Rigid, Spring
 from erc_contact.scene.tied import Tied
-from erc_contact.scene.units import check_units, in_units
+from erc_contact.scene.units import check_units, in_units, unit_of
 from erc_contact.scene.words import in_words
 from namedmesh.base.html import in_columns, table
 
@@ -72,8 +72,8 @@ class Scene:
         springs: Springs on boundary parts.
         ties: Joints of bodies that are glued to each other, and preloads of bolts.
         units: Units of length, force and stress, as in "mm, N, MPa", which pictures,
-            tables and reports write; nothing is computed with them. In the plane forces
-            act on a unit of thickness: "mm, N/mm, MPa".
+            tables, reports and prints write; nothing is computed with them. In the
+            plane forces act on a unit of thickness: "mm, N/mm, MPa".
 
     A single support, load, contact, strain, spring or tie needs no list around it.
 
@@ -136,6 +136,10 @@ class Scene:
     def label(self, text: str) -> str:
         """Return a label with the units of the scene in place of dimensions."""
         return in_units(text, self.units)
+
+    def unit(self, dimension: str) -> str:
+        """Return the unit of a dimension as it stands behind a number, or ""."""
+        return unit_of(dimension, self.units)
 
     def __str__(self) -> str:
         """List what the scene says of each part, a line each."""

@@ -1,4 +1,4 @@
-"""Write the units of a user's numbers in pictures, tables and reports.
+"""Write the units of a user's numbers in pictures, tables, reports and prints.
 
 Nothing is computed with units: any consistent system will do, and these are its names.
 """
@@ -59,3 +59,17 @@ def in_units(text: str, units: str) -> str:
         return f"[{root}{names[dimension]}{end}]"
 
     return DIMENSION.sub(named, text)
+
+
+def unit_of(dimension: str, units: str) -> str:
+    """Return the unit of a dimension as it stands behind a number; "" if none is known.
+
+    Args:
+        dimension: A dimension of labels, or "" of a pure number.
+        units: Units of length, force and stress, or "".
+
+    Example:
+        >>> f"12{unit_of('force length', 'mm, N, MPa')}"
+        '12 N·mm'
+    """
+    return f" {in_units(f'[{dimension}]', units)[1:-1]}" if dimension and units else ""

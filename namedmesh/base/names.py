@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from hashlib import sha256
+from itertools import accumulate
 
 LONGEST_STEM = 60
 """Greatest number of letters of a name that a name of a file keeps."""
@@ -19,6 +20,8 @@ LONGEST_NAME = 1000
 """Greatest number of letters of a name from a file."""
 MOST_SHOWN = 12
 """Greatest number of names that a line shows."""
+LINE_WIDTH = 72
+"""Greatest number of letters of a line of several names."""
 HASHED = re.compile(r"-[0-9a-f]{8}")
 """End of the name of a file that does not tell all of a name."""
 
@@ -71,15 +74,17 @@ def known_names(name: object, names: Iterable[str]) -> str:
 
 
 def first_names(names: Iterable[str]) -> str:
-    """List names in a line, and of many only the first names.
+    """List names in a line of a terminal, and of many only the first names.
 
     Example:
         >>> first_names(str(number) for number in range(104))
         '0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11 and 92 more'
     """
     known = list(names)
-    shown = ", ".join(known[:MOST_SHOWN])
-    more = len(known) - MOST_SHOWN
+    widths = accumulate(len(name) + len(", ") for name in known[1:MOST_SHOWN])
+    count = 1 + sum(len(known[0]) + width <= LINE_WIDTH for width in widths) if known else 0
+    shown = ", ".join(known[:count])
+    more = len(known) - count
     return f"{shown} and {more} more" if more > 0 else shown
 
 

@@ -856,7 +856,7 @@ def test_open_contact_has_no_picture(shared_tmp_path):
         assert {name for name in names if name.endswith(".png")} == pictures
         assert {"contact_right.csv", "contact_right.vtkhdf"} <= names
         page = (shared_tmp_path / "report.html").read_text()
-        assert page.count("<figure>") == len(pictures | {"view.html"})
+        assert page.count("<figure>") == len(pictures | {"view.html", "the intervals"})
 
 
 @pytest.mark.serial

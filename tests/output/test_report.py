@@ -12,6 +12,7 @@
 import csv
 import json
 import platform
+import re
 import shutil
 import tempfile
 from dataclasses import replace
@@ -30,6 +31,7 @@ import erc_contact as ec
 from erc_contact import output, results
 from erc_contact.base.code import code_of, definitions
 from erc_contact.output import gallery
+from erc_contact.output.bounded_forces import BoundedForce, forces_in_html
 from erc_contact.output.verdict import of_maxima, verdict
 from erc_contact.run.history import COLUMNS
 from namedmesh.base.percent import percent
@@ -124,10 +126,13 @@ def test_report_needs_nothing_else(history, folder):
             f"{step.seconds:.2f}",
         } <= set(lines)
     assert history.outcome in lines
-    assert f"{folder.name}, {date.today()}" in lines
+    assert str(date.today()) in lines
+    assert any(line.startswith(f"{folder.name}: relative error ") for line in lines)
     headings = ["Forces and their intervals", "What the number means", "Scene", "Meshes"]
+    headings += ["Forces on the body", "What is not known", "How to reproduce it"]
     places = [lines.index(heading) for heading in headings]
     assert places == sorted(places)
+    assert "not known" not in lines[: places[-2]]
     assert any(line.startswith("between ") for line in lines[places[0] : places[1]])
     assert f"{forces['bottom'].force[1]:.6g}" in lines
     for code in (
@@ -136,6 +141,26 @@ def test_report_needs_nothing_else(history, folder):
         "strategy=ec.Mark(fraction=0.3)",
     ):
         assert code in page.words
+
+
+@pytest.mark.serial
+def test_intervals_are_drawn_to_scale():
+    """Bars begin and end where the intervals do, from the computed component on."""
+    ends = {"punch": (9.0, 12.0), "block <2>": (-10.5, -10.0)}
+    rows = [
+        BoundedForce(part, "y", 10.0 * np.sign(low), ec.Bounds(0.0, low, high, True))
+        for part, (low, high) in ends.items()
+    ]
+    drawing = forces_in_html([*rows, BoundedForce("rim", "x", 1.0, None, "it slides")])
+    bars = re.findall(r'<line x1="(\S+)" x2="(\S+)" \S+ \S+ class="interval"/>', drawing)
+    circles = re.findall(r'<circle cx="(\S+)"', drawing)
+    (first, second), zero = np.array(bars, dtype=float), float(circles[0])
+    unit = (first[1] - zero) / 2.0
+    assert first - zero == pytest.approx([-unit, 2 * unit], abs=0.1)
+    assert second - zero == pytest.approx([-0.5 * unit, 0.0], abs=0.1)
+    assert ">block &lt;2&gt; y</text>" in drawing
+    assert len(circles) == 2
+    assert "<svg" not in forces_in_html([BoundedForce("rim", "x", 1.0, None, "it slides")])
 
 
 def test_pictures_without_time_are_named(history, folder, monkeypatch):

@@ -1,5 +1,8 @@
 """Units are words: pictures, views and reports write them, and nothing is computed with them."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -7,6 +10,7 @@ from scenes import block
 
 import erc_contact as ec
 from erc_contact import output
+from erc_contact.results import Force
 from erc_contact.run.fingerprint import fingerprint
 from erc_contact.scene.units import in_units
 
@@ -54,6 +58,41 @@ def test_pictures_have_units(both):
             assert f"x [{length}]" in words
             assert any(f"[{stress}]" in said for said in words)
         assert f"pressure of contacts [{stress}]" in page
+
+
+def test_prints_have_units(both):
+    """Numbers with a dimension that forces, intervals, maxima, errors and certificates print."""
+    plain, with_units = both
+    certified = ec.certify(with_units.solution.scene, with_units.domain, with_units.solution.u)
+    moved = replace(certified, off_supports=0.25)
+    energy = ec.interval(with_units, ec.Energy())
+    for number in (energy, ec.potential_energy(with_units)):
+        assert str(number).split(", ")[0].endswith(" N/mm·mm")
+    force = ec.resultant(with_units, "bottom", (0.0, 1.0))
+    assert re.fullmatch(r"\S+ N/mm, between \S+ N/mm and \S+ N/mm \(estimated\)", str(force))
+    for result in (with_units, with_units.solution):
+        of_part = result.force("bottom")
+        assert re.fullmatch(r"force \(\S+, \S+\) N/mm, moment \S+ N/mm·mm", str(of_part))
+        assert str(of_part + of_part).count("N/mm") == 2
+        assert "force [N/mm]" in of_part._repr_html_()
+    assert "up to 0.25 mm." in str(moved)
+    assert "0.25 mm" in moved._repr_html_()
+    assert " MPa at (" in str(with_units.maximum("von Mises"))
+    assert " mm at (" in str(with_units.maximum("displacement"))
+    assert "sqrt(N/mm·mm)" in repr(with_units)
+    assert "sqrt(N/mm·mm)" in str(ec.coulomb_certificate(with_units))
+    assert "unit" not in repr(force)
+    words = [str(plain.force("bottom")), str(ec.potential_energy(plain)), repr(plain)]
+    assert not any("mm" in each or "[" in each for each in words)
+
+
+def test_forces_of_a_history_print_a_line_for_each_step():
+    forces = Force(np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([[5.0], [6.0]]), "mm, N, MPa")
+    assert str(forces).splitlines() == [
+        "force (1, 2) N, moment 5 N·mm",
+        "force (3, 4) N, moment 6 N·mm",
+    ]
+    assert forces._repr_html_().count("force [N]") == 2
 
 
 @pytest.mark.serial

@@ -97,6 +97,7 @@ class CoulombCertificate:
         q_largest: The largest ``q + q_change`` of all fields t that were tried [-]. q
         belongs to the field with the least bound; on another mesh a rougher field may
         have the least bound, with a q up to this.
+        unit: Unit of e as it stands behind the number; "" if the scene has none.
 
     Example:
         >>> certificate = ec.coulomb_certificate(error)
@@ -116,6 +117,7 @@ class CoulombCertificate:
     unbalanced: float
     smoothing: float = 0.0
     q_largest: float = 0.0
+    unit: str = ""
 
     @property
     def M(self) -> float:
@@ -138,7 +140,7 @@ class CoulombCertificate:
         if self.friction == 0 and self.q == 0:
             return (
                 "No friction grows with the pressure: there is one solution, and "
-                f"e = {self.absolute:.3g} bounds it."
+                f"e = {self.absolute:.3g}{self.unit} bounds it."
             )
         if not np.isfinite(self.q):
             return (
@@ -149,7 +151,8 @@ class CoulombCertificate:
         if self.bound < np.inf:
             return (
                 f"With the estimate {q} < 2 every solution lies within {self.factor:.3g} e = "
-                f"{self.bound:.3g} of the pair, and one at most has its direction of slip."
+                f"{self.bound:.3g}{self.unit} of the pair, and one at most has its direction "
+                "of slip."
             )
         if self.unique:
             return (
@@ -158,7 +161,7 @@ class CoulombCertificate:
             )
         return (
             f"Nothing is proved of other solutions: {q} is not safely below 2, "
-            f"at most {CLAIMED_COUPLING:.3g}. e bounds up to a term of higher order."
+            f"at most {CLAIMED_COUPLING:.3g}. e bounds up to a product of two errors."
         )
 
 
@@ -178,7 +181,7 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
         With the estimate q = 0.484 (+- 0.01) < 2 every solution lies within 1.54 e ...
     """
     error = error_of(error)
-    e_alone = "e bounds it up to a term of higher order."
+    e_alone = "e bounds it up to a product of two errors."
     refuse_potential(error.solution.scene.material, "coulomb_certificate()", e_alone)
     pair = error.admissible
     model = pair.model
@@ -188,16 +191,17 @@ def coulomb_certificate(error: ConstitutiveError | Run) -> CoulombCertificate:
         if depends_on_pressure(contact.friction):
             contacts.append(contact)
     e = error.absolute
+    unit = model.scene.unit("sqrt(force length)")
     if not all(has_coulomb(contact) for contact in contacts):
-        return CoulombCertificate(0.0, np.inf, np.inf, False, np.inf, e, np.inf, np.inf)
+        return CoulombCertificate(0.0, np.inf, np.inf, False, np.inf, e, np.inf, np.inf, unit=unit)
     if not contacts:
-        return CoulombCertificate(0.0, 0.0, 0.0, True, e, e, 0.0, 0.0)
+        return CoulombCertificate(0.0, 0.0, 0.0, True, e, e, 0.0, 0.0, unit=unit)
     on_surface = pair_on_surface(pair)
     elastic = pair.solution.stiffness
     with elastic.in_memory():
         traces = elastic.traces(on_surface.surface.numbers)
         certify = _best if traces.cheap else _single
-        best = certify(error, on_surface, traces)
+        best = replace(certify(error, on_surface, traces), unit=unit)
     # A field with a smaller q and a larger bound might not outlive the next mesh.
     if best.q + best.q_change > CLAIMED_COUPLING:
         best = replace(best, unique=False, bound=np.inf)

@@ -224,6 +224,7 @@ class GoalController:
         if "low" in self._carried:
             low = self._carried["low"]
             high = self._carried["high"]
-            bounds = bounds.narrowed(Bounds((low + high) / 2, low, high, guaranteed=True))
+            before = replace(bounds, value=(low + high) / 2, low=low, high=high)
+            bounds = bounds.narrowed(before)
         self._carried |= {"low": bounds.low, "high": bounds.high}
         return replace(last, bounds=bounds)

@@ -19,7 +19,7 @@ from erc_contact.error.goals.constants import FACTOR, GROWTH, LARGEST_COUNT, NAR
 from erc_contact.error.goals.perturbation import Perturbation
 from erc_contact.error.goals.perturbations import perturbation_of
 from erc_contact.error.goals.trials import GoalError, PairOf, Trials
-from erc_contact.error.numbers import ROUND_OFF, BoundedNumber, Bounds
+from erc_contact.error.numbers import ROUND_OFF, Bounds
 from erc_contact.scene.goal import Energy, Goal, Resultant
 
 
@@ -71,7 +71,7 @@ def perturbation_or_number(error: ConstitutiveError, goal: Goal) -> Perturbation
         raise InputError("interval: a step of a history has none; solve its scene alone.")
     perturbation = perturbation_of(error, goal)
     if perturbation.scene_at is None:
-        return _told_by_loads(error, perturbation.constant)
+        return _told_by_loads(error, perturbation)
     return perturbation
 
 
@@ -102,13 +102,15 @@ def _energy(error: ConstitutiveError) -> GoalError:
     return GoalError(replace(bounds, value=middle), shares)
 
 
-def _told_by_loads(error: ConstitutiveError, number: BoundedNumber) -> GoalError:
+def _told_by_loads(error: ConstitutiveError, perturbation: Perturbation) -> GoalError:
     """Return the interval of a number that equilibrium with the loads dictates."""
+    number = perturbation.constant
     value = number.value + 0.0  # no -0.0
     low = value - number.bound
     high = value + number.bound
     is_straight = error.geometry_error <= ROUND_OFF * error.scale
-    bounds = Bounds(value, low, high, number.resolved and is_straight)
+    proved = number.resolved and is_straight
+    bounds = Bounds(value, low, high, proved, unit=perturbation.unit)
     return GoalError(bounds, (error.scale * error.indicators) ** 2)
 
 

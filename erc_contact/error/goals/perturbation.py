@@ -59,6 +59,7 @@ class Perturbation:
         varies: Whether the moved load varies in space: a mesh may not represent it.
         size: Size of psi, its value for a unit displacement; 0 if no load moves.
         least: What the number is at least.
+        unit: Unit of the number as it stands behind it; "" if the scene has none.
     """
 
     scene_at: Callable[[float], Scene] | None
@@ -69,3 +70,4 @@ class Perturbation:
     varies: bool = False
     size: float = 0.0
     least: float = -np.inf
+    unit: str = ""

@@ -66,11 +66,12 @@ def perturbation_of(error: ConstitutiveError, goal: GoalOfPair) -> Perturbation:
     base = _base_scene(error)
     match goal:
         case StressIntensity():
-            return stress_intensity(error, base, goal)
+            perturbation = stress_intensity(error, base, goal)
         case BoltForce() | Shortening():
-            return bolt_perturbation(base, goal, error.admissible)
+            perturbation = bolt_perturbation(base, goal, error.admissible)
         case _:
-            return _of_scene(base, goal, vector)
+            perturbation = _of_scene(base, goal, vector)
+    return replace(perturbation, unit=base.scene.unit(goal.dimension))
 
 
 def check_goal(scene: Scene, domain: Domain, degree: int, goal: Goal) -> None:

@@ -173,7 +173,8 @@ class Trials:
         ends = sorted((self.perturbation.sign * low, self.perturbation.sign * high))
         least = max(ends[0] + constant.value - constant.bound, self.perturbation.least)
         most = max(ends[1] + constant.value + constant.bound, least)
-        return Bounds((least + most) / 2, least, most, proved)
+        unit = self.perturbation.unit
+        return Bounds((least + most) / 2, least, most, proved, unit=unit)
 
     def shares(self, ends: Ends) -> np.ndarray:
         """Return the share of each owned cell in the width of an interval.

@@ -22,7 +22,7 @@ from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.patches import method_caches_off
 from erc_contact.base.traced import field_of
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.distance import Distance, between_surfaces
+from erc_contact.model.contact.drawn_apart import DrawnApart, between_surfaces
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import Friction, bind_friction
 from erc_contact.model.contact.friction_set import DISC, Disc, Ellipse
@@ -95,11 +95,11 @@ def bind_contact(
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
     trace = Trace(here, there, normals.direction, corner_normals=of_corners)
-    distance = Distance()
+    apart = DrawnApart()
     if space.domain.distance(contact.facets, contact.against) > 0:
-        distance = _distance_of(space, trace, normal)
-        gaps += distance.gaps
-        given_gaps += distance.gaps[1:]
+        apart = _drawn_apart(space, trace, normal)
+        gaps += apart.gaps
+        given_gaps += apart.gaps[1:]
     motion = None
     if contact.motion is not None:
         motion = components(space, contact.motion, f"{what}: motion")
@@ -133,15 +133,15 @@ def bind_contact(
         friction=friction,
         gap=sum_of(gaps),
         given_gap=sum_of(given_gaps),
-        gap_beside_facets=distance.beside_facets,
-        gap_varies=callable(contact.gap) or motion is not None or bool(distance.gaps),
+        gap_beside_facets=apart.beside_facets,
+        gap_varies=callable(contact.gap) or motion is not None or bool(apart.gaps),
         bilateral=contact.bilateral,
         stiffness=stiffnesses.get("normal"),
         tangential_stiffness=stiffnesses.get("tangential"),
         lost=lost,
         gap_vectors=of_gap,
         moved=moved,
-        between=distance.between,
+        between=apart.between,
     )
 
 
@@ -168,14 +168,14 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     return contact.facets, here, there
 
 
-def _distance_of(space: Space, trace: Trace, normal: Ufl) -> Distance:
+def _drawn_apart(space: Space, trace: Trace, normal: Ufl) -> DrawnApart:
     """Measure the gap between two bodies along a unit normal, UFL; collective."""
     # Facing facets are one facet in their parameters, so this is linear on each. A jump
     # that is equal to it brings both points together.
     vectors, between = normal_field(space, trace.here.facets, trace.to_partners)
     added = between_surfaces(space, trace)
     beside_facets = None if added is None else ufl.dot(added, normal)
-    return Distance(ufl.dot(vectors, normal), beside_facets, between)
+    return DrawnApart(ufl.dot(vectors, normal), beside_facets, between)
 
 
 def _mean_moduli(space: Space, here: Side, there: Side) -> np.ndarray:

@@ -21,7 +21,7 @@ from erc_contact.model.space import Space
 
 
 @dataclass(frozen=True, eq=False)
-class Distance:
+class DrawnApart:
     """Hold the gap between two bodies, none of bodies in one place.
 
     Attributes:
