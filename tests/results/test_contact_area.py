@@ -108,12 +108,10 @@ def test_a_strip_has_two_ends_that_mirror_each_other():
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_contact_that_is_closed_has_the_area_of_its_part(d):
-    push = [None] * (d - 1) + [-0.01]
+    push = (0.002,) + (None,) * (d - 2) + (-0.01,)
     for bilateral in (False, True):
         contact = ec.Contact("bottom", friction=0.3 * (not bilateral), bilateral=bilateral)
-        scene = ec.Scene(
-            MATERIAL["plane"], ec.Displacement("top", [0.002, *push[1:]]), contacts=contact
-        )
+        scene = ec.Scene(MATERIAL["plane"], ec.Displacement("top", push), contacts=contact)
         error = measured(scene, flat_block(d, 2))
         area = error.contact_area("bottom").area
         assert np.isclose(area.value, 2.0)
