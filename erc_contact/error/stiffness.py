@@ -45,6 +45,12 @@ def stiffness(
     Raises:
         InputError: If no contact or part has its name, the direction is not d finite
             numbers, not all zero, or the part does not move along it.
+
+    Example:
+        >>> first, second = evolution.errors
+        >>> bounds = ec.stiffness(first, second, "bottom", "top", direction=(0.0, 1.0))
+        >>> bool(bounds.low <= bounds.value <= bounds.high)
+        True
     """
     space = second.model.space
     a = np.asarray(direction, dtype=float)
