@@ -75,12 +75,6 @@ def surface(step):
     return contact["x"], -moved - depth(evolution.steps[step].time)
 
 
-def radius(step):
-    """Radius of the contact, to a facet."""
-    contact = evolution.profile("bottom")[step]
-    return contact["x"][contact["pressure"] > 0].max()
-
-
 time = evolution.column("time")
 force = evolution.force("bottom")[:, 1]
 plastic = evolution.column("plastic_work")
@@ -90,7 +84,8 @@ pressed, released, again, last = (
     int(abs(time - turn).argmin()) for turn in (1, 2, 3, 4)
 )
 deepest, imprint, second_imprint = surface(pressed), surface(released), surface(last)
-mean_pressure = force[pressed] / (np.pi * radius(pressed) ** 2)
+radius = evolution.errors[pressed].contact_area("bottom").radius
+mean_pressure = evolution.errors[pressed].contact_force("bottom").mean_pressure.value
 share = ec.results.plastic_share(evolution.errors[pressed])
 # Both sides of the axis, the part near the imprint.
 axes = ec.output.draw_state(evolution.errors[last], "accumulated", mirrored=True)
@@ -104,6 +99,7 @@ if layer.comm.rank == 0:
     print(
         f"imprint {-imprint[1].min():.4f} mm deep, {share:.1%} of the layer has yielded"
     )
+    print(f"radius of the contact {radius} mm")
     print(f"work {given[last]:.1f}", end=", ")
     print(f"stored {stored[last]:.1f}, plastic {plastic[last]:.1f} N mm")
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.8), layout="constrained")
@@ -135,7 +131,7 @@ assert 2.4 < mean_pressure / YIELD < 3.0
 assert force[released] < 1e-9 * force[pressed]
 assert 0.6 * DEPTH < -imprint[1].min() < 0.9 * DEPTH
 assert 0.0 < imprint[1].max() < 0.1 * DEPTH
-assert imprint[0][imprint[1].argmax()] > radius(pressed)
+assert imprint[0][imprint[1].argmax()] > radius.high
 
 # %%
 # The second press is nearly elastic: it comes to the same force, takes no more than 1%

@@ -103,15 +103,6 @@ history.save(FOLDER, pictures=True)
 # The five numbers. Pressures are read from parabolas through the points near the place.
 
 
-def half_width(contact):
-    """Where the power 2/3 of the gap, a straight line there, is zero."""
-    x, opening = contact["x"], contact["gap"]
-    outermost = x[contact["pressure"] > 0].max()
-    near = (x > outermost) & (x < 1.2 * outermost) & (opening > 0)
-    slope, at_zero = np.polyfit(x[near], opening[near] ** (2 / 3), 1)
-    return -at_zero / slope
-
-
 def pressure_at(contact, x):
     """The pressure, by a parabola through the points near x."""
     near = abs(contact["x"] - x) < 2.0
@@ -124,7 +115,9 @@ def numbers(run):
     force = 2 * run.force("foot").force[1]
     pressures = [pressure_at(contact, x) for x in (0.0, B / 2)]
     energy = 2 * ec.potential_energy(run).value
-    return np.array([half_width(contact), force, *pressures, energy])
+    # The contact of half of the layers begins in their middle.
+    (strip,) = run.contact_area("foot").strips
+    return np.array([strip.length.value, force, *pressures, energy])
 
 
 found, other = numbers(history), numbers(swapped)

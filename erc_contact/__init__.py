@@ -46,6 +46,7 @@ from erc_contact.error.numbers import Bounds
 from erc_contact.error.optimal import SizeMap
 from erc_contact.error.oscillation import Oscillations
 from erc_contact.error.sizes import Sizes, size_map
+from erc_contact.error.stiffness import stiffness
 from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
 from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
 from erc_contact.newton.solution import Solution
@@ -191,6 +192,7 @@ __all__ = [
     "resultant",
     "size_map",
     "solve",
+    "stiffness",
     "table",
     "where",
     "work_of_loads",

@@ -59,15 +59,18 @@ from erc_contact.error.oscillation import (
 from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
 from erc_contact.error.tiny_edges import tell_tiny_edges
 from erc_contact.model.contact.friction import depends_on_pressure
+from erc_contact.model.contact_area import ContactArea
+from erc_contact.model.contact_force import ContactForce
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.forces import Force
-from erc_contact.model.maximum import Maximum, find_maximum
+from erc_contact.model.greatest import find_maximum
+from erc_contact.model.maximum import Maximum
 from erc_contact.model.model import Model
-from erc_contact.model.stress import von_mises
+from erc_contact.model.von_mises import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.results.forces import force, reactions
-from erc_contact.results.points import Values, at
-from erc_contact.results.profile import profile
+from erc_contact.results.points import Values, along, at
+from erc_contact.results.profile import contact_area, contact_force, profile
 from erc_contact.results.stresses import mean_stress
 from erc_contact.results.true_gaps import gap_deviation
 from erc_contact.scene.potential import refuse_potential
@@ -220,6 +223,14 @@ class ConstitutiveError:
         """Return a profile, see :func:`erc_contact.results.profile`; collective."""
         return profile(self.admissible, contact)
 
+    def contact_area(self, contact: str) -> ContactArea:
+        """Return where a contact ends, :func:`erc_contact.results.contact_area`."""
+        return contact_area(self.admissible, contact, relative_error=self.total)
+
+    def contact_force(self, contact: str) -> ContactForce:
+        """Return forces and pressures, :func:`erc_contact.results.contact_force`."""
+        return contact_force(self.admissible, contact, relative_error=self.total)
+
     def gap_deviation(self, contact: str) -> float:
         """Return :func:`erc_contact.results.gap_deviation` [length]; collective."""
         return gap_deviation(self.admissible, contact)
@@ -227,6 +238,10 @@ class ConstitutiveError:
     def at(self, points: Any) -> Values:
         """Return values at points, see :func:`erc_contact.results.at`; collective."""
         return at(self.admissible, points)
+
+    def along(self, start: Any, stop: Any, count: int = 101) -> np.ndarray:
+        """Tabulate values on a line, :func:`erc_contact.results.along`; collective."""
+        return along(self.admissible, start, stop, count)
 
     def show(self) -> Any:
         """Show the deformed body with stress, error and pressure in 3D; collective.
@@ -255,7 +270,7 @@ class ConstitutiveError:
         :meth:`profile`.
 
         Args:
-            quantity: A quantity of :func:`erc_contact.model.maximum.find_maximum`.
+            quantity: A quantity of :func:`erc_contact.model.greatest.find_maximum`.
             stress: Which stress has it, see :func:`erc_contact.results.mean_stress`.
 
         Raises:

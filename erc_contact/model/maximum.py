@@ -1,23 +1,16 @@
-"""Find the greatest value of a quantity in the body or on its contacts."""
+"""Hold the greatest of values over all ranks, with its place and its trend."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError
-from erc_contact.model.model import Model
+from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
 from namedmesh.base.ranks import of_all
 
-IN_BODY = ("displacement", "von Mises")
-"""Quantities of the body."""
-ON_CONTACT = ("pressure", "shear", "slip", "gap")
-"""Quantities of contacts."""
 EQUAL_MAXIMA = 1e-9
 """Relative difference up to which values count as equal to the greatest [-].
 
@@ -57,6 +50,8 @@ class Maximum:
         values: The greatest value on each mesh of a run; empty if it is not known.
         sizes: Size of the element or facet where it is [length], for each mesh.
         unit: Unit of the value as it stands behind it; "" if the scene has none.
+        beside: Of a von Mises stress, at what its cell lies where the exact stress may
+            be infinite, as "a re-entrant corner of 270 degrees"; empty elsewhere.
     """
 
     value: float
@@ -64,10 +59,13 @@ class Maximum:
     values: tuple[float, ...] = ()
     sizes: tuple[float, ...] = ()
     unit: str = ""
+    beside: str = ""
 
     def __repr__(self) -> str:
         """Return value, place and trend in words."""
         at_place = f"{self.value:.6g}{self.unit} at {place_words(self.place)}"
+        if self.beside:
+            at_place += f", beside {self.beside}, where the exact stress may be infinite"
         if not self.values:
             return at_place
         trend = {
@@ -115,57 +113,18 @@ class Maximum:
         return None
 
 
-def find_maximum(
-    model: Model,
-    quantity: str,
-    displacement: fem.Function,
-    von_mises: Callable[[], np.ndarray],
-    profile: Callable[[str], np.ndarray],
-) -> Maximum:
-    """Find the greatest value of a quantity, and where it is; collective.
-
-    All ranks get the same, for any number of ranks.
+def greatest_of(space: Space, values: np.ndarray, x: np.ndarray, unit: str = "") -> Maximum:
+    """Find the greatest of the values of all ranks, and its place; collective.
 
     Args:
-        model: The scene on a mesh.
-        quantity: One of
-
-            - "displacement": length of the displacement at the nodes [length],
-            - "von Mises": von Mises stress of a cell, at its middle [force/area],
-            - "pressure", "shear" [force/area], "slip" or "gap" [length]: absolute value
-              at the points of the profiles of all contacts.
-        displacement: Displacement [length].
-        von_mises: Gives the von Mises stress of each owned cell [force/area], shape
-            (owned,).
-        profile: Gives the profile of a contact by its name.
-
-    Raises:
-        InputError: If the quantity is another one, or the scene has no contact.
+        space: The mesh.
+        values: Values of this rank, shape (n,).
+        x: Their places [length], shape (n, d).
+        unit: Unit of the values as it stands behind them.
     """
-    space = model.space
-    quantities = (*IN_BODY, *ON_CONTACT)
-    if quantity not in quantities:
-        allowed = ", ".join(map(repr, quantities))
-        raise InputError(f"maximum: the quantity is {quantity!r}; allowed are {allowed}.")
-    if quantity in ON_CONTACT:
-        if not model.contacts:
-            raise InputError(f"maximum: {quantity!r} is of contacts, and this scene has none.")
-        profiles = [profile(contact.name) for contact in model.contacts]
-        values = np.concatenate([abs(table[quantity]) for table in profiles])
-        axes = ["x", "y", "z"][: space.d]
-        x = np.column_stack([np.concatenate([table[axis] for table in profiles]) for axis in axes])
-    elif quantity == "displacement":
-        owned = space.V.dofmap.index_map.size_local
-        nodal = displacement.x.array.reshape(-1, space.d)[:owned]
-        values = np.linalg.norm(nodal, axis=1)
-        x = space.V.tabulate_dof_coordinates()[:owned, : space.d]
-    else:
-        values = von_mises()
-        x = space.cell_corners()[: model.domain.owned_cells].mean(axis=1)
     top = space.comm.allreduce(float(values.max(initial=-np.inf)), MPI.MAX)
     (places,) = of_all(space.comm, x[values >= top - EQUAL_MAXIMA * abs(top)])
     # Rounded, so that the place does not depend on the ranks.
-    rounded = (places / model.domain.extent).round(9)
+    rounded = (places / space.domain.extent).round(9)
     first = np.lexsort(rounded.T[::-1])[0]
-    dimension = "length" if quantity in ("displacement", "slip", "gap") else "force/area"
-    return Maximum(top, places[first] + 0.0, unit=model.scene.unit(dimension))
+    return Maximum(top, places[first] + 0.0, unit=unit)

@@ -457,6 +457,10 @@ class Model:
             )
         return contacts[name]
 
+    def can_open(self, contact: ContactOnMesh) -> bool:
+        """Tell whether a contact or tied joint may open."""
+        return not contact.bilateral and contact not in self.ties
+
     def greatest_coefficient(self, contact: ContactOnMesh) -> float:
         """Return the greatest coefficient of Coulomb friction [-]; collective.
 

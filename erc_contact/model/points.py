@@ -16,6 +16,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.runtime import compiled
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
+from erc_contact.model.von_mises import von_mises
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.base.releases import cell_nodes
 from namedmesh.for_solvers import in_space
@@ -109,6 +110,64 @@ def _places(space: Space, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     level = np.minimum(best, 0.0)[point]
     holds = (least >= level - border) & (level >= -OUTSIDE)
     return point[holds], cell[holds]
+
+
+def along_line(
+    space: Space,
+    ends: tuple[Any, Any],
+    count: int,
+    values: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> np.ndarray:
+    """Tabulate displacement and stress along a straight line; collective.
+
+    Args:
+        space: The mesh.
+        ends: The points where it starts and ends [length], shape (d,) each.
+        count: Number of points, evenly distributed, at least 2.
+        values: Gets owned cells (m,) and a point in each (m, d); returns rows of the
+            displacement [length] and of the stress tensor in 3D [force/area], shape (m,
+            d + 9).
+
+    Returns:
+        A structured array for numpy and pandas, the same on all ranks, with the columns
+
+        - ``s``: distance from the start [length]; ``x``, ``y``, in 3D ``z``: the point,
+        - ``u_x``, ``u_y``, in 3D ``u_z``: displacement [length],
+        - ``s_xx``, ``s_yy``, ``s_zz``, ``s_xy``, in 3D ``s_yz`` and ``s_xz``: stress
+          [force/area]; of rings ``s_rr``, ``s_zz``, ``s_hoop`` and ``s_rz``. In the
+          plane s_zz is the stress out of plane, nan where the material has none,
+        - ``von_mises`` [force/area].
+
+    Raises:
+        InputError: If an end has another shape, or a point lies outside the mesh.
+    """
+    d = space.d
+    start, stop = (np.asarray(end, dtype=float) for end in ends)
+    if start.shape != (d,) or stop.shape != (d,) or count < 2:
+        raise InputError(
+            f"along: the line goes from {ends[0]} to {ends[1]} with {count} points; give points of"
+            f" {d} numbers, and 2 points or more."
+        )
+    shares = np.linspace(0.0, 1.0, count)
+    points = start + shares[:, None] * (stop - start)
+
+    u, stress = np.split(at_points(space, points, values), [d], axis=1)
+    tensors = stress.reshape(-1, 3, 3)
+    columns = {"s": shares * np.linalg.norm(stop - start)}
+    columns |= dict(zip("xyz", points.T, strict=False))
+    columns |= {f"u_{axis}": u[:, i] for i, axis in enumerate("xyz"[:d])}
+    is_turned = space.section.axisymmetric
+    names = {"rr": (0, 0), "zz": (1, 1), "hoop": (2, 2), "rz": (0, 1)}
+    if not is_turned:
+        names = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1)}
+    if d == 3:
+        names |= {"yz": (1, 2), "xz": (0, 2)}
+    columns |= {f"s_{name}": tensors[:, i, j] for name, (i, j) in names.items()}
+    columns["von_mises"] = von_mises(tensors)
+    table = np.empty(count, dtype=[(name, float) for name in columns])
+    for name, column in columns.items():
+        table[name] = column
+    return table
 
 
 def elastic_stress_at(model: Model, u: fem.Function, cell: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -17,9 +17,12 @@ from dolfinx import fem
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.contact_values import slip_at
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.status import facet_status
+from erc_contact.model.contact.status import OPEN, facet_status
 from erc_contact.model.contact.trace import split, tangents
 from erc_contact.model.contact.turning import turning_of
+from erc_contact.model.contact_area import ContactArea, area_of_facets, area_of_strips
+from erc_contact.model.contact_end import Estimate
+from erc_contact.model.contact_force import ContactForce, force_of_points
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import order_along_curves, successors, to_chain_ends
@@ -140,15 +143,14 @@ def profile_table(
     """
     points = profile_points(space)
     facets = contact.facets
-    named = contact.named_corners
-    share = space.section.area_ratio(contact.trace.here.corners, named, points)
+    share = _share(space, contact)
     n = contact.sign * contact.trace.normals_at(points)
     shape = lagrange(space.d - 1, space.degree, points)
     w = contact.sign * np.matmul(shape, contact.trace.of(u.x.array))
     w_n = split(w, n).normal
     w_t = contact.sign * slip_at(space, contact, u.x.array, r, points)
     slip = np.linalg.norm(w_t, axis=-1)
-    r_n, r_t, shear = split(contact.sign * share[..., None] * r, n)
+    r_n, r_t, shear = split(named_traction(space, contact, r), n)
     needed = contact.friction_set.gauge(r_t, n)
     along_shear = np.divide(shear, needed, out=np.ones_like(needed), where=needed > 0)
     gap = np.zeros(1)
@@ -160,15 +162,14 @@ def profile_table(
         slip = (w_t * tangent).sum(axis=-1)
         shear = (r_t * tangent).sum(axis=-1)
     status = facet_status(space, contact, u, r, bound, points, profile_weights(space))
-    columns = _places(space, contact)
+    columns = profile_places(space, contact)
     columns["gap"] = gap - w_n
     columns["slip"] = slip
     columns["pressure"] = 0.0 - r_n
     columns["shear"] = shear
     columns["friction_bound"] = share * along_shear * bound
     columns["status"] = status[:, None]
-    weight = measures(named)[:, None] * profile_weights(space)
-    columns["weight"] = space.section.times(weight, np.matmul(barycentric(points), named))
+    columns["weight"] = named_weights(space, contact)
     if contact.against is not None:
         nodal = u.x.array.reshape(-1, space.d)
         sides = [contact.trace.here.nodes, contact.trace.partners]
@@ -181,6 +182,100 @@ def profile_table(
     return _in_order(space, contact, columns)
 
 
+def contact_area(
+    space: Space,
+    contact: ContactOnMesh,
+    u: fem.Function,
+    r: np.ndarray,
+    bound: np.ndarray,
+    *,
+    can_open: bool,
+    relative_error: float = 0.0,
+) -> ContactArea:
+    """Find where a contact ends; collective, the same on all ranks.
+
+    Args:
+        space: The mesh.
+        contact: One of its contacts.
+        u: Displacement [length].
+        r: Contact traction at the :func:`profile_points` [force/area], shape (f, q, d).
+        bound: Friction bound there [force/area], shape (f, q).
+        can_open: Whether the contact may open; if not, its area is the area of its
+            part.
+        relative_error: eps of the solution [-]. An energy that is off by eps^2 moves
+            the ends by a like part of their distance, which the margins contain.
+    """
+    share = relative_error**2
+    if space.d == 2:
+        table = profile_table(space, contact, u, r, bound)
+        is_closed = table["status"].reshape(-1, len(profile_points(space)))[:, 0] != OPEN
+        return area_of_strips(space, table, is_closed, share, can_open=can_open)
+    points, weights = profile_points(space), profile_weights(space)
+    pressures = -split(r, contact.trace.normals_at(points)).normal @ weights
+    is_closed = facet_status(space, contact, u, r, bound, points, weights) != OPEN
+    if not can_open:
+        is_closed[:] = True
+    here = contact.trace.here
+    return area_of_facets(
+        space.comm,
+        space.global_numbers(here.nodes[:, : space.d])[here.owned],
+        measures(contact.named_corners)[here.owned],
+        (pressures * measures(here.corners))[here.owned],
+        is_closed[here.owned],
+        space.degree,
+        share,
+    )
+
+
+def contact_force(
+    space: Space, contact: ContactOnMesh, r: np.ndarray, area: Estimate
+) -> ContactForce:
+    """Sum up the tractions of a contact; collective, the same on all ranks.
+
+    Args:
+        space: The mesh.
+        contact: One of its contacts.
+        r: Contact traction at the :func:`profile_points` [force/area], shape (f, q, d).
+        area: Its area.
+    """
+    normals = contact.sign * contact.trace.normals_at(profile_points(space))
+    r_n, r_t, _ = split(named_traction(space, contact, r), normals)
+    x = np.stack(list(profile_places(space, contact).values()), axis=-1)
+    owned = contact.trace.here.owned
+    return force_of_points(
+        space,
+        -r_n[owned].ravel(),
+        r_t[owned].reshape(-1, space.d),
+        named_weights(space, contact)[owned].ravel(),
+        x[owned].reshape(-1, space.d),
+        area,
+    )
+
+
+def named_traction(space: Space, contact: ContactOnMesh, r: np.ndarray) -> np.ndarray:
+    """Return the traction on the side that the scene names first [force/area].
+
+    Args:
+        space: The mesh.
+        contact: One of its contacts.
+        r: Traction at the :func:`profile_points` [force/area], shape (f, q, d).
+    """
+    return contact.sign * _share(space, contact)[..., None] * r
+
+
+def named_weights(space: Space, contact: ContactOnMesh) -> np.ndarray:
+    """Return the parts of a contact that the profile points stand for, (f, q)."""
+    named = contact.named_corners
+    weights = measures(named)[:, None] * profile_weights(space)
+    return space.section.times(weights, np.matmul(barycentric(profile_points(space)), named))
+
+
+def _share(space: Space, contact: ContactOnMesh) -> np.ndarray:
+    """Return areas of this side over areas of the named side [-], (f, q) or (f, 1)."""
+    corners = contact.trace.here.corners
+    return space.section.area_ratio(corners, contact.named_corners, profile_points(space))
+
+
 def slip_before_table(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """Tabulate s along a contact [length], in the order of :func:`profile_table`.
 
@@ -190,7 +285,7 @@ def slip_before_table(space: Space, contact: ContactOnMesh) -> np.ndarray:
     """
     shape = lagrange(space.d - 1, space.degree, profile_points(space))
     s = contact.sign * np.matmul(shape, contact.trace.slip_before)
-    columns = _places(space, contact)
+    columns = profile_places(space, contact)
     names = [f"s_{letter}" for letter in columns]
     columns |= {name: s[..., axis] for axis, name in enumerate(names)}
     table = _in_order(space, contact, columns)
@@ -232,7 +327,7 @@ def _in_order(space: Space, contact: ContactOnMesh, columns: dict[str, np.ndarra
     return result
 
 
-def _places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
+def profile_places(space: Space, contact: ContactOnMesh) -> dict[str, np.ndarray]:
     """Return the coordinates of the profile points [length], (f, q), by their names."""
     points = profile_points(space)
     x = space.evaluate(space.x, points, contact.facets)

@@ -1,4 +1,4 @@
-"""Complete stresses of cells to tensors in 3D, with their von Mises stress."""
+"""Complete stresses of cells to tensors in 3D."""
 
 from __future__ import annotations
 
@@ -13,31 +13,35 @@ from erc_contact.model.model import Model
 from namedmesh.simplex import nodes
 
 
-def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
-    """Complete stresses of owned cells to tensors in 3D [force/area].
+def stress_in_space(
+    model: Model, stress: np.ndarray, cells: np.ndarray | None = None
+) -> np.ndarray:
+    """Complete stresses of cells to tensors in 3D [force/area].
 
     In 2D the material gives the stress out of plane, at the middle of each cell; nan
     stands for one that is not known. A potential has the one of least psi*.
 
     Args:
         model: The scene on a mesh.
-        stress: Mandel components [force/area], shape (owned, s); of an axisymmetric
-            body with the hoop stress, which is the one out of plane.
+        stress: Mandel components [force/area], shape (n, s); of an axisymmetric body
+            with the hoop stress, which is the one out of plane.
+        cells: The cells, shape (n,); None for all owned cells.
 
     Returns:
-        Shape (owned, 3, 3).
+        Shape (n, 3, 3).
     """
     space = model.space
     d = space.d
+    cells = space.owned_cells if cells is None else cells.astype(np.int32)
     basis, rows = space.section.basis, space.section.rows
     full = np.zeros((len(stress), 3, 3))
     full[:, :rows, :rows] = np.tensordot(stress, basis, axes=1)
     if rows == 3:
         return full
     if model.linearised is not None:
-        middles = space.cell_corners()[space.owned_cells].mean(axis=1, keepdims=True)
+        middles = space.cell_corners()[cells].mean(axis=1, keepdims=True)
         near = 0.5 * (stress[:, None, 0] + stress[:, None, 1])
-        at_middles = (middles, space.owned_cells)
+        at_middles = (middles, cells)
         _, out = model.linearised.law.complementary(stress[:, None], Search(near), *at_middles)
         full[:, 2, 2] = out[:, 0]
     elif not tells_out_of_plane(model):
@@ -50,7 +54,6 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
         for matrix in basis:
             tensor = ufl.as_matrix(matrix.tolist())
             images.append(material.out_of_plane(tensor, **model.parameters))
-        cells = np.arange(len(stress), dtype=np.int32)
         row = space.evaluate(ufl.as_vector(images), nodes(d, 0), cells)[:, 0]
         full[:, 2, 2] = np.einsum("nk,nk->n", row, stress)
         if isinstance(model.strains, Strains):
@@ -59,21 +62,6 @@ def stress_in_space(model: Model, stress: np.ndarray) -> np.ndarray:
             pressed = -modulus * model.strains.normal
             full[:, 2, 2] += space.evaluate(pressed, nodes(d, 0), cells)[:, 0]
     return full
-
-
-def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Compute von Mises stresses ``sqrt(3/2) |dev sigma|`` [force/area], shape (n,).
-
-    A stress out of plane that is not known (nan) counts as 0. The result is then the
-    von Mises stress of the part in plane.
-
-    Args:
-        stress: Tensors [force/area], shape (n, 3, 3).
-    """
-    finite = np.nan_to_num(stress)
-    trace = np.einsum("nii->n", finite)
-    deviator = finite - trace[:, None, None] / 3 * np.eye(3)
-    return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
 def tells_out_of_plane(model: Model) -> bool:

@@ -16,18 +16,24 @@ from erc_contact.base.views import view_of
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
+from erc_contact.model.contact_area import ContactArea
+from erc_contact.model.contact_force import ContactForce
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
-from erc_contact.model.maximum import Maximum, find_maximum
+from erc_contact.model.greatest import find_maximum
+from erc_contact.model.maximum import Maximum
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_faces import Motion, motion_of
-from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
+from erc_contact.model.points import along_line, at_points, elastic_stress_at, tensors_of_points
 from erc_contact.model.profile import (
+    contact_area,
+    contact_force,
     profile_points,
     profile_table,
     profile_traction,
     slip_before_table,
 )
-from erc_contact.model.stress import stress_in_space, von_mises
+from erc_contact.model.stress import stress_in_space
+from erc_contact.model.von_mises import von_mises
 from erc_contact.newton.distortion import Distortion, measure
 from erc_contact.newton.linear.solver import ElasticSolver
 from erc_contact.newton.methods import Method
@@ -262,16 +268,36 @@ class Solution:
         Raises:
             InputError: If no contact has this name.
         """
-        model = self.model
-        where = model.contact(contact)
-        points = profile_points(model.space)
-        r = profile_traction(model.space, where, self.traction(where))
-        r_n = split(r, where.trace.normals_at(points)).normal
-        pressure = -r_n
-        bound = self._bound(where, np.maximum(pressure, 0.0), points)
-        if where in model.ties:
-            bound = np.full_like(pressure, np.inf)
-        return profile_table(model.space, where, self.u, r, bound)
+        where = self.model.contact(contact)
+        r, bound = self._at_profile_points(where)
+        return profile_table(self.model.space, where, self.u, r, bound)
+
+    def contact_area(self, contact: str) -> ContactArea:
+        """Return the area of a contact and where it ends; collective.
+
+        The margins contain what the mesh leaves unknown near the ends, and not the
+        error of the solution, which an error knows (``error.contact_area``). See
+        :func:`erc_contact.results.contact_area`.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        where = self.model.contact(contact)
+        r, bound = self._at_profile_points(where)
+        can_open = self.model.can_open(where)
+        return contact_area(self.model.space, where, self.u, r, bound, can_open=can_open)
+
+    def contact_force(self, contact: str) -> ContactForce:
+        """Return forces and pressures of a contact in a line; collective.
+
+        See :func:`erc_contact.results.contact_force`.
+
+        Raises:
+            InputError: If no contact has this name.
+        """
+        where = self.model.contact(contact)
+        r, _ = self._at_profile_points(where)
+        return contact_force(self.model.space, where, r, self.contact_area(contact).area)
 
     def slip_before(self, contact: str) -> np.ndarray:
         """Return the displacement s that friction counts from [length]; collective.
@@ -294,7 +320,7 @@ class Solution:
         """Return the greatest value of a quantity and its place; collective.
 
         It may be the "von Mises" stress, the "pressure", ...: see
-        :func:`erc_contact.model.maximum.find_maximum`. "displacement" reads u, "von
+        :func:`erc_contact.model.greatest.find_maximum`. "displacement" reads u, "von
         Mises" the elastic stress at the middle of each cell, and quantities of contacts
         read :meth:`profile`.
         """
@@ -314,18 +340,41 @@ class Solution:
             InputError: If the points have another shape or are not finite, or one lies
                 outside the mesh.
         """
+        model = self.model
+        rows = at_points(model.space, points, self._values_at)
+        u, stress = np.split(rows, [model.space.d], axis=1)
+        return ElasticValues(u, tensors_of_points(model, stress))
+
+    def along(self, start: Any, stop: Any, count: int = 101) -> np.ndarray:
+        """Tabulate displacement and elastic stress along a straight line; collective.
+
+        See :func:`erc_contact.model.points.along_line`.
+
+        Args:
+            start: Where the line starts [length], shape (d,).
+            stop: Where it ends [length], shape (d,).
+            count: Number of its points, evenly distributed.
+
+        Raises:
+            InputError: If an end has another shape, or a point lies outside the mesh.
+        """
         model, d = self.model, self.model.space.d
 
         def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
-            # DOLFINx does not evaluate at no points.
-            u = np.zeros((0, d))
-            if len(x):
-                u = self.u.eval(in_space(x), cell).reshape(-1, d) + model.jumps_at(cell, x)
-            stress = elastic_stress_at(model, self.u, cell, x)
-            return np.hstack([u, stress])
+            u, mandel = np.split(self._values_at(cell, x), [d], axis=1)
+            stress = stress_in_space(model, mandel, cell)
+            return np.hstack([u, stress.reshape(-1, 9)])
 
-        u, stress = np.split(at_points(model.space, points, values), [d], axis=1)
-        return ElasticValues(u, tensors_of_points(model, stress))
+        return along_line(model.space, (start, stop), count, values)
+
+    def _values_at(self, cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return rows of u and the elastic stress at points of owned cells."""
+        model, d = self.model, self.model.space.d
+        # DOLFINx does not evaluate at no points.
+        u = np.zeros((0, d))
+        if len(x):
+            u = self.u.eval(in_space(x), cell).reshape(-1, d) + model.jumps_at(cell, x)
+        return np.hstack([u, elastic_stress_at(model, self.u, cell, x)])
 
     def show(self) -> Any:
         """Show the deformed body with its elastic stress in 3D; collective.
@@ -356,6 +405,19 @@ class Solution:
         multiplier = self.multipliers[place] if self.multipliers else None
         contacts, u = self.carried or (self.model.contacts, self.u)
         return self.method.traction(self.model, contacts[place], u, multiplier)
+
+    def _at_profile_points(self, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndarray]:
+        """Return traction and friction bound at the points of a profile [force/area].
+
+        Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
+        """
+        space = self.model.space
+        points = profile_points(space)
+        r = profile_traction(space, contact, self.traction(contact))
+        pressure = -split(r, contact.trace.normals_at(points)).normal
+        if contact in self.model.ties:
+            return r, np.full_like(pressure, np.inf)
+        return r, self._bound(contact, np.maximum(pressure, 0.0), points)
 
     def _bound(
         self, contact: ContactOnMesh, pressure: np.ndarray, points: np.ndarray

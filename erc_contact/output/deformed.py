@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
@@ -50,7 +49,7 @@ from erc_contact.output.gathered import (
     whole_body,
 )
 from erc_contact.output.maps import Scale, draw_map
-from erc_contact.output.windows import contact_zone, window_around
+from erc_contact.output.windows import near_window, window_near
 from erc_contact.results.stresses import linear_mises
 from namedmesh.base.checks import positive
 from namedmesh.base.names import in_picture
@@ -60,7 +59,6 @@ from namedmesh.pictures import (
     DIVISIONS,
     ShownPart,
     Skin,
-    body_mesh,
     draw_figure,
     only_in_2d,
     outline,
@@ -211,12 +209,8 @@ def draw_near(
         InputError: If no contact has this name, or nothing is closed or has yielded in
             a small part of a body in the plane.
     """
-    window = near_window(error, contact)
-    if window is None:
-        raise InputError(
-            f"draw_near: {contact!r} has no small part of a body in the plane near it that is "
-            "closed or has yielded; draw_deformed draws the whole."
-        )
+    window = window_near("draw_near", error, contact)
+    assert window is not None
     body, gathered_contacts = whole_body(error.admissible)
     cells = gather_mises(error.admissible)
     letters = letters_of(error.model.space)
@@ -252,30 +246,6 @@ def draw_near(
         return draw_map(ax, *where, letters, window=_with_room(window, n))
 
     return draw_figure(error.model.space.comm, path, ax, draw, error.model.scene.label)
-
-
-def near_window(error: ConstitutiveError, contact: str) -> np.ndarray | None:
-    """Find what :func:`draw_near` shows before the deformation; collective.
-
-    Args:
-        error: The error.
-        contact: Name of a contact.
-
-    Returns:
-        Low and high corner [length], shape (2, 2); None in 3D, and where nothing is
-        closed or has yielded, or no small part of the body.
-
-    Raises:
-        InputError: If no contact has this name.
-    """
-    model = error.model
-    name = model.contact(contact).name
-    if model.space.d == 3:
-        return None
-    zone, whole = contact_zone(error.admissible, name)
-    body = gather_rows(model.space.comm, **body_mesh(error.domain))
-    window = window_around(zone, body["points"], whole) if body else None
-    return model.space.comm.bcast(window)
 
 
 def add_near(gallery: Gallery, error: ConstitutiveError, contact: str, code: str) -> None:

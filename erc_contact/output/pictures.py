@@ -18,7 +18,7 @@ from erc_contact.output.drawing import only_turned
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import letters_of, upward
 from erc_contact.output.maps import Scale, draw_map
-from erc_contact.output.windows import YIELDED, window_around
+from erc_contact.output.windows import YIELDED, window_around, window_near
 from erc_contact.results.states import state, states_of
 from namedmesh.base.names import file_stem
 from namedmesh.base.ranks import gather_rows
@@ -29,6 +29,7 @@ def draw_error(
     error: ConstitutiveError,
     path: str | Path | None = None,
     *,
+    near: str | None = None,
     mirrored: bool = False,
     ax: Any = None,
 ) -> Any:
@@ -39,6 +40,8 @@ def draw_error(
     Args:
         error: The error, whose ``indicators`` are drawn.
         path: Picture file, or None.
+        near: Name of a contact, in the plane: the picture shows what is closed and what
+            has yielded there, with three quarters as much beside it; None for all.
         mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
@@ -46,9 +49,10 @@ def draw_error(
         The axes on rank 0, None on the other ranks; in 3D an array of two.
 
     Raises:
-        InputError: If axes are given in 3D, or a body is to be mirrored that is not
-            axisymmetric.
+        InputError: If axes are given in 3D, a body is to be mirrored that is not
+            axisymmetric, or nothing is closed in a small part of a body in the plane.
     """
+    window = window_near("draw_error", error, near)
     if mirrored:
         only_turned("draw_error: mirrored", error.model.space)
 
@@ -62,7 +66,8 @@ def draw_error(
         norm = LogNorm(low, top) if top > 0 else Normalize(0, 1)
         return Scale(norm, "min", "error of elements [%], log scale")
 
-    return draw_cells(error.admissible, 100 * error.indicators, scale, path, ax, mirrored=mirrored)
+    percents = 100 * error.indicators
+    return draw_cells(error.admissible, percents, scale, path, ax, mirrored=mirrored, window=window)
 
 
 def draw_state(
@@ -70,6 +75,7 @@ def draw_state(
     name: str = "accumulated",
     path: str | Path | None = None,
     *,
+    near: str | None = None,
     mirrored: bool = False,
     ax: Any = None,
 ) -> Any:
@@ -81,6 +87,7 @@ def draw_state(
         result: An admissible pair, an error, or a history.
         name: Name of the entry of the state; of a tensor its norm is drawn.
         path: Picture file, or None.
+        near: Name of a contact that fills the picture, see :func:`draw_error`.
         mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
@@ -88,10 +95,11 @@ def draw_state(
         The axes on rank 0, None on the other ranks; in 3D an array of two.
 
     Raises:
-        InputError: If the law has no such state, axes are given in 3D, or a body is to
-            be mirrored that is not axisymmetric.
+        InputError: If the law has no such state, axes are given in 3D, a body is to be
+            mirrored that is not axisymmetric, or nothing is closed near the contact.
     """
     pair = pair_of(result)
+    window = window_near("draw_state", pair, near)
     if mirrored:
         only_turned("draw_state: mirrored", pair.model.space)
     values = state(pair, name)
@@ -104,7 +112,9 @@ def draw_state(
         top = float(shown.max())
         return Scale(Normalize(0, top if top > 0 else 1), "neither", name.replace("_", " "))
 
-    return draw_cells(pair, values, scale, path, ax, mirrored=mirrored, zooms=True)
+    zooms = near is None
+    drawn = (pair, values, scale, path, ax)
+    return draw_cells(*drawn, mirrored=mirrored, zooms=zooms, window=window)
 
 
 def add_states(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
@@ -133,6 +143,7 @@ def draw_cells(
     *,
     mirrored: bool = False,
     zooms: bool = False,
+    window: np.ndarray | None = None,
 ) -> Any:
     """Draw a value in each element on the body before the deformation; collective.
 
@@ -145,6 +156,8 @@ def draw_cells(
         mirrored: Whether the mirror image at the axis is drawn, too.
         zooms: Whether a small part of a body in the plane fills the picture if all
             other values are small.
+        window: Low and high corner of what is shown in the plane [length], shape (2,
+            2); None shows all.
 
     Returns:
         The axes on rank 0, None on the other ranks.
@@ -162,11 +175,14 @@ def draw_cells(
         shown = cells["values"]
         views = views_of(domain.dim, up)
         values = (skin, skin.points, shown, scale(shown), views)
-        window = None
+        shown_part = window
+        if mirrored and shown_part is not None:
+            low, high = shown_part
+            shown_part = np.array([[-high[0], low[1]], high])
         if zooms and domain.dim == 2 and not mirrored:
             zone = body["cells"][shown > YIELDED * shown.max()]
             corners = body["points"][zone].reshape(-1, 3)
-            window = window_around(corners, body["points"], body["points"])
-        return draw_map(ax, *values, letters=letters, mirrored=mirrored, window=window)
+            shown_part = window_around(corners, body["points"], body["points"])
+        return draw_map(ax, *values, letters=letters, mirrored=mirrored, window=shown_part)
 
     return draw_figure(comm, path, ax, draw, admissible.solution.scene.label)

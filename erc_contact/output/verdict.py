@@ -217,18 +217,19 @@ def of_slips(error: ConstitutiveError, shares: Mapping[str, float]) -> list[tupl
 def of_maxima(maxima: Mapping[str, Maximum]) -> list[tuple[str, str]]:
     """Say of maxima of a run, by their quantities, which of them grow with refinement.
 
-    Nothing is said of one whose trend is not known.
+    Nothing is said of one whose trend is not known, if it lies at no singular place.
     """
     statements = []
     for quantity, maximum in maxima.items():
-        if maximum.grows is None:
+        if maximum.grows is None and not maximum.beside:
             continue
         name = "von Mises stress" if quantity == "von Mises" else quantity
         words = f"The greatest {name} is {maximum}."
-        if maximum.grows:
+        is_doubtful = bool(maximum.grows or maximum.beside)
+        if is_doubtful:
             words += (
                 " At a sharp edge the stress of linear elasticity is infinite; then this value "
                 "tells the size of the elements there, not the load of the part."
             )
-        statements.append((NOT_KNOWN if maximum.grows else ESTIMATE, words))
+        statements.append((NOT_KNOWN if is_doubtful else ESTIMATE, words))
     return statements

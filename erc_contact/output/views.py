@@ -25,7 +25,8 @@ from erc_contact.model.contact.trace import split
 from erc_contact.model.model import Model
 from erc_contact.model.profile import profile_traction, profile_weights
 from erc_contact.model.space import Space
-from erc_contact.model.stress import tells_out_of_plane, von_mises
+from erc_contact.model.stress import tells_out_of_plane
+from erc_contact.model.von_mises import von_mises
 from erc_contact.newton.solution import Solution
 from erc_contact.output.apart import pairs_of
 from erc_contact.output.deformed import COLOURED_SHARE, magnification, shift_of

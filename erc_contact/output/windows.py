@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from erc_contact.admissible.pair import Admissible
+from erc_contact.admissible.pair import Admissible, pair_of
+from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact.status import OPEN
 from erc_contact.results.states import ACCUMULATED, state, states_of
 from namedmesh.base.ranks import gather_rows, greatest
+from namedmesh.pictures import body_mesh
 
 BESIDE = 0.75
 """What is shown beside a zone, over its longest side [-]."""
@@ -37,6 +41,54 @@ def window_around(points: np.ndarray, body: np.ndarray, whole: np.ndarray) -> np
     sides = np.ptp(window, axis=0)
     is_small = sides.max() < SMALL * np.ptp(whole[:, :2], axis=0).max()
     return window if is_small and sides.min() > 0 else None
+
+
+def near_window(result: Any, contact: str) -> np.ndarray | None:
+    """Find what a picture near a contact shows, before the deformation; collective.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+        contact: Name of a contact.
+
+    Returns:
+        Low and high corner [length], shape (2, 2); None in 3D, and where nothing is
+        closed or has yielded, or no small part of the body.
+
+    Raises:
+        InputError: If no contact has this name.
+    """
+    admissible = pair_of(result)
+    model = admissible.model
+    name = model.contact(contact).name
+    if model.space.d == 3:
+        return None
+    zone, whole = contact_zone(admissible, name)
+    body = gather_rows(model.space.comm, **body_mesh(admissible.domain))
+    window = window_around(zone, body["points"], whole) if body else None
+    return model.space.comm.bcast(window)
+
+
+def window_near(what: str, result: Any, contact: str | None) -> np.ndarray | None:
+    """Return the window of a picture near a contact, None without one; collective.
+
+    Args:
+        what: The picture, for messages.
+        result: An admissible pair, an error, or a history.
+        contact: Name of the contact, or None for the whole body.
+
+    Raises:
+        InputError: If no contact has this name, or it has no small part of a body in
+            the plane near it.
+    """
+    if contact is None:
+        return None
+    window = near_window(result, contact)
+    if window is None:
+        raise InputError(
+            f"{what}: {contact!r} has no small part of a body in the plane near it that is "
+            "closed or has yielded; draw the whole."
+        )
+    return window
 
 
 def contact_zone(admissible: Admissible, contact: str) -> tuple[np.ndarray, np.ndarray]:

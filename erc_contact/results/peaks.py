@@ -13,7 +13,7 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.model.maximum import EQUAL_MAXIMA
 from erc_contact.model.profile import profile_points
-from erc_contact.model.stress import von_mises
+from erc_contact.model.von_mises import von_mises
 from erc_contact.results.stresses import mean_stress
 
 PEAKS = {"von Mises": "peak_stress", "pressure": "peak_pressure", "shear": "peak_shear"}

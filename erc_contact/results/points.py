@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
-from erc_contact.model.points import at_points, elastic_stress_at, tensors_of_points
+from erc_contact.model.points import along_line, at_points, elastic_stress_at, tensors_of_points
+from erc_contact.model.stress import stress_in_space
 from namedmesh.simplex import barycentric, bernstein, lagrange
 
 BORDER = 1e-9
@@ -66,6 +67,38 @@ def at(result: Any, points: Any) -> Values:
     s = pair.stress.shape[3]
     u, sigma, elastic = np.split(rows, [d, d + s], axis=1)
     return Values(u, tensors_of_points(model, sigma), tensors_of_points(model, elastic))
+
+
+def along(result: Any, start: Any, stop: Any, count: int = 101) -> np.ndarray:
+    """Tabulate u^ and sigma^ along a straight line, with von Mises stress; collective.
+
+    Args:
+        result: An admissible pair, an error, or a history.
+        start: Where the line starts [length], shape (d,).
+        stop: Where it ends [length], shape (d,).
+        count: Number of its points, evenly distributed.
+
+    Returns:
+        The table of :func:`erc_contact.model.points.along_line`, of rings with the hoop
+        stress ``s_hoop``. At a point between cells it has the mean of their values.
+
+    Raises:
+        InputError: If an end has another shape, or a point lies outside the mesh.
+
+    Example:
+        >>> line = ec.results.along(error, (1.0, 0.0), (1.0, 1.0), count=3)
+        >>> line["y"].tolist(), line.dtype.names[-1]
+        ([0.0, 0.5, 1.0], 'von_mises')
+    """
+    pair = pair_of(result)
+    d, s = pair.model.space.d, pair.stress.shape[3]
+
+    def values(cell: np.ndarray, x: np.ndarray) -> np.ndarray:
+        u, mandel, _ = np.split(_values(pair, cell, x), [d, d + s], axis=1)
+        stress = stress_in_space(pair.model, mandel, cell)
+        return np.hstack([u, stress.reshape(-1, 9)])
+
+    return along_line(pair.model.space, (start, stop), count, values)
 
 
 def _values(pair: Admissible, cell: np.ndarray, x: np.ndarray) -> np.ndarray:

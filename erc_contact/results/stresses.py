@@ -10,7 +10,8 @@ from erc_contact.admissible.elastic import elastic_stress, macro_places
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.stress import stress_in_space, tells_out_of_plane, von_mises
+from erc_contact.model.stress import stress_in_space, tells_out_of_plane
+from erc_contact.model.von_mises import von_mises
 from namedmesh.simplex import barycentric, from_means
 
 STRESSES = ("admissible", "best", "elastic")

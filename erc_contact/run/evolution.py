@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,8 @@ import numpy as np
 from erc_contact.base.progress import at
 from erc_contact.error.bounds import resultant
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.numbers import Bounds
+from erc_contact.error.stiffness import stiffness
 from erc_contact.output.bounded_forces import bounded_forces, contact_names, forces_in_html
 from erc_contact.output.deformed import add_near, draw_deformed
 from erc_contact.output.evolutions import animate, moving_side, plot_energies, plot_loop, plot_zones
@@ -24,7 +26,7 @@ from erc_contact.output.series import write_series
 from erc_contact.output.verdict import of_gaps, parted, verdict
 from erc_contact.output.view_page import VIEW_FILE, VIEW_WORDS, View
 from erc_contact.output.views import show_history
-from erc_contact.results import OPEN, SLIP, Force, Maximum, Values
+from erc_contact.results import OPEN, SLIP, ContactArea, ContactForce, Force, Maximum, Values
 from erc_contact.run.columns import header, line, page_rows
 from erc_contact.run.result import RunResult
 from erc_contact.run.time_row import ENERGIES, ROW_NUMBERS, SECONDS, TimeStep, columns_of
@@ -141,6 +143,20 @@ class Evolution(RunResult):
         """
         return [error.profile(contact) for error in self.errors]
 
+    def contact_area(self, contact: str) -> list[ContactArea]:
+        """Find the area of a contact and where it ends, at the end of each step.
+
+        See :func:`erc_contact.results.contact_area`; collective.
+        """
+        return [error.contact_area(contact) for error in self.errors]
+
+    def contact_force(self, contact: str) -> list[ContactForce]:
+        """Sum up forces and pressure of a contact at the end of each step; collective.
+
+        See :func:`erc_contact.results.contact_force`.
+        """
+        return [error.contact_force(contact) for error in self.errors]
+
     def at(self, points: Any) -> Values:
         """Evaluate displacement and stresses at the end of each step; collective.
 
@@ -161,6 +177,39 @@ class Evolution(RunResult):
             np.stack([of_step.stress for of_step in values]),
             np.stack([of_step.elastic_stress for of_step in values]),
         )
+
+    def stiffness(
+        self,
+        contact: str,
+        part: str,
+        direction: Sequence[float],
+        between: tuple[int, int] = (-2, -1),
+    ) -> Bounds:
+        """Compute the stiffness between two steps; collective.
+
+        It is the change of the force of a contact over the change of the mean
+        displacement of a part, see :func:`erc_contact.stiffness`.
+
+        Args:
+            contact: Name of the contact.
+            part: Name of the boundary part that moves.
+            direction: d numbers, of any length.
+            between: Numbers of both steps, in the order of the rows; by default the
+                last two.
+
+        Raises:
+            InputError: If a name or the direction is another one, or the part does not
+                move along it.
+        """
+        first, second = (self.errors[number] for number in between)
+        return stiffness(first, second, contact, part, direction)
+
+    def along(self, start: Any, stop: Any, count: int = 101) -> list[np.ndarray]:
+        """Tabulate displacement and stress along a line at the end of each step.
+
+        See :func:`erc_contact.results.along`; collective.
+        """
+        return [error.along(start, stop, count) for error in self.errors]
 
     def maximum(self, quantity: str) -> list[Maximum]:
         """Find the greatest value of a quantity at the end of each step; collective.

@@ -30,7 +30,7 @@ from erc_contact.output.report import keep_domain, run_as_code, write_record, wr
 from erc_contact.output.series import write_meshes
 from erc_contact.output.verdict import of_gaps, of_maxima, of_slips, parted, verdict
 from erc_contact.output.view_page import add_view
-from erc_contact.results import OPEN, Force, Maximum, Values
+from erc_contact.results import OPEN, ContactArea, ContactForce, Force, Maximum, Values
 from erc_contact.results.peaks import PEAKS
 from erc_contact.run.columns import Column, header, line, page_rows
 from erc_contact.run.result import RunResult
@@ -139,6 +139,21 @@ class History(RunResult):
         """
         return self.best.profile(contact)
 
+    def contact_area(self, contact: str) -> ContactArea:
+        """Find the area of a contact and where it ends, of the best result.
+
+        ``history.contact_area("bottom").half_width`` in the plane, ``.radius`` of
+        rings, ``.area`` of all; see :func:`erc_contact.results.contact_area`.
+        """
+        return self.best.contact_area(contact)
+
+    def contact_force(self, contact: str) -> ContactForce:
+        """Sum up normal and tangential force and pressure, of the best result.
+
+        See :func:`erc_contact.results.contact_force`.
+        """
+        return self.best.contact_force(contact)
+
     def gap_deviation(self, contact: str) -> float:
         """Tell how far the linearised gap is from the true gap, of the best result.
 
@@ -152,6 +167,13 @@ class History(RunResult):
         See :func:`erc_contact.results.at`.
         """
         return self.best.at(points)
+
+    def along(self, start: Any, stop: Any, count: int = 101) -> np.ndarray:
+        """Tabulate displacement and stress along a line, of the best result.
+
+        See :func:`erc_contact.results.along`.
+        """
+        return self.best.along(start, stop, count)
 
     def maximum(self, quantity: str) -> Maximum:
         """Find the greatest value of a quantity and its place; collective.

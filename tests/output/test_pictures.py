@@ -32,9 +32,10 @@ from erc_contact.output.contact_plots import (
     _write_legend,
     contact_curves,
 )
-from erc_contact.output.deformed import magnification, near_window
+from erc_contact.output.deformed import magnification
 from erc_contact.output.foundations import UNSEEN, foundation_of, round_factor
 from erc_contact.output.gathered import whole_contact, whole_contacts
+from erc_contact.output.windows import near_window
 from erc_contact.results.stresses import cell_stresses, linear_mises, vertex_stress
 from namedmesh.pictures import new_figure
 
@@ -171,6 +172,11 @@ def test_a_picture_near_a_contact_shows_it_alone():
     closed = closed["x"][closed["status"] != 0]
     assert low < closed.min() < closed.max() < high
     assert high - low < 1.0
+    shown = output.draw_error(error, near="bottom").get_xlim()
+    assert np.allclose(shown, window[:, 0])
+    assert np.ptp(output.draw_error(error).get_xlim()) >= 2.0
+    with pytest.raises(ec.InputError, match="no small part"):
+        output.draw_error(measured(*punch(2)), near="bottom")
     with pytest.raises(ec.InputError, match="no small part"):
         output.draw_near(measured(*punch(2)), "bottom")
     with pytest.raises(ec.InputError, match="nowhere"):
