@@ -269,7 +269,14 @@ def mesh_of_exodus(path: Path) -> FileMesh:
             # The last one is the result.
             reader.SetTimeStep(steps - 1)
         reader.Update()
-    return _of_exodus_groups(reader.GetOutput())
+    mesh = _of_exodus_groups(reader.GetOutput())
+    is_empty = mesh.values and not any(values.any() for values in mesh.values.values())
+    if is_empty and b"file_size" not in path.read_bytes():
+        raise InputError(
+            "its values at points are stored in a way that the library of Exodus reads as zero, as"
+            " meshio stores them; write .vtu."
+        )
+    return mesh
 
 
 def _of_exodus_groups(output: Any) -> FileMesh:
