@@ -82,7 +82,16 @@ def mesh_geometry(
         corners = np.concatenate([x for x, _ in parts])
         corner_sizes = np.concatenate([values for _, values in parts])
         corners, corner_sizes = _sort(corners, corner_sizes)
-        _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
+        try:
+            _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
+        except InputError:
+            raise
+        except Exception as reason:  # gmsh's own errors are of no other class
+            raise InputError(
+                f"The geometry cannot be meshed again: {reason}. Ask for smaller sizes, as facets "
+                "that are large for their curves may meet each other; or refine the mesh that "
+                "there is: domain.refined(cells), or strategy=ec.Mark()."
+            ) from reason
 
     subject = "The geometry, meshed again,"
     with session(comm, build_mesh, subject) as model:
