@@ -240,9 +240,9 @@ class Model:
         if not self.unheld.functions:
             return
         loads = self.load_forces(strains=False)
-        self.relief = relief_of(
-            self.space, self.unheld, loads, [load.facets for load in self.surface_loads]
-        )
+        loaded = [load.facets for load in self.surface_loads]
+        in_body = self.body_force is not None
+        self.relief = relief_of(self.space, self.unheld, loads, loaded, in_body=in_body)
         if self.relief is not None:
             force = self.relief.density
             self.body_force = force if self.body_force is None else self.body_force + force

@@ -36,7 +36,7 @@ from erc_contact.model.motions.rigid_motions import (
 )
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import greatest
-from namedmesh.for_solvers import components, slivers
+from namedmesh.for_solvers import boundary_sides, components, slivers
 from namedmesh.simplex import measures
 
 AT_REST = 1e-6
@@ -219,7 +219,12 @@ class Relief:
 
 
 def relief_of(
-    space: Space, unheld: Unheld, loads: fem.Function, loaded: Sequence[str]
+    space: Space,
+    unheld: Unheld,
+    loads: fem.Function,
+    loaded: Sequence[str],
+    *,
+    in_body: bool,
 ) -> Relief | None:
     """Check that loads are in balance on motions that nothing holds; collective.
 
@@ -228,6 +233,7 @@ def relief_of(
         unheld: The motions.
         loads: Nodal forces of the loads, not yet summed over ranks [force].
         loaded: Names of the boundary parts with loads.
+        in_body: Whether a force acts in the bodies: then all of their facets may lose.
 
     Returns:
         What takes up a small resultant; None where it is round-off.
@@ -238,7 +244,7 @@ def relief_of(
     works, sizes = works_on(space, unheld.functions, loads)
     if is_round_off(works, sizes):
         return None
-    allowed = max(DIGITS, _lost_by_facets(space, loaded))
+    allowed = max(DIGITS, _lost_by_facets(space, loaded, in_body=in_body))
     refused = []
     small = []
     first = 0
@@ -313,13 +319,21 @@ def taking_up(space: Space, functions: Sequence[fem.Function], works: np.ndarray
     return -shapes @ np.linalg.solve(products, works)
 
 
-def _lost_by_facets(space: Space, loaded: Sequence[str]) -> float:
-    """Return the share of loads that flat facets may lose; collective."""
+def _lost_by_facets(space: Space, loaded: Sequence[str], *, in_body: bool) -> float:
+    """Return the share of loads that flat facets may lose; collective.
+
+    See :func:`relief_of` for the arguments.
+    """
     offset = space.domain.offset
+    curved = space.domain.curved_facets
     worst = 0.0
-    if offset is not None:
-        for name in loaded:
-            facets = space.domain.owned_facets(name)
+    if offset is not None and curved is not None:
+        parts = [space.domain.owned_facets(name) for name in loaded]
+        if in_body:
+            of_rank = space.mesh.topology.index_map(space.d - 1).size_local
+            owned = curved.indices[curved.indices < of_rank]
+            parts.append(np.column_stack(boundary_sides(space.mesh, owned)))
+        for facets in parts:
             areas = space.facet_areas(facets)
             sizes = areas ** (1 / (space.d - 1))
             depths = slivers(offset, facets).depths
