@@ -48,7 +48,7 @@ def stiffness(
 
     Example:
         >>> first, second = evolution.errors
-        >>> bounds = ec.stiffness(first, second, "bottom", "top", direction=(0.0, 1.0))
+        >>> bounds = ec.stiffness(first, second, "bottom", "top", direction=(1.0, 0.0))
         >>> bool(bounds.low <= bounds.value <= bounds.high)
         True
     """

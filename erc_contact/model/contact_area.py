@@ -330,7 +330,7 @@ class _Curve:
     def strip(
         self, section: Section, first: int, last: int, before: Estimate, after: Estimate
     ) -> Strip:
-        """Return the strip from one closed facet to another one.
+        """Return the strip between two closed facets.
 
         Args:
             section: The body of which the mesh is a section.

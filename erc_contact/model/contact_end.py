@@ -130,7 +130,7 @@ def end_of(
 
 
 def _zero(inside: np.ndarray, outside: np.ndarray, degree: int) -> float:
-    """Return the zero of a line through nodes inside and outside, nan without one.
+    """Return the zero of a line through nodes inside and outside, or nan.
 
     On both sides the line is ``F^(2/3)`` inside and ``- c gap^(2/3)`` outside, with an
     unknown factor c.

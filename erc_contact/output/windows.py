@@ -69,7 +69,7 @@ def near_window(result: Any, contact: str) -> np.ndarray | None:
 
 
 def window_near(what: str, result: Any, contact: str | None) -> np.ndarray | None:
-    """Return the window of a picture near a contact, None without one; collective.
+    """Return the window of a picture near a contact, or None; collective.
 
     Args:
         what: The picture, for messages.
