@@ -71,6 +71,7 @@ def mesh_geometry(
     Raises:
         InputError: If gmsh fails.
     """
+    subject = "The geometry, meshed again,"
     dim = sizes.dim
     target = round(sizes.count(comm))
     parts = comm.gather((sizes.x, sizes.sizes))
@@ -88,12 +89,11 @@ def mesh_geometry(
             raise
         except Exception as reason:  # gmsh's own errors are of no other class
             raise InputError(
-                f"The geometry cannot be meshed again: {reason}. Ask for smaller sizes, as facets "
-                "that are large for their curves may meet each other; or refine the mesh that "
-                "there is: domain.refined(cells), or strategy=ec.Mark()."
+                f"{subject} cannot be used: {reason}. Ask for smaller sizes, as facets that are "
+                "large for their curves may meet each other; or refine the mesh that there is: "
+                "domain.refined(cells), or strategy=ec.Mark()."
             ) from reason
 
-    subject = "The geometry, meshed again,"
     with session(comm, build_mesh, subject) as model:
 
         def make() -> Built:
