@@ -12,7 +12,7 @@
 
 On all meshes of adaptive loops: quantiles of the error over the size h of the facet at
 the end, share of the errors within their margin, and median of margin over error. In 3D
-the error is that of the area, and h the area of the facets at the border.
+the error is the error of the area, and h the area of the facets at the border.
 
     OMP_NUM_THREADS=1 python benchmarks/contact_areas.py [seed] [count] [family ...]
 """

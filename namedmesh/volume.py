@@ -310,6 +310,7 @@ def _solve(
     amounts[used], _ = cg(matrix, right[used], rtol=SOLVED, M=inverse)
     amounts = amounts.reshape(-1, d)
     found = np.einsum("pdr,pr->pd", directions, amounts)
+    # The equations know no cells: a move may be longer than the facets beside it.
     shortest = np.full(len(x), np.inf)
     ends = corners[:, edges(vertices - 1)]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min(axis=1)

@@ -16,8 +16,8 @@ bound; ``benchmarks/contact_areas.py`` tells how often it holds. Where the press
 not vanish, as under the edge of a punch, all zeros are far outside: the contact then
 ends with its part.
 
-In 3D distances become areas: the sizes and the forces are those of the layers of facets
-along the border of the contact, and there is no gap outside.
+In 3D distances become areas: the sizes are the areas of layers of facets along the
+border of the contact, the forces act on these layers, and there is no gap outside.
 
 Symbols: p pressure, F force, n facets, k degree.
 
@@ -66,8 +66,10 @@ class Estimate:
         """Write the number with as many digits as its margin tells."""
         if not self.margin > 0:
             return f"{self.value:.6g}"
-        decimals = 1 - int(np.floor(np.log10(self.margin)))
-        if not 0 <= decimals <= 12:
+        # Over an area that may be zero a mean pressure has no limit.
+        is_finite = np.isfinite(self.margin)
+        decimals = 1 - int(np.floor(np.log10(self.margin))) if is_finite else 0
+        if not is_finite or not 0 <= decimals <= 12:
             return f"{self.value:.6g} +- {self.margin:.2g}"
         return f"{self.value:.{decimals}f} +- {self.margin:.{decimals}f}"
 

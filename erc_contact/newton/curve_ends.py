@@ -33,6 +33,7 @@ def beyond_curves(solution: Solution) -> dict[tuple[str, str], str]:
     domain = solution.domain
     accumulated = _accumulated(solution)
     found = {}
+    # Each region has a curve of its own: a strain beyond it elsewhere means nothing.
     for region, end in ends.items():
         cells = domain.region(region) if region else np.arange(len(accumulated))
         owned = cells[cells < len(accumulated)]

@@ -167,6 +167,15 @@ def test_strips_whose_margins_meet_are_one():
     refused(lambda: apart.half_width, "2 strips")
 
 
+@pytest.mark.parametrize(
+    ("margin", "words"),
+    [(0.0, "0.11"), (0.02, "0.110 +- 0.020"), (np.inf, "0.11 +- inf"), (1e-20, "0.11 +- 1e-20")],
+)
+def test_any_margin_is_written(margin, words):
+    """A mean pressure has no limit where the least area is zero."""
+    assert str(ec.results.Estimate(0.11, margin)) == words
+
+
 def test_an_open_contact_has_no_area():
     scene = ec.Scene(
         MATERIAL["plane"],

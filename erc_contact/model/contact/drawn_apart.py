@@ -57,6 +57,7 @@ def between_surfaces(space: Space, trace: Trace) -> fem.Function | None:
     facets = np.concatenate([side.facets for side in sides])
     if not space.comm.allreduce(bool(space.domain.are_curved(facets).any()), MPI.LOR):
         return None
+    # The offset is P2, so that its jump is known at the nodes of degree 2.
     quadratic = space if space.degree == 2 else Space(space.domain, 2)
     of_degree_2 = []
     offsets = []
@@ -69,6 +70,8 @@ def between_surfaces(space: Space, trace: Trace) -> fem.Function | None:
     pairs = Trace(here, there, trace.direction)
     field = quadratic.function()
     at_nodes = field.x.array.reshape(-1, space.d)
+    # Both offsets lead from facets to surfaces: what lies between surfaces grows by one
+    # and falls by the other.
     farther = pairs.at_partners(offsets[1]) - offsets[0][pairs.facing]
     at_nodes[here.nodes[pairs.facing]] = farther
     return field

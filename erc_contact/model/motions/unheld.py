@@ -330,6 +330,7 @@ def _lost_by_facets(space: Space, loaded: Sequence[str], *, in_body: bool) -> fl
     if offset is not None and curved is not None:
         parts = [space.domain.owned_facets(name) for name in loaded]
         if in_body:
+            # A polygon has its centre beside the centre of the round body.
             of_rank = space.mesh.topology.index_map(space.d - 1).size_local
             owned = curved.indices[curved.indices < of_rank]
             parts.append(np.column_stack(boundary_sides(space.mesh, owned)))
