@@ -24,6 +24,7 @@ from erc_contact.scene.material import (
     is_axisymmetric,
     of_regions,
 )
+from erc_contact.scene.periodic import PeriodicSides
 from erc_contact.scene.potential import (
     DUAL_MEMBERS,
     FROM_REST,
@@ -66,7 +67,8 @@ class Scene:
     Args:
         material: :class:`Elastic`, or a class of the user's with the same methods; or a
             mapping of regions to such materials, which differ in numbers only.
-        supports: Prescribed displacements, and planes of symmetry.
+        supports: Prescribed displacements, planes of symmetry, and periodic and cyclic
+            sides.
         loads: Tractions and body forces; several on one part add up.
         contacts: Contacts with rigid foundations, or between bodies.
         strains: Strains of heat and others that no stress causes; they add up.
@@ -167,14 +169,15 @@ class Scene:
                 refuse_potential(self.material, what, FROM_REST)
 
     def _move_symmetries(self) -> None:
-        """Move planes of symmetry from the supports to the contacts."""
+        """Move planes of symmetry and sides of copies from the supports to the contacts."""
         lists: dict[str, tuple[Any, ...]] = {}
         for name in ("supports", "contacts"):
             value: Any = getattr(self, name)
             lists[name] = tuple(value) if isinstance(value, list | tuple) else (value,)
-        symmetries = tuple(entry for entry in lists["supports"] if isinstance(entry, Symmetry))
+        kinds = Symmetry, PeriodicSides
+        symmetries = tuple(entry for entry in lists["supports"] if isinstance(entry, kinds))
         if symmetries:
-            supports = [entry for entry in lists["supports"] if entry not in symmetries]
+            supports = [entry for entry in lists["supports"] if not isinstance(entry, kinds)]
             object.__setattr__(self, "supports", tuple(supports))
             object.__setattr__(self, "contacts", lists["contacts"] + symmetries)
 

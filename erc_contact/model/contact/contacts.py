@@ -25,7 +25,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.drawn_apart import DrawnApart, between_surfaces
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import Friction, bind_friction
-from erc_contact.model.contact.friction_set import DISC, Disc, Ellipse
+from erc_contact.model.contact.friction_set import DISC, WHOLE, Disc, Ellipse
 from erc_contact.model.contact.normals import (
     SAME_NORMAL,
     gap_vectors,
@@ -33,6 +33,7 @@ from erc_contact.model.contact.normals import (
     normals_of_side,
     turns,
 )
+from erc_contact.model.contact.periodic import placed
 from erc_contact.model.contact.trace import Side, Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
@@ -42,6 +43,7 @@ from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Law
 from erc_contact.scene.material import parameter
+from erc_contact.scene.periodic import HELD
 from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule
@@ -71,6 +73,7 @@ def bind_contact(
         InputError: If gap, normal or friction are no numbers, or cannot be worked with,
             or the last step was one of another body.
     """
+    contact = placed(space, contact)
     part, here, there = _sides(space, contact, modulus)
     facets = here.facets
     is_exchanged = part != contact.facets
@@ -103,6 +106,8 @@ def bind_contact(
     motion = None
     if contact.motion is not None:
         motion = components(space, contact.motion, f"{what}: motion")
+        if is_exchanged:
+            motion = -motion
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
     friction = _friction(space, contact, facets, normals.direction)
@@ -222,7 +227,7 @@ def _allowed(
     """
     axes = getattr(law, "axes", None)
     if axes is None:
-        return DISC
+        return WHOLE if law is HELD else DISC
     what = f"Contact({contact.facets!r}): {type(law).__name__}"
     if space.d == 2:
         raise InputError(

@@ -1,0 +1,37 @@
+"""Put sides at which copies of a body follow each other on a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from erc_contact.model.space import Space
+from erc_contact.scene.contact import Contact
+from erc_contact.scene.periodic import PeriodicSides
+from erc_contact.scene.scene import Scene
+from namedmesh import Domain, PeriodicPair
+
+
+def periodic_pairs(scene: Scene, domain: Domain) -> list[PeriodicPair]:
+    """Return the pairs of sides of copies with their motions; collective.
+
+    Args:
+        scene: What the user declared.
+        domain: The mesh with names.
+    """
+    sides = [contact for contact in scene.contacts if isinstance(contact, PeriodicSides)]
+    return [contact.pair_on(domain) for contact in sides]
+
+
+def placed(space: Space, contact: Contact) -> Contact:
+    """Return a contact with what it gets from the mesh; collective.
+
+    Sides of copies get the mean normal of the first one, and the jump of a mean strain.
+    A traction of any direction is allowed there, so that their normals need not turn.
+    """
+    if not isinstance(contact, PeriodicSides):
+        return contact
+    sides = space.domain.owned_facets(contact.facets)
+    local = space.facet_areas(sides) @ space.outward_normals(sides)
+    normal = space.comm.allreduce(local)
+    (pair,) = (pair for pair in space.domain.periodic if pair.names == contact.sides)
+    return contact.placed(normal / np.linalg.norm(normal), contact.jump_of(pair))
