@@ -463,8 +463,10 @@ class Domain(Bodies):
             tag_sets = (whole.facet_tags, whole.cell_tags, whole.curved_facets)
             ranks = across(whole, pairs)
             mesh, tags = partition.redistribute(whole.mesh, *tag_sets, ranks=ranks)
-            names = ("facet_tags", "cell_tags", "curved_facets")
-            whole = replace(whole, mesh=mesh, **dict(zip(names, tags, strict=True)))
+            facet_tags, cell_tags, curved = tags
+            whole = replace(
+                whole, mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags, curved_facets=curved
+            )
         whole = replace(whole, periodic=tuple(pairs))
         return whole.cut(self.interfaces) if self.interfaces else whole
 
@@ -547,8 +549,8 @@ class Domain(Bodies):
         if self.periodic:
             raise InputError(
                 "A mesh that is made anew would not have matching facets at the periodic sides"
-                f" {' and '.join(self.periodic[0].names)}; refine the mesh by marking: strategy=Mark(), or"
-                " domain.refined(cells)."
+                f" {' and '.join(self.periodic[0].names)}; refine the mesh by marking:"
+                " strategy=Mark(), or domain.refined(cells)."
             )
         if self.glued is not None and self.interface_map is not None:
             return self.glued.remeshed(self.interface_map.least(h)).cut(self.interfaces)

@@ -40,7 +40,7 @@ SAME_PLACE = 1e-8
 ROUND_OFF = 1e-15
 """Entry of a rotation that is round-off [-]."""
 TWIST = 1e-5 * np.array([[0.44, 0.83, 0.31], [-0.57, 0.22, 0.71]])
-"""Moves outward, along and around an axis, for each unit of radius and of height [-]."""
+"""Moves outward, along and around an axis, for each unit of radius and height [-]."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class PeriodicPair:
 
 
 def translated(mesh: NamedMesh, here: str, there: str) -> PeriodicPair:
-    """Pair two parts by the translation from the centre of one to the other; collective.
+    """Pair two parts by the translation between their centres; collective.
 
     Args:
         mesh: The mesh.
@@ -87,7 +87,7 @@ def translated(mesh: NamedMesh, here: str, there: str) -> PeriodicPair:
 def turned(
     mesh: NamedMesh, here: str, there: str, axis: Sequence[Sequence[float]], sectors: int
 ) -> PeriodicPair:
-    """Pair two parts by a turn about an axis by a whole part of 360 degrees; collective.
+    """Pair two parts by a turn about an axis, a whole part of 360 degrees; collective.
 
     Args:
         mesh: The mesh.
@@ -98,7 +98,7 @@ def turned(
         sectors: Number of turns that bring the body back, > 1.
 
     Example:
-        >>> quarter = namedmesh.turned(block, "left", "bottom", axis=[(0.0, 0.0)], sectors=4)
+        >>> quarter = namedmesh.turned(block, "left", "bottom", [(0.0, 0.0)], 4)
         >>> quarter.rotation
         ((0.0, 1.0), (-1.0, 0.0))
     """
@@ -193,7 +193,7 @@ def across(mesh: NamedMesh, pairs: Sequence[PeriodicPair]) -> Any:
 def close_alike(
     mesh: dmesh.Mesh, edges: np.ndarray, lengths: np.ndarray, links: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """Return the edges that bisection splits, the same on both sides of pairs; collective.
+    """Return the edges that bisection splits, alike on both sides; collective.
 
     A triangle with an edge that is split has its longest edge split, as DOLFINx's
     bisection has it, and so has its image.

@@ -17,6 +17,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.frames import frames_of
 from erc_contact.model.contact.groups import Groups
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import greatest
@@ -34,9 +35,7 @@ class PeriodicFit:
         free: Components that no support fixes, shape (nodes, d).
     """
 
-    def __init__(
-        self, space: Space, contacts: Sequence[ContactOnMesh], free: np.ndarray
-    ) -> None:
+    def __init__(self, space: Space, contacts: Sequence[ContactOnMesh], free: np.ndarray) -> None:
         self._space = space
         self._names = [contact.title for contact in contacts]
         pairs = []
@@ -50,8 +49,12 @@ class PeriodicFit:
             jumps.append(given.reshape(-1, space.d))
         rows, first = np.unique(np.concatenate(pairs), axis=0, return_index=True)
         numbers = np.unique(rows)
-        self._groups = Groups(*rows.T, numbers, free[numbers])
+        frames = frames_of(pairs, [c.trace.rotation for c in contacts], numbers, space.d)
+        self._groups = Groups(rows[:, 0], rows[:, 1], numbers, free[numbers], frames)
         self._given = np.concatenate(jumps)[first]
+        if frames is not None:
+            of_rows = frames[np.searchsorted(numbers, rows[:, 0])]
+            self._given = np.matmul(of_rows, self._given[..., None])[..., 0]
 
     def __call__(self, values: np.ndarray) -> float:
         """Fit a displacement in place, and return the greatest change [length].
@@ -62,6 +65,8 @@ class PeriodicFit:
         groups = self._groups
         at = groups.group, slice(None), groups.slot
         change = np.matmul(groups.inverse, self._missing(values))[at][..., 0]
+        if groups.frames is not None:
+            change = np.matmul(change[:, None], groups.frames)[:, 0]
         values[groups.numbers] -= change
         return float(abs(change).max(initial=0.0))
 
@@ -85,7 +90,10 @@ class PeriodicFit:
         groups = self._groups
         group, _, width = groups.is_free.shape
         u = np.zeros((group, values.shape[1], width, 1))
-        u[groups.group, :, groups.slot, 0] = values[groups.numbers]
+        of_nodes = values[groups.numbers]
+        if groups.frames is not None:
+            of_nodes = np.matmul(groups.frames, of_nodes[..., None])[..., 0]
+        u[groups.group, :, groups.slot, 0] = of_nodes
         missing = np.matmul(groups.whole, u)
         missing[groups.group_of_row, :, groups.slot_of_row, 0] -= self._given
         return missing

@@ -77,7 +77,7 @@ class PeriodicSides(Contact):
         super().__post_init__()
 
     def pair_on(self, domain: Domain) -> PeriodicPair:
-        """Return the sides with the motion that takes one onto the other; collective."""
+        """Return the sides with the motion between them; collective."""
         raise NotImplementedError
 
     def jump_of(self, pair: PeriodicPair) -> np.ndarray | None:
@@ -147,7 +147,7 @@ class Periodic(PeriodicSides):
 
     def pair_on(self, domain: Domain) -> PeriodicPair:
         """Return the sides with the translation between their centres; collective."""
-        return translated(domain, *self.sides)
+        return translated(domain, self.facets, self.against)
 
     def jump_of(self, pair: PeriodicPair) -> np.ndarray | None:
         """Return ``E t`` [length], or None without a mean strain.
@@ -229,4 +229,4 @@ class Cyclic(PeriodicSides):
                 f"Cyclic({self.facets!r}): axis is {self.axis}, and the mesh is {domain.dim}D; in"
                 " the plane give a point, in 3D a point and a direction."
             )
-        return turned(domain, *self.sides, self.axis, self.sectors)
+        return turned(domain, self.facets, self.against, self.axis, self.sectors)

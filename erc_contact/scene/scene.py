@@ -169,7 +169,7 @@ class Scene:
                 refuse_potential(self.material, what, FROM_REST)
 
     def _move_symmetries(self) -> None:
-        """Move planes of symmetry and sides of copies from the supports to the contacts."""
+        """Move planes of symmetry and sides of copies to the contacts."""
         lists: dict[str, tuple[Any, ...]] = {}
         for name in ("supports", "contacts"):
             value: Any = getattr(self, name)

@@ -33,7 +33,7 @@ from erc_contact.model.contact.normals import (
     normals_of_side,
     turns,
 )
-from erc_contact.model.contact.periodic import placed
+from erc_contact.model.contact.periodic import placed, rotation_between
 from erc_contact.model.contact.trace import Side, Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
@@ -97,17 +97,20 @@ def bind_contact(
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
-    trace = Trace(here, there, normals.direction, corner_normals=of_corners)
+    trace = Trace(
+        here,
+        there,
+        normals.direction,
+        corner_normals=of_corners,
+        rotation=rotation_between(space.domain, part, contact),
+    )
     apart = DrawnApart()
     if space.domain.distance(contact.facets, contact.against) > 0:
         apart = _drawn_apart(space, trace, normal)
         gaps += apart.gaps
         given_gaps += apart.gaps[1:]
-    motion = None
-    if contact.motion is not None:
-        motion = components(space, contact.motion, f"{what}: motion")
-        if is_exchanged:
-            motion = -motion
+    motion = _motion(space, contact, sign)
+    if motion is not None:
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
     friction = _friction(space, contact, facets, normals.direction)
@@ -171,6 +174,14 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     if is_later:
         return contact.against, there, here
     return contact.facets, here, there
+
+
+def _motion(space: Space, contact: Contact, sign: float) -> Ufl | None:
+    """Return the motion of a contact, of this side less the other one, UFL or None."""
+    if contact.motion is None:
+        return None
+    motion = components(space, contact.motion, f"Contact({contact.facets!r}): motion")
+    return -motion if sign < 0 else motion
 
 
 def _drawn_apart(space: Space, trace: Trace, normal: Ufl) -> DrawnApart:
