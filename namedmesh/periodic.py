@@ -60,6 +60,11 @@ class PeriodicPair:
     shift: tuple[float, ...]
     axis: tuple[tuple[float, ...], ...] | None = None
 
+    @property
+    def turns(self) -> bool:
+        """Tell whether the motion turns the body."""
+        return any(row[i] != 1.0 for i, row in enumerate(self.rotation))
+
     def image(self, x: np.ndarray) -> np.ndarray:
         """Return where the motion takes points [length], shape (..., d)."""
         moved: np.ndarray = x @ np.array(self.rotation).T + np.array(self.shift)

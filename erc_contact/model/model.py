@@ -464,6 +464,10 @@ class Model:
         """Tell whether a contact or tied joint may open."""
         return not contact.bilateral and contact not in self.ties
 
+    def carries_any_shear(self, contact: ContactOnMesh) -> bool:
+        """Tell whether no friction bounds a tied joint, or the sides of copies."""
+        return contact.is_periodic or contact in self.ties
+
     def greatest_coefficient(self, contact: ContactOnMesh) -> float:
         """Return the greatest coefficient of Coulomb friction [-]; collective.
 

@@ -119,8 +119,9 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     line = _Samples(surface, abscissa)
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
         _draw_strips(axes, abscissa, status)
-        # A tied joint has no bound, and without friction there is no shear.
-        limited = bool(np.isfinite(traction.friction_bound).all())
+        # Joints and copies have no bound, and without friction there is no shear.
+        is_finite = bool(np.isfinite(traction.friction_bound).all())
+        limited = is_finite and not traction.contact.is_periodic
         has_shear = bool(traction.friction_bound.any())
         if limited and has_shear:
             bound = line.path(line.curve(traction.friction_bound))

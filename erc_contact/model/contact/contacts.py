@@ -33,7 +33,7 @@ from erc_contact.model.contact.normals import (
     normals_of_side,
     turns,
 )
-from erc_contact.model.contact.periodic import placed, rotation_between
+from erc_contact.model.contact.periodic import placed, rotation_of
 from erc_contact.model.contact.trace import Side, Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
@@ -76,8 +76,7 @@ def bind_contact(
     contact = placed(space, contact)
     part, here, there = _sides(space, contact, modulus)
     facets = here.facets
-    is_exchanged = part != contact.facets
-    sign = -1.0 if is_exchanged else 1.0
+    sign = 1.0 if part == contact.facets else -1.0
     what = f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
     gaps = []
@@ -102,15 +101,16 @@ def bind_contact(
         there,
         normals.direction,
         corner_normals=of_corners,
-        rotation=rotation_between(space.domain, part, contact),
+        rotation=rotation_of(space, contact),
     )
     apart = DrawnApart()
     if space.domain.distance(contact.facets, contact.against) > 0:
         apart = _drawn_apart(space, trace, normal)
         gaps += apart.gaps
         given_gaps += apart.gaps[1:]
-    motion = _motion(space, contact, sign)
-    if motion is not None:
+    motion = None
+    if contact.motion is not None:
+        motion = components(space, contact.motion, f"{what}: motion")
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
     friction = _friction(space, contact, facets, normals.direction)
@@ -133,7 +133,7 @@ def bind_contact(
     return ContactOnMesh(
         name=contact.facets,
         against=contact.against,
-        is_exchanged=is_exchanged,
+        is_exchanged=part != contact.facets,
         trace=replace(trace, before=before),
         ds=space.ds(space.domain.tag(part)),
         normal=normal,
@@ -159,7 +159,8 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     Nitsche's method tests the stress on this side. So it is the side of the softer
     body: with the stress of a much stiffer body Newton's method hardly converges. Of
     bodies with the same modulus it is the side with the later name. So the order in
-    which the scene names them changes nothing.
+    which the scene names them changes nothing. Sides of copies are of one body, and
+    stay as they are named.
     """
     if contact.against is None:
         here = space.side(space.domain.facets(contact.facets), modulus)
@@ -167,6 +168,8 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
+    if contact.law is HELD:
+        return contact.facets, here, there
     of_here, of_there = _mean_moduli(space, here, there)
     is_later = contact.against > contact.facets
     if abs(of_here - of_there) > SAME_MODULUS * of_there:
@@ -174,14 +177,6 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     if is_later:
         return contact.against, there, here
     return contact.facets, here, there
-
-
-def _motion(space: Space, contact: Contact, sign: float) -> Ufl | None:
-    """Return the motion of a contact, of this side less the other one, UFL or None."""
-    if contact.motion is None:
-        return None
-    motion = components(space, contact.motion, f"Contact({contact.facets!r}): motion")
-    return -motion if sign < 0 else motion
 
 
 def _drawn_apart(space: Space, trace: Trace, normal: Ufl) -> DrawnApart:

@@ -9,7 +9,6 @@ from erc_contact.scene.contact import Contact
 from erc_contact.scene.periodic import PeriodicSides
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain, PeriodicPair
-from namedmesh.for_solvers import Bodies
 
 
 def periodic_pairs(scene: Scene, domain: Domain) -> list[PeriodicPair]:
@@ -38,16 +37,9 @@ def placed(space: Space, contact: Contact) -> Contact:
     return contact.placed(normal / np.linalg.norm(normal), contact.jump_of(pair))
 
 
-def rotation_between(domain: Bodies, part: str, contact: Contact) -> np.ndarray | None:
-    """Return the rotation from one side of a contact to the other, None without.
-
-    Args:
-        domain: The mesh.
-        part: Name of the side from which it turns.
-        contact: The contact.
-    """
-    for pair in domain.periodic:
-        rotation = np.array(pair.rotation)
-        if pair.names == contact.sides and (rotation != np.eye(domain.dim)).any():
-            return rotation if part == contact.facets else rotation.T
+def rotation_of(space: Space, contact: Contact) -> np.ndarray | None:
+    """Return R of a contact from its first side to the other one, None without."""
+    for pair in space.domain.periodic:
+        if pair.names == contact.sides and pair.turns:
+            return np.array(pair.rotation)
     return None
