@@ -130,7 +130,7 @@ class Model:
     ) -> None:
         section = Meridian if is_axisymmetric(scene.material) else Section
         tied = domain.tied([tie.sides for tie in scene.ties])
-        self.domain = tied.with_periodic(periodic_pairs(scene, tied))
+        self.domain = tied.with_periodic(periodic_pairs(scene.contacts, tied))
         space = Space(self.domain, degree, section)
         self.space = space
         self.scene = scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
@@ -136,6 +136,9 @@ class Contact:
     bilateral: bool = False
     foundation: Foundation | None = None
     motion: Sequence[Value] | None = None
+
+    is_symmetry: ClassVar[bool] = False
+    """Whether it stands for the rest of a body, and may be among the supports."""
 
     def __post_init__(self) -> None:
         """Check the arguments, and make a normal in numbers a unit vector."""
@@ -273,6 +276,7 @@ class Symmetry(Contact):
         (Symmetry(facets='left'),)
     """
 
+    is_symmetry: ClassVar[bool] = True
     against: str | None = field(default=None, init=False, repr=False)
     friction: Value | Law = field(default=0.0, init=False, repr=False)
     gap: Value = field(default=0.0, init=False, repr=False)

@@ -61,6 +61,7 @@ class PeriodicSides(Contact):
         against: Name of the side onto which the motion takes it.
     """
 
+    is_symmetry: ClassVar[bool] = True
     against: str
     friction: Value | Law = field(default=HELD, init=False, repr=False)
     gap: Value = field(default=0.0, init=False, repr=False)

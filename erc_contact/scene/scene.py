@@ -15,7 +15,7 @@ from typing import Any
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import round_off
-from erc_contact.scene.contact import Contact, Symmetry
+from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import (
     PLANE_STRAIN,
@@ -24,7 +24,6 @@ from erc_contact.scene.material import (
     is_axisymmetric,
     of_regions,
 )
-from erc_contact.scene.periodic import PeriodicSides
 from erc_contact.scene.potential import (
     DUAL_MEMBERS,
     FROM_REST,
@@ -174,12 +173,14 @@ class Scene:
         for name in ("supports", "contacts"):
             value: Any = getattr(self, name)
             lists[name] = tuple(value) if isinstance(value, list | tuple) else (value,)
-        kinds = Symmetry, PeriodicSides
-        symmetries = tuple(entry for entry in lists["supports"] if isinstance(entry, kinds))
+        supports: list[Any] = []
+        symmetries: list[Any] = []
+        for entry in lists["supports"]:
+            is_symmetry = getattr(entry, "is_symmetry", False)
+            (symmetries if is_symmetry else supports).append(entry)
         if symmetries:
-            supports = [entry for entry in lists["supports"] if not isinstance(entry, kinds)]
             object.__setattr__(self, "supports", tuple(supports))
-            object.__setattr__(self, "contacts", lists["contacts"] + symmetries)
+            object.__setattr__(self, "contacts", (*lists["contacts"], *symmetries))
 
     def _check_entries(self, name: str) -> None:
         """Check the entries of a list by its name, and make a tuple of them.

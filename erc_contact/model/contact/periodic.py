@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.periodic import PeriodicSides
-from erc_contact.scene.scene import Scene
 from namedmesh import Domain, PeriodicPair
 
 
-def periodic_pairs(scene: Scene, domain: Domain) -> list[PeriodicPair]:
+def periodic_pairs(contacts: Sequence[Contact], domain: Domain) -> list[PeriodicPair]:
     """Return the pairs of sides of copies with their motions; collective.
 
     Args:
-        scene: What the user declared.
+        contacts: What the scene declares.
         domain: The mesh with names.
     """
-    sides = [contact for contact in scene.contacts if isinstance(contact, PeriodicSides)]
+    sides = [contact for contact in contacts if isinstance(contact, PeriodicSides)]
     return [contact.pair_on(domain) for contact in sides]
 
 
