@@ -220,7 +220,12 @@ def colours_in_words(contacts: Sequence[WholeContact]) -> str:
     """Say what the colours of lines in a picture mean."""
     symmetries = [is_symmetry(contact) for contact in contacts]
     words = "" if all(symmetries) else "\norange: closed contact"
-    return words + ("\nblue: symmetry" if any(symmetries) else "")
+    kinds = set()
+    for contact in contacts:
+        if is_symmetry(contact):
+            is_periodic = contact.traction.contact.is_periodic
+            kinds.add("sides of copies" if is_periodic else "plane of symmetry")
+    return words + (f"\nblue: {', '.join(sorted(kinds))}" if kinds else "")
 
 
 def body_nodes(space: Space) -> dict[str, np.ndarray]:

@@ -120,10 +120,10 @@ def bind_contact(
         if k is not None:
             words = f"{what}: {name} stiffness of the foundation"
             stiffnesses[name] = space.on_meridian(number(space, k, words))
-    # Friction alone remembers where the contact was.
+    # Friction alone remembers where the contact was; copies are where they belong.
     before = None
     lost = None
-    if last is not None and friction is not None:
+    if last is not None and friction is not None and contact.law is not HELD:
         before, lost = last.on(space, contact.facets, trace, sign)
     moved = None
     if motion is not None:
