@@ -24,6 +24,7 @@ import erc_contact  # noqa: F401 - before numpy, it loads MPI
 
 import reference_bodies as bodies  # isort: skip
 import reference_cases as cases  # isort: skip
+import reference_copies as copies  # isort: skip
 import reference_punches as punches  # isort: skip
 import reference_turned as turned  # isort: skip
 import reference_turned_contacts as edges  # isort: skip
@@ -57,6 +58,8 @@ CASES: dict[str, Callable[[], Result]] = {
         punches.tilted_plate,
         punches.press_fit,
         bodies.bimetal_strip,
+        copies.layers_in_turn,
+        copies.flattened_wave,
         punches.block_in_space,
         punches.cattaneo_mindlin,
         turned.cylinder_between_platens,
