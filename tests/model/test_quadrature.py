@@ -120,6 +120,27 @@ def test_zero_and_noise_end():
 
 
 @pytest.mark.serial
+def test_a_component_that_is_round_off_beside_others_needs_no_resolution():
+    """A linear load along a side has 1e-16 of itself across, at random."""
+    vertices, size = segments(8)
+    evaluated = []
+
+    def f(of, at, x):
+        evaluated.append(len(of))
+        noise = np.random.default_rng(0).normal(size=x.shape[:2])
+        return np.stack([1.0 + x[..., 0], 1e-16 * noise], axis=-1)
+
+    as_vector = integrate(COMM, f, vertices, size, facet_pieces(1), of_vector=True)
+    pieces = sum(evaluated)
+    evaluated.clear()
+    as_two = integrate(COMM, f, vertices, size, facet_pieces(1))
+    assert as_vector.resolved.all()
+    assert not as_two.resolved.all()
+    assert sum(evaluated) > 100 * pieces
+    assert abs(total(as_vector.value) - (1.5, 0.0)).max() < 1e-14
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_order_of_vertices_changes_nothing(d):
     """Simplices of squares and cubes have several longest edges.

@@ -32,6 +32,11 @@ from namedmesh.simplex import CELLS, barycentric, bernstein, lattice, rule
 
 UNKNOWN_SHARE = 1e-8
 """Share of an integral that may stay unknown by default [-]."""
+ROUND_OFF = 1e-12
+"""Component of a vector that is round-off beside the others [-].
+
+A load that is linear along a side has components across it of that size.
+"""
 FIT_DEGREE = (0, 4, 4, 3)
 """Degree of the polynomials with which the integrand is compared, for each d'."""
 LATTICE_PARTS = (0, 4, 3, 2)
@@ -106,6 +111,7 @@ def integrate(
     *,
     share: float | np.ndarray = UNKNOWN_SHARE,
     floor: float | np.ndarray = 0.0,
+    of_vector: bool = False,
     cuts: Cuts | None = None,
     hidden: Hidden | None = None,
 ) -> Integral:
@@ -125,6 +131,8 @@ def integrate(
         share: Share of each integral that may stay unknown, relative to the sum of the
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
+        of_vector: Whether the integrands are components of vectors: what is round-off
+            beside the other components may stay unknown.
         cuts: Kinks of the integrands that are known, on segments; None without.
         hidden: What integrands may do between the points; it is unknown, too.
 
@@ -155,6 +163,8 @@ def integrate(
             unknown = np.zeros((len(vertices), integrands))
             size_of_integrals = comm.allreduce(abs(piece_value).sum(axis=0), MPI.SUM)
             allowed = np.maximum(share * size_of_integrals, floor)
+            if of_vector:
+                allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
         # Each piece may leave its part of a tenth of what is allowed.
         bad = ~np.all(piece_unknown <= 0.1 * allowed / max(count, 1), axis=1)
         bad_count = comm.allreduce(int(bad.sum()), MPI.SUM)
