@@ -1,4 +1,4 @@
-"""Reference cases of bodies that yield, of orthotropic bodies, and of forces at a distance.
+"""Reference cases of bodies that yield, orthotropic bodies, and forces at a distance.
 
 The first line of each docstring is the title of the case on the page, the rest its
 geometry. What a tube does that yields is integrated along its radius, by a solver of
@@ -8,16 +8,15 @@ two-point problems.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import erc_contact as ec
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
-from reference_numbers import Meshes, Number, Result, Told, beside, exactly, moved, run  # isort: skip
-from reference_turned import between_plates  # isort: skip
-from scipy.integrate import solve_ivp  # isort: skip
-from scipy.optimize import OptimizeResult as OdeResult, brentq  # isort: skip
+from reference_numbers import Meshes, Result, Told, beside, exactly, moved, run  # isort: skip
+from reference_turned import OUTWARD, between_plates  # isort: skip
+from scipy.integrate import solve_ivp  # type: ignore[import-untyped]  # isort: skip
+from scipy.optimize import OptimizeResult, brentq  # type: ignore[import-untyped]  # isort: skip
 
 INNER, OUTER, HEIGHT = 20.0, 40.0, 10.0
 """Radii and height of the tubes [mm]."""
@@ -93,7 +92,7 @@ def yielding(pressure: float, heat: Heat) -> tuple[Callable[[float], float], flo
         axial = 3 * BULK * (radial + u / r - 3 * warm) - both.sum()
         return radial, (both[1] - stress) / r, -2 * np.pi * r * axial
 
-    def integrated(u_inner: float) -> OdeResult:
+    def integrated(u_inner: float) -> OptimizeResult:
         start = (u_inner, -pressure, 0.0)
         return solve_ivp(slopes, (INNER, OUTER), start, rtol=1e-9, atol=1e-12, dense_output=True)
 
@@ -107,14 +106,18 @@ def yielding(pressure: float, heat: Heat) -> tuple[Callable[[float], float], flo
 def yielding_case(pressure: float, heat: Heat, strains: list[ec.GivenStrain]) -> Result:
     """Run a tube that yields beside its integration."""
     law = ec.Plastic(
-        E, NU, hardening=ec.HardeningCurve(STRAINS, STRESSES), hypothesis="axisymmetric"
+        E,
+        NU,
+        hardening=ec.HardeningCurve(STRAINS.tolist(), STRESSES.tolist()),
+        hypothesis="axisymmetric",
     )
     loads = [ec.Traction("left", pressure=pressure)] if pressure else []
     u, force = yielding(pressure, heat)
     told = {f"u at radius {r:g}": moved((r, 5.0), 0, u(r)) for r in (20.0, 30.0, 40.0)}
     scene = ec.Scene(law, between_plates("bottom", "top"), loads, strains=strains)
     told["force of an end"] = Told(lambda error: error.force("bottom").force[1], "N", force)
-    return (meshes := run(scene, tube_mesh(), 4e-4, told)).result(*beside(meshes, told, RADIAL))
+    meshes = run(scene, tube_mesh(), 4e-4, told)
+    return meshes.result(*beside(meshes, told, RADIAL))
 
 
 def yielding_tube() -> Result:
@@ -176,8 +179,9 @@ def orthotropic_tube() -> Result:
     work = np.pi * INNER * HEIGHT * pressure * u(INNER)
     numbers = [exactly(energy, work, "Lekhnitskii")]
     for part, radius in (("left", INNER), ("right", OUTER)):
-        goal = ec.MeanDisplacement(part, (1.0, 0.0))
-        numbers.append(exactly(meshes.goal(goal, "mm", f"u_r at {radius:g}"), u(radius), "Lekhnitskii"))
+        goal = ec.MeanDisplacement(part, OUTWARD)
+        moved_by = meshes.goal(goal, "mm", f"u_r at {radius:g}")
+        numbers.append(exactly(moved_by, u(radius), "Lekhnitskii"))
     return meshes.result(*numbers)
 
 
@@ -185,9 +189,9 @@ def bars_pulled_from_beside() -> Result:
     """Pull bars by forces beside their axes, in the plane and in 3D.
 
     A bar (0, 100) x (0, 20) in mm, in 3D (0, 100) x (0, 30) x (0, 20), E = 210 000 MPa,
-    nu = 0.3, in plane stress. Forces of 900 N, in the plane 30 N/mm, pull its ends apart
-    at the height 35, in 3D at y = 40, too. Each end shares its force. Nothing else holds
-    the bar. The stress is linear in the section, and the displacement of degree 2.
+    nu = 0.3, in plane stress. Forces of 900 N, in the plane 30 N/mm, pull its ends
+    apart at the height 35, in 3D at y = 40, too. Each end shares its force. Nothing
+    else holds the bar. The stress is linear in the section.
     """
     modulus, length, height, width, force = 210e3, 100.0, 20.0, 30.0, 900.0
     low, high = (0.0, 0.0), (length, height)
