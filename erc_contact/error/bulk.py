@@ -13,24 +13,28 @@ from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
-from erc_contact.error.laws import LawError
-from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
+from erc_contact.error.laws import UNKNOWN_SHARE, LawError
+from erc_contact.error.oscillation import DATA_ROUND_OFF
 from erc_contact.error.rings import is_rational, squares_of_rings
 from erc_contact.model.data.quadrature import cell_pieces, integrate
 from namedmesh.simplex import bernstein
 
 
-def body_error(admissible: Admissible) -> LawError:
+def body_error(admissible: Admissible, share: float = UNKNOWN_SHARE) -> LawError:
     """Measure how far sigma^ and u^ are from Hooke's law on each cell; collective.
 
     ``gap`` is the square of ``sigma^ - C eps(u^)``, ``of_sum`` the square of ``sigma^ +
     C eps(u^)``; eps is the strain without the given strain. If the moduli or the given
     strain vary inside cells, the gap contains what its integral leaves unknown.
+
+    Args:
+        admissible: The pair.
+        share: Share of the gap that may stay unknown [-].
     """
     model = admissible.model
     space = model.space
     if model.constitution.varies_in_cells:
-        return _adapted_squares(admissible)
+        return _adapted_squares(admissible, share)
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(space.d, space.degree)
@@ -54,7 +58,7 @@ def spring_error(admissible: Admissible) -> LawError:
     return LawError(gap, of_sum)
 
 
-def _adapted_squares(admissible: Admissible) -> LawError:
+def _adapted_squares(admissible: Admissible, share: float) -> LawError:
     """Compute the result of :func:`body_error` for data that vary; collective."""
     model = admissible.model
     space = model.space
@@ -85,7 +89,7 @@ def _adapted_squares(admissible: Admissible) -> LawError:
         corners,
         np.where(is_done, 0.0, volume),
         cell_pieces(space.d),
-        share=UNKNOWN_SHARE,
+        share=share,
         floor=floor,
     )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())

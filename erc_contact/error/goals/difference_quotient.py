@@ -368,5 +368,5 @@ def _bulk(
         stress=pair.stress + h / t * (more.stress - less.stress),
         spring_tractions=of_springs,
     )
-    body = body_error(moved)
+    body = body_error(moved, UNKNOWN_SHARE)
     return LawError(body.gap + spring_error(moved).gap, body.of_sum, body.moduli)
